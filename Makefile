@@ -1,0 +1,76 @@
+# Two commands are all it takes: `make render` draws the gallery, `make test` runs every test.
+# Both make .venv, install Halfstep into it and, where it is missing, install Mesa's Vulkan driver
+# with apt-get. Later runs find all that done.
+
+VENV := .venv
+PYTHON := $(VENV)/bin/python
+INSTALLED := $(VENV)/installed
+
+.PHONY: render test lint bench clean adapter lavapipe
+
+render: adapter
+	$(PYTHON) -m halfstep render gallery -o gallery.png
+	@echo "the picture is $(CURDIR)/gallery.png"
+
+test: lavapipe
+	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m pytest
+
+# mypy runs no import hooks, so it cannot see the mapping of an editable installation: the links
+# show it the package as it is when installed.
+lint: $(INSTALLED)
+	@rm -rf $(VENV)/typing && mkdir -p $(VENV)/typing/halfstep
+	@ln -s "$(CURDIR)"/gpu/* "$(CURDIR)/wgsl" "$(CURDIR)/scenes" $(VENV)/typing/halfstep/
+	$(PYTHON) -m ruff check
+	$(PYTHON) -m ruff format --check
+	$(PYTHON) -m mypy
+
+bench: adapter
+	$(PYTHON) -m tests.bench.run
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info gallery.png .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Any Vulkan adapter, or Mesa's driver. Where that cannot be installed, `doctor` says what to do.
+adapter: $(INSTALLED)
+	@$(PYTHON) -c 'from halfstep.device import list_adapters; \
+	    raise SystemExit(not list_adapters())' \
+	    || { $(call apt_install,mesa-vulkan-drivers); } || true
+	@$(PYTHON) -m halfstep doctor
+
+# The driver that the tests compare with bit for bit, also where there is a graphics card.
+lavapipe: $(INSTALLED)
+	@$(PYTHON) -c 'from halfstep.device import is_lavapipe, list_adapters; \
+	    raise SystemExit(not any(map(is_lavapipe, list_adapters())))' \
+	    || { $(call apt_install,mesa-vulkan-drivers); } || true
+	@HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m halfstep doctor
+
+# Debian and Ubuntu keep ensurepip in a package of its own.
+$(INSTALLED): pyproject.toml
+	@for python in python3 python3.14 python3.13 python3.12 python3.11; do \
+	    $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && break; \
+	    python=; \
+	done; \
+	if [ -z "$$python" ]; then \
+	    echo 'Halfstep needs Python 3.11 or newer, and there is none on the PATH' >&2; exit 1; \
+	fi; \
+	$$python -c 'import ensurepip, venv' 2>/dev/null || { \
+	    package=$$($$python -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])'); \
+	    $(call apt_install,$$package); \
+	} || exit 1; \
+	$$python -m venv --clear $(VENV)
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+# $(call apt_install,PACKAGE); elsewhere than on Debian and Ubuntu it says what is missing. A
+# package list that cannot be fetched matters only if the package is not in the others.
+apt_install = \
+	if ! command -v apt-get >/dev/null; then \
+	    echo "$(1) is missing here, and there is no apt-get to install it with" >&2; false; \
+	else \
+	    echo "installing $(1)"; \
+	    root=; [ "$$(id -u)" -eq 0 ] || root=sudo; \
+	    $$root apt-get update -qq || true; \
+	    $$root env DEBIAN_FRONTEND=noninteractive \
+	        apt-get install -qq --no-install-recommends $(1); \
+	fi

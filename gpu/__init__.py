@@ -1,0 +1,68 @@
+"""Halfstep: images of second-order surfaces and polyhedra by halving a step, on any Vulkan device.
+
+A scene file describes solids, lights and a camera. Every ray runs from the camera's centre to the
+far base plane; where it meets a solid is found by exactly n halvings of a step, the sign of the
+surface's function deciding each: no division and no square root per ray and solid. The same
+pipeline exists twice, as WGSL for a device and as NumPy for none, and both give the same bits.
+
+    scene = halfstep.load("figure")
+    frame = halfstep.render(scene, size=(1024, 768))
+    frame.image                    # (768, 1024, 3) uint8, sRGB
+
+`load` reads and validates a scene (`Scene`), `render` makes one `Frame` of it, `Renderer` keeps the
+device, shaders and buffers for many. Importing this package touches no device; names are loaded
+when they are first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from halfstep.api import Renderer, render
+    from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError, UsageError
+    from halfstep.frame import Frame
+    from halfstep.scene import Scene, load
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "AdapterError",
+    "DeviceError",
+    "Frame",
+    "HalfstepError",
+    "Renderer",
+    "Scene",
+    "SceneError",
+    "UsageError",
+    "__version__",
+    "load",
+    "render",
+]
+
+_HOME = {
+    "AdapterError": "errors",
+    "DeviceError": "errors",
+    "Frame": "frame",
+    "HalfstepError": "errors",
+    "Renderer": "api",
+    "Scene": "scene",
+    "SceneError": "errors",
+    "UsageError": "errors",
+    "load": "scene",
+    "render": "api",
+}
+
+# Hidden from type checkers, which would take every misspelt name for a public one.
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> object:
+        """The public name, imported from the module that defines it and kept for the next use."""
+        if name not in _HOME:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

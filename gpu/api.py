@@ -1,0 +1,249 @@
+"""Rendering from Python: ``render`` for one frame, ``Renderer`` for many of one scene."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Self
+
+import numpy as np
+
+from halfstep import __version__, run_twin
+from halfstep import camera as cameras
+from halfstep import geometry as geometries
+from halfstep.device import choose_adapter
+from halfstep.errors import AdapterError, UsageError
+from halfstep.frame import AVERAGED, SOURCES, Array, Frame, arrays_of, check_outputs, device_outputs
+from halfstep.layout import TILE
+from halfstep.pack import FLOAT_STEPS, Packed, pack, srgb_table, surfaces
+from halfstep.scene import Camera, Scene, with_overrides
+from halfstep.setup import setup
+from halfstep.twin import encode
+from halfstep.twin.normal import Vector
+
+BACKENDS = ("auto", "gpu", "numpy")
+# Halvings where a scene states no accuracy.
+DEFAULT_STEPS = 16
+
+
+def render(
+    scene: Scene,
+    *,
+    size: tuple[int, int] | None = None,
+    steps: int | None = None,
+    tolerance_pixels: float | None = None,
+    tolerance: float | None = None,
+    number_format: str | None = None,
+    method: str | None = None,
+    samples: int | None = None,
+    outputs: Iterable[str] | None = None,
+    backend: str = "auto",
+    adapter: str | int | None = None,
+    camera: Camera | Mapping[str, Any] | None = None,
+) -> Frame:
+    """Render one frame of ``scene``; whatever is not given comes from the scene.
+
+    Args:
+        scene: what to render.
+        size: (width, height) in pixels.
+        steps: halvings of every ray and solid, 1…30.
+        tolerance_pixels: largest depth error in widths of a pixel at that depth.
+        tolerance: largest depth error in scene units.
+        number_format: "float32".
+        method: "visible", the joint logic first, or "article", the paper's own sequences.
+        samples: k for k x k samples in each pixel of image and color, 1…8.
+        outputs: names of Frame arrays; by default all of them.
+        backend: "auto" (a Vulkan adapter if there is one, else the twin with a warning), "gpu",
+            "numpy".
+        adapter: an index or a part of the name of a Vulkan adapter.
+        camera: a camera in place of the scene's, or a mapping of the keys that differ.
+
+    Raises:
+        SceneError: an option is out of range.
+        UsageError: an unknown output or backend.
+        AdapterError: no suitable adapter.
+        DeviceError: the device was lost or the driver failed.
+    """
+    with Renderer(
+        scene,
+        size=size,
+        steps=steps,
+        tolerance_pixels=tolerance_pixels,
+        tolerance=tolerance,
+        number_format=number_format,
+        method=method,
+        samples=samples,
+        outputs=SOURCES if outputs is None else outputs,
+        backend=backend,
+        adapter=adapter,
+        camera=camera,
+    ) as renderer:
+        return renderer.render()
+
+
+class Renderer:
+    """Frames of one scene: device, shaders and buffers are kept from frame to frame.
+
+    Takes what ``render`` takes; ``outputs`` defaults to the image alone.  Use it as a context
+    manager or call ``close``.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        size: tuple[int, int] | None = None,
+        steps: int | None = None,
+        tolerance_pixels: float | None = None,
+        tolerance: float | None = None,
+        number_format: str | None = None,
+        method: str | None = None,
+        samples: int | None = None,
+        outputs: Iterable[str] = ("image",),
+        backend: str = "auto",
+        adapter: str | int | None = None,
+        camera: Camera | Mapping[str, Any] | None = None,
+    ) -> None:
+        self._scene = with_overrides(
+            scene,
+            size=size,
+            steps=steps,
+            tolerance_pixels=tolerance_pixels,
+            tolerance=tolerance,
+            number_format=number_format,
+            method=method,
+            samples=samples,
+            camera=camera,
+        )
+        self._outputs = check_outputs(outputs)
+        self._steps = _steps(self._scene)
+        self._geometry = geometries.build(self._scene)
+        self._volume = geometries.volume_box(self._scene, self._geometry)
+        self._tables = surfaces(self._scene, self._geometry)
+        self._device = _device(backend, adapter, exact=self._steps > FLOAT_STEPS)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the device back; the renderer cannot be used any more."""
+        if self._device is not None:
+            self._device.close()
+            self._device = None
+
+    def render(self, *, camera: Camera | Mapping[str, Any] | None = None) -> Frame:
+        """The frame seen by ``camera``, by default the scene's.
+
+        Raises:
+            SceneError: the camera is not valid.
+            DeviceError: the device was lost or the driver failed.
+        """
+        begin = time.perf_counter()
+        scene = self._scene if camera is None else with_overrides(self._scene, camera=camera)
+        image = scene.image
+        samples = image.samples
+        averaged = [name for name in self._outputs if name in AVERAGED and samples > 1]
+        plain = [name for name in self._outputs if name not in averaged]
+        arrays: dict[str, Array] = {}
+        device_ms = 0.0
+        for names, factor in ((plain, 1), (averaged, samples)):
+            if not names:
+                continue
+            packed = self._pack(scene, (image.width * factor, image.height * factor))
+            bands = []
+            for band, milliseconds in self._bands(scene, packed, names, factor):
+                bands.append(band)
+                device_ms += milliseconds
+            arrays |= {name: np.concatenate([band[name] for band in bands]) for name in names}
+        arrays = {name: arrays[name] for name in self._outputs}
+        return Frame(arrays, self._info(scene, device_ms, begin))
+
+    def _pack(self, scene: Scene, size: tuple[int, int]) -> Packed:
+        view = cameras.view(scene.camera, size)
+        near, far = cameras.base_planes(view, *self._volume)
+        constants = setup(self._geometry, view, near, far)
+        return pack(scene, self._geometry, self._tables, constants, self._steps)
+
+    def _bands(
+        self, scene: Scene, packed: Packed, names: list[str], samples: int
+    ) -> Iterator[tuple[dict[str, Array], float]]:
+        """Frame arrays of one band of rows after another, with the device time in ms."""
+        view = packed.setup.view
+        wanted = ["color"] if samples > 1 else names
+        outputs = device_outputs(wanted)
+        method = scene.accuracy.method
+        rows = view.height
+        if self._device is not None:
+            rows = self._device.band_rows(view.width, outputs)
+        else:
+            rows = max(TILE, (1 << 20) // view.width // TILE * TILE)
+        rows *= samples  # whole pixels, whole tiles
+        for first in range(0, view.height, rows):
+            count = min(rows, view.height - first)
+            job = (scene, packed, first, count, method, outputs)
+            milliseconds: float | None = 0.0
+            if self._device is not None:
+                planes, milliseconds = self._device.render_band(*job)
+            else:
+                planes = run_twin.render_band(*job)
+            arrays = arrays_of(wanted, planes, packed, self._tables, first)
+            if samples > 1:
+                arrays = _averaged(arrays["color"], samples, names)
+            yield arrays, milliseconds or 0.0
+
+    def _info(self, scene: Scene, device_ms: float, begin: float) -> dict[str, Any]:
+        info: dict[str, Any] = {"adapter": "numpy", "driver": f"NumPy {np.__version__}"}
+        if self._device is not None:
+            summary = self._device.adapter.summary
+            info = {"adapter": summary.name, "driver": summary.driver, "device_ms": device_ms}
+        return info | {
+            "number_format": scene.accuracy.number_format,
+            "method": scene.accuracy.method,
+            "steps": [self._steps] * len(scene.solids),
+            "wall_ms": (time.perf_counter() - begin) * 1e3,
+            "scene_sha256": scene.sha256,
+            "version": __version__,
+        }
+
+
+def _steps(scene: Scene) -> int:
+    accuracy = scene.accuracy
+    if accuracy.number_format != "float32":
+        raise UsageError(
+            f"accuracy.number_format: {accuracy.number_format} is not available yet; use float32"
+        )
+    return DEFAULT_STEPS if accuracy.steps is None else accuracy.steps
+
+
+def _device(backend: str, adapter: str | int | None, *, exact: bool) -> Any:
+    """The device of a backend, None for the twin."""
+    if backend not in BACKENDS:
+        raise UsageError(f"backend: {backend!r} is not one of {', '.join(BACKENDS)}")
+    if backend == "numpy":
+        return None
+    from halfstep.run_gpu import Device
+
+    try:
+        return Device(choose_adapter(adapter), exact=exact)
+    except AdapterError as error:
+        if backend == "gpu" or adapter is not None:
+            raise
+        reason = str(error).splitlines()[0]
+        warnings.warn(f"rendering with NumPy, slowly: {reason}", stacklevel=4)
+        return None
+
+
+def _averaged(color: Array, samples: int, names: list[str]) -> dict[str, Array]:
+    """Image and colour of a band from the colours of its sub-pixels, averaged in linear light."""
+    height, width = color.shape[0] // samples, color.shape[1] // samples
+    mean = color.reshape(height, samples, width, samples, 3).mean(axis=(1, 3), dtype=np.float64)
+    linear = mean.astype(np.float32)
+    arrays = {"color": linear}
+    if "image" in names:
+        words = encode.encode(srgb_table(), Vector(*np.moveaxis(linear, -1, 0)))
+        arrays["image"] = words.view(np.uint8).reshape(height, width, 4)[..., :3]
+    return {name: arrays[name] for name in names}

@@ -1,0 +1,77 @@
+"""The view: centre of projection, axes and pixel grid of one picture, in float64."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.scene import Camera
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera with its pixel grid.
+
+    The projection ray of pixel (i, j) per unit of depth is
+    ``(x_first + i*pixel, y_first + j*pixel, 1)`` in camera axes, affine in the pixel index; (2).
+    """
+
+    eye: Floats  # (3,), centre of projection h, world
+    camera_from_world: Floats  # (3, 3), rows right, down, forward
+    width: int  # pixels
+    height: int
+    pixel: float  # width of a pixel at depth 1
+    x_first: float  # tangent of pixel (0, 0), to the right
+    y_first: float  # the same, down
+
+    def depths(self, points: Floats) -> Floats:
+        """Planar depths of world points (N, 3), scene units."""
+        return (points - self.eye) @ self.camera_from_world[2]
+
+    def directions(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> Floats:
+        """World directions (…, 3) per unit of depth through the centres of pixels (i, j)."""
+        tangents = np.stack(
+            [self.x_first + i * self.pixel, self.y_first + j * self.pixel, np.ones(i.shape)],
+            axis=-1,
+        )
+        return tangents @ self.camera_from_world
+
+
+def view(camera: Camera, size: tuple[int, int]) -> View:
+    """The view of ``camera`` on a picture of ``size`` = (width, height) pixels."""
+    width, height = size
+    eye = np.array(camera.center)
+    forward = _unit(np.array(camera.look_at) - eye)
+    right = _unit(np.cross(forward, np.array(camera.up)))
+    down = np.cross(forward, right)
+    half = math.tan(math.radians(camera.fov_degrees) / 2)
+    pixel = 2 * half / height
+    return View(
+        eye=eye,
+        camera_from_world=np.array([right, down, forward]),
+        width=width,
+        height=height,
+        pixel=pixel,
+        x_first=(1 - width) / 2 * pixel,
+        y_first=(1 - height) / 2 * pixel,
+    )
+
+
+def base_planes(view: View, low: Floats, high: Floats) -> tuple[float, float]:
+    """Depths (near, far) of the base planes that bound the world box ``low``…``high``.
+
+    ``near`` is 0 where the box reaches behind the camera; ``far`` <= 0 means that all of it does.
+    """
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    depths = view.depths(low + corners * (high - low))
+    return max(float(depths.min()), 0.0), float(depths.max())
+
+
+def _unit(vector: Floats) -> Floats:
+    length = np.linalg.norm(vector)
+    return np.asarray(vector / length)

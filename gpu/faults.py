@@ -1,0 +1,175 @@
+"""Faults of a scene file as its author reads them: key path, value, and the rule broken."""
+
+import difflib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from typing import Final, Literal
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+# A fault's place in the file, and its text.
+Loc = tuple[int | str, ...]
+Fault = tuple[Loc, str]
+
+# Faults that validators raise carry their whole text; those of the second type are about the table
+# that holds the field rather than the field itself.
+FIELD_FAULT: Final = "halfstep_field"
+TABLE_FAULT: Final = "halfstep_table"
+
+# Lengths have a smallest magnitude, far below any use.
+SMALLEST_LENGTH = 1e-15
+# Similarity from which a word counts as a misspelling: "radus" and "colour", but no other key.
+_ALIKE = 0.75
+_LONGEST = 80
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_TOML_PLACE = re.compile(
+    r"(?P<text>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)", re.S
+)
+
+
+def fault(
+    text: str, kind: Literal["halfstep_field", "halfstep_table"] = FIELD_FAULT
+) -> PydanticCustomError:
+    """What a validator raises to report `text` about its field, or about the table around it."""
+    return PydanticCustomError(kind, "{text}", {"text": text})
+
+
+def describe(error: ErrorDetails, tables: Mapping[tuple[str, ...], type[BaseModel]]) -> Fault:
+    """Key path and text of one fault: the value, then the rule it breaks.
+
+    Args:
+        error: as pydantic lists it, its location counted from the scene.
+        tables: the type of every table, by the string keys of its pydantic location.
+    """
+    kinds = [names[1] for names in tables if len(names) == 2 and names[0] == "solid"]
+    names = tuple(key for key in error["loc"] if isinstance(key, str))
+    loc = error["loc"]
+    if loc[:1] == ("solid",) and len(loc) > 2 and loc[2] in kinds:
+        # Pydantic puts a solid's kind after its index; the file has no such key.
+        loc = loc[:2] + loc[3:]
+    value, context = error["input"], error.get("ctx", {})
+    match error["type"]:
+        case "halfstep_field":
+            return loc, error["msg"]
+        case "halfstep_table":
+            return loc[:-1], error["msg"]
+        case "missing":
+            return loc, "missing" + ("; the only format is 1" if loc == ("format",) else "")
+        case "extra_forbidden":
+            fields = tables[names[:-1]].model_fields
+            allowed = [field.alias or key for key, field in fields.items()]
+            return loc, f"unknown key; {hint(names[-1], allowed, 'allowed are')}"
+        case "union_tag_invalid":
+            kind = value["kind"]
+            help_ = hint(kind if isinstance(kind, str) else "", kinds, "the kinds are")
+            return (*loc, "kind"), f"{show(kind)} is not a kind of solid; {help_}"
+        case "union_tag_not_found":
+            return (*loc, "kind"), f"missing; the kinds are {_listed(kinds)}"
+        case "greater_than_equal" if context["ge"] == SMALLEST_LENGTH and value <= 0.0:
+            # What breaks the smallest length is hardly ever its magnitude.
+            return loc, f"{show(value)} is not > 0"
+        case "too_short":
+            return loc, f"length {context['actual_length']} is not >= {context['min_length']}"
+        case "too_long":
+            return loc, f"length {context['actual_length']} is not <= {context['max_length']}"
+        case "tuple_type" if len(loc) == 1 and isinstance(value, Mapping):
+            return loc, f"{show(value)} is not an array; write [[{loc[0]}]]"
+    return loc, f"{show(value)} is {_rule(error)}"
+
+
+def _rule(error: ErrorDetails) -> str:
+    """What a value of the wrong type or size is not."""
+    context = error.get("ctx", {})
+    match error["type"]:
+        case "greater_than":
+            return f"not > {context['gt']:g}"
+        case "greater_than_equal":
+            return f"not >= {context['ge']:g}"
+        case "less_than":
+            return f"not < {context['lt']:g}"
+        case "less_than_equal":
+            return f"not <= {context['le']:g}"
+        case "literal_error":
+            return "not " + str(context["expected"]).replace("'", '"')
+        case "finite_number":
+            return "not finite"
+        case "string_too_short":
+            return "empty"
+        case "int_type":
+            return "not an integer"
+        case "float_type":
+            return "not a number"
+        case "string_type":
+            return "not a string"
+        case "tuple_type":
+            return "not an array"
+        case "model_type" | "model_attributes_type":
+            return "not a table"
+    return f"not valid: {error['msg']}"
+
+
+def line(source: str, loc: Loc, text: str) -> str:
+    """One fault as ``figure.toml: solid[2].radius: text``; what is empty is left out."""
+    path = ""
+    for key in loc:
+        if isinstance(key, int):
+            path += f"[{key}]"
+        else:
+            path += ("." if path else "") + (key if _BARE_KEY.fullmatch(key) else show(key))
+    return ": ".join(part for part in (source, path, text) if part)
+
+
+def show(value: object) -> str:
+    """A value roughly as TOML writes it: one line, printable, not long."""
+    match value:
+        case bool():
+            text = str(value).lower()
+        case float():
+            text = repr(float(value)).removesuffix(".0")
+        case str():
+            text = json.dumps(value, ensure_ascii=not value.isprintable())
+        case list() | tuple():
+            text = f"[{', '.join(map(show, value))}]"
+        case Mapping():
+            text = "a table"
+        case int() if value.bit_length() > 256:
+            text = "a huge integer"
+        case _:
+            text = str(value)
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+
+
+def hint(word: str, allowed: Iterable[str], introduction: str) -> str:
+    """``did you mean "x"?``, or a list of what is allowed where nothing is like the word."""
+    names = list(allowed)
+    close = difflib.get_close_matches(word, names, 1, _ALIKE)
+    if close:
+        return f"did you mean {show(close[0])}?"
+    return f"{introduction} {_listed(names)}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(map(show, names)) or "none"
+
+
+def syntax_fault(message: str, document: str) -> str:
+    """``line 3, column 5: what is wrong`` from tomllib's message, which ends with the place."""
+    match = _TOML_PLACE.fullmatch(message)
+    if match is None:
+        return one_line(message)
+    if match["line"] is None:
+        return f"{place(document)}: {one_line(match['text'])}"
+    return f"line {match['line']}, column {match['column']}: {one_line(match['text'])}"
+
+
+def place(before: str) -> str:
+    """Line and column, from 1, of the character after a text."""
+    last = before.rsplit("\n", 1)[-1]
+    return f"line {before.count(chr(10)) + 1}, column {len(last) + 1}"
+
+
+def one_line(text: str) -> str:
+    """A text with every run of white space as one blank."""
+    return " ".join(text.split())

@@ -1,0 +1,143 @@
+"""What a render gives: the arrays that were asked for, and facts about how they were made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.errors import UsageError
+from halfstep.pack import Packed, Surfaces
+
+Array = NDArray[Any]
+Planes = dict[str, NDArray[Any]]
+
+# Frame array -> device outputs that it is made of.
+SOURCES: dict[str, tuple[str, ...]] = {
+    "image": ("image",),
+    "color": ("color",),
+    "solid": (),
+    "surface": (),
+    "t": ("key",),
+    "depth": ("key",),
+    "depth_exit": ("exit",),
+    "position": ("key",),
+    "normal": ("normal",),
+    "steps": (),
+}
+# Arrays averaged over the samples of a pixel; all others are those of its centre.
+AVERAGED = ("image", "color")
+
+_NOT_LEFT = np.uint64(0xFFFFFFFFFFFFFFFF)
+
+
+class Frame:
+    """One rendered picture: H rows of W pixels.
+
+    Attributes, each computed only if it was among the outputs:
+        image: (H, W, 3) uint8, sRGB.
+        color: (H, W, 3) float32, linear RGB, not clipped.
+        solid: (H, W) int32, index in file order, -1 where nothing is hit; always there.
+        surface: (H, W) int32, number of the surface within the solid, -1.
+        t: (H, W) float64, fraction of the ray from h to the far base plane; NaN.
+        depth: (H, W) float64, planar depth in scene units; NaN.
+        depth_exit: (H, W) float64, planar depth where the ray leaves the solid it hit, the paper's
+            P2: the far base plane if it has not left by then, ``depth`` if it starts inside; NaN.
+        position: (H, W, 3) float64, world; NaN.
+        normal: (H, W, 3) float32, unit, outward (towards the viewer for a patch); 0.
+        steps: (H, W) int32, halvings spent on the solid that was hit; 0.
+        info: dict of adapter, driver, number_format, method, steps (of every solid), device_ms
+            (where the device has timestamps), wall_ms, scene_sha256, version.
+    """
+
+    info: dict[str, Any]
+
+    def __init__(self, arrays: dict[str, Array], info: dict[str, Any]) -> None:
+        self._arrays = arrays
+        self.info = info
+
+    def __getattr__(self, name: str) -> Array:
+        if name not in SOURCES:
+            raise AttributeError(f"Frame has no attribute {name!r}")
+        if name not in self._arrays:
+            raise AttributeError(
+                f"{name!r} was not computed; name it in outputs (this frame has: "
+                f"{', '.join(sorted(self._arrays))})"
+            )
+        return self._arrays[name]
+
+    def __dir__(self) -> Iterable[str]:
+        return [*super().__dir__(), *self._arrays]
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the arrays that are there."""
+        return tuple(self._arrays)
+
+
+def check_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
+    """``outputs`` in the order of ``SOURCES``, with ``solid``.
+
+    Raises:
+        UsageError: a name is not an output.
+    """
+    if isinstance(outputs, str):
+        outputs = (outputs,)
+    wanted = {*outputs, "solid"}
+    unknown = sorted(wanted - SOURCES.keys())
+    if unknown:
+        raise UsageError(
+            f"outputs: {', '.join(map(repr, unknown))} unknown; known are {', '.join(SOURCES)}"
+        )
+    return tuple(name for name in SOURCES if name in wanted)
+
+
+def device_outputs(outputs: Iterable[str]) -> frozenset[str]:
+    """What a device must compute for the Frame arrays ``outputs``."""
+    return frozenset({"surface"}.union(*(SOURCES[name] for name in outputs)))
+
+
+def arrays_of(
+    outputs: Iterable[str], planes: Planes, packed: Packed, tables: Surfaces, first_row: int = 0
+) -> dict[str, Array]:
+    """Frame arrays of a band from what a device or the twin computed."""
+    number = planes["surface"]
+    hit = number > 0
+    setup = packed.setup
+    arrays: dict[str, Array] = {}
+    for name in outputs:
+        if name == "image":
+            arrays[name] = planes["image"].view(np.uint8).reshape(*number.shape, 4)[..., :3]
+        elif name in ("color", "normal"):
+            arrays[name] = planes[name]
+        elif name == "solid":
+            arrays[name] = tables.solid[number]
+        elif name == "surface":
+            arrays[name] = tables.number[number]
+        elif name == "t":
+            arrays[name] = _fraction(planes["key"], hit, packed)
+        elif name == "depth":
+            arrays[name] = _fraction(planes["key"], hit, packed) * setup.far
+        elif name == "depth_exit":
+            leaves = planes["exit"]
+            inside = _fraction(leaves, hit, packed) * setup.far
+            arrays[name] = np.where(hit & (leaves == _NOT_LEFT), setup.far, inside)
+        elif name == "position":
+            depth = _fraction(planes["key"], hit, packed) * setup.far
+            j, i = np.mgrid[: number.shape[0], : number.shape[1]]
+            directions = setup.view.directions(i, j + first_row)
+            arrays[name] = setup.view.eye + depth[..., None] * directions
+        elif name == "steps":
+            steps = packed.solids["steps"][:1].astype(np.int32)
+            arrays[name] = np.where(hit, steps, 0) if len(steps) else np.zeros_like(hit, np.int32)
+    return arrays
+
+
+def _fraction(
+    key: NDArray[np.generic], hit: NDArray[np.generic], packed: Packed
+) -> NDArray[np.float64]:
+    """t of depth keys, NaN where nothing is hit."""
+    t = key.astype(np.float64) * 2.0**-packed.key_bits
+    return np.where(hit, t, np.nan)

@@ -1,0 +1,276 @@
+"""Per-frame constants as the records that the shaders and the twin read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep import layout
+from halfstep.geometry import Geometry
+from halfstep.layout import Flag
+from halfstep.scene import Scene
+from halfstep.setup import START_BITS, Setup
+
+Floats = NDArray[np.float64]
+Records = NDArray[np.void]
+U32 = NDArray[np.uint32]
+
+# Above this many steps the forms are evaluated in integers (BASEPLANE.md section 2).
+FLOAT_STEPS = 16
+# Fraction bits of integer coefficients.
+FRACTION_BITS = 60
+_SRGB_CELLS = 4096
+# Entries of the sRGB table, a whole number of vec4.
+SRGB_ENTRIES = 4100
+
+
+class Class(IntEnum):
+    """Solids that run the same code; a shader has one loop for each class of its frame."""
+
+    ELLIPSOID = 0  # uncut, between the base planes, seen from outside
+    QUADRIC = 1
+    QUADRIC_INSIDE = 2  # some rays start inside
+    POLYHEDRON = 3
+    POLYHEDRON_INSIDE = 4
+    PATCH = 5
+
+
+# The article method has one way for all quadrics and one for all polyhedra.
+_ARTICLE_CLASS = np.array(
+    [
+        Class.QUADRIC,
+        Class.QUADRIC,
+        Class.QUADRIC,
+        Class.POLYHEDRON,
+        Class.POLYHEDRON,
+        Class.PATCH,
+    ],
+    np.int64,
+)
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """The surfaces of a scene, numbered through from 1; row 0 stands for no surface."""
+
+    solid: NDArray[np.int32]  # (S,), -1 in row 0
+    number: NDArray[np.int32]  # (S,), within the solid, -1 in row 0
+    first: NDArray[np.int64]  # (K,), each solid's surface 0
+    color: NDArray[np.float32]  # (K, 3), of each solid's material
+    specular: NDArray[np.float32]  # (K,)
+    shininess: NDArray[np.uint32]  # (K,)
+    normal: NDArray[np.float32]  # (M, 3), of each half-space, world
+
+
+@dataclass(frozen=True)
+class Packed:
+    """One frame: V visible solids ordered by class, then by place in the scene."""
+
+    setup: Setup
+    order: NDArray[np.int64]  # (V,), row of each solid in ``setup``
+    classes: NDArray[np.int64]  # (V,)
+    exact: bool  # coefficients are integers
+    solids: Records
+    half_spaces: Records
+    key_bits: int  # depth key = t 2^key_bits
+    lights: Records
+
+    @property
+    def present(self) -> tuple[Class, ...]:
+        """The classes of the frame in order."""
+        return tuple(Class(int(c)) for c in np.unique(self.classes))
+
+
+def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
+    """Number the surfaces of ``scene`` and look up the material of each solid."""
+    per_solid = geometry.plane_count + 1
+    first = 1 + np.cumsum(per_solid) - per_solid
+    owner = np.repeat(np.arange(geometry.count), per_solid)
+    materials = [scene.material_of(solid) for solid in scene.solids]
+    normals = np.einsum(
+        "nij,nj->ni", geometry.world_from_local[geometry.plane_solid], geometry.planes[:, :3]
+    )
+    return Surfaces(
+        solid=np.append(-1, owner).astype(np.int32),
+        number=np.append(-1, np.arange(len(owner)) + 1 - first[owner]).astype(np.int32),
+        first=first,
+        color=np.array([material.color for material in materials], np.float32),
+        specular=np.array([material.specular for material in materials], np.float32),
+        shininess=np.array([material.shininess for material in materials], np.uint32),
+        normal=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+    )
+
+
+def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: int) -> Packed:
+    """Records of the frame ``setup`` with ``steps`` halvings for every solid."""
+    classes = _classes(geometry, setup)
+    if scene.accuracy.method == "article":
+        classes = _ARTICLE_CLASS[classes]
+    order = np.argsort(classes, kind="stable")
+    exact = steps > FLOAT_STEPS
+    coefficient = np.int64 if exact else np.float32
+    key_bits = int((setup.level + max(steps + 1, START_BITS)).max(initial=0))
+
+    solids = np.zeros(setup.count, layout.SOLID.dtype(coefficient))
+    offsets = _monomials(setup)
+    quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
+    if exact:
+        sums = [(np.abs(form) * offsets).sum(axis=1) for form in quadratic.values()]
+        unit = _fixed_point_scale(np.max(sums, axis=0))
+        quadratic = {name: np.rint(form * unit) for name, form in quadratic.items()}
+    for name, form in quadratic.items():
+        solids[name] = form
+    solids["gradient"] = setup.gradient.reshape(-1, 18)
+    solids["center_x"], solids["center_y"] = setup.center.T
+    solids["near_u"], solids["far_u"] = setup.near_u, setup.far_u
+    solids["depth_middle"], solids["depth_half"] = setup.depth_middle, setup.depth_half
+    solids["last_step"], solids["steps"] = 0.5**steps, steps
+    start = (setup.start * 2.0**key_bits).astype(np.uint64)
+    solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
+    solids["key_shift"] = key_bits - (setup.level + steps + 1)
+    solids["flags"] = (
+        Flag.EYE_INSIDE * setup.eye_inside
+        + Flag.STARTS_AT_EYE * setup.starts_at_eye
+        + Flag.EYE_OUTSIDE_QUADRIC * setup.eye_outside_quadric
+        + Flag.NEAR_CUT * setup.near_cut
+    )
+    solids["surface"] = tables.first[setup.solid]
+    solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
+
+    solids["color"] = tables.color[setup.solid]
+    solids["specular"] = tables.specular[setup.solid]
+    solids["shininess"] = tables.shininess[setup.solid]
+
+    half_spaces = np.zeros(len(setup.plane), layout.HALF_SPACE.dtype(coefficient))
+    plane_c, plane_b = setup.plane_c, setup.plane_b
+    if exact:
+        owner = np.repeat(np.arange(setup.count), setup.plane_count)
+        sums = [(np.abs(form) * offsets[owner, :3]).sum(axis=1) for form in (plane_c, plane_b)]
+        unit = _fixed_point_scale(np.max(sums, axis=0))
+        plane_c, plane_b = np.rint(plane_c * unit), np.rint(plane_b * unit)
+    half_spaces["c"], half_spaces["b"] = plane_c, plane_b
+    half_spaces["normal"] = tables.normal[setup.plane]
+    return Packed(
+        setup=setup,
+        order=order,
+        classes=classes[order],
+        exact=exact,
+        solids=solids[order],
+        half_spaces=half_spaces,
+        key_bits=key_bits,
+        lights=_lights(scene, setup),
+    )
+
+
+def _classes(geometry: Geometry, setup: Setup) -> NDArray[np.int64]:
+    inside = setup.eye_inside | setup.near_cut
+    whole = ~setup.near_cut & (setup.far_u == 1.0) & setup.eye_outside_quadric
+    ix = setup.solid
+    return np.select(
+        [
+            geometry.is_patch[ix],
+            geometry.is_ellipsoid[ix] & whole,
+            geometry.has_quadric[ix] & ~inside,
+            geometry.has_quadric[ix],
+            ~inside,
+        ],
+        [
+            Class.PATCH,
+            Class.ELLIPSOID,
+            Class.QUADRIC,
+            Class.QUADRIC_INSIDE,
+            Class.POLYHEDRON,
+        ],
+        Class.POLYHEDRON_INSIDE,
+    )
+
+
+def _monomials(setup: Setup) -> Floats:
+    """Largest magnitudes of 1, x, y, x², xy, y² over each solid's tiles."""
+    i0, i1, j0, j1 = setup.rectangle.T
+    x = np.maximum(i1 - setup.center[:, 0], setup.center[:, 0] - i0) + layout.TILE
+    y = np.maximum(j1 - setup.center[:, 1], setup.center[:, 1] - j0) + layout.TILE
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).astype(np.float64)
+
+
+def _fixed_point_scale(largest: Floats) -> Floats:
+    """The power of two that makes terms of this magnitude fill ``FRACTION_BITS`` bits, (…, 1)."""
+    bits = np.ceil(np.log2(np.where(largest > 0, largest, 1.0)))
+    return np.asarray(2.0 ** (FRACTION_BITS - bits))[:, None]
+
+
+def _lights(scene: Scene, setup: Setup) -> Records:
+    lights = np.zeros(len(scene.effective_lights()), layout.LIGHT.dtype())
+    for row, light in zip(lights, scene.effective_lights(), strict=True):
+        if light.direction is not None:
+            direction = np.array(light.direction)
+            row["vector"][:3] = direction / np.linalg.norm(direction)
+        else:
+            row["vector"][:3] = np.array(light.position) - setup.view.eye
+            row["vector"][3] = 1.0
+        row["color"][:3] = light.color
+    return lights
+
+
+def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Records:
+    """The ``Frame`` record of a band of ``rows`` picture rows from ``first_row`` on."""
+    view = setup.view
+    right, down, _ = view.camera_from_world
+    record = np.zeros(1, layout.FRAME.dtype())
+    record["first_ray"][0, :3] = view.directions(np.array(0), np.array(0))
+    record["right"][0, :3] = view.pixel * right
+    record["down"][0, :3] = view.pixel * down
+    record["ambient"][0, :3] = scene.ambient.color
+    record["background"][0, :3] = scene.image.background
+    tiles_x = -(-view.width // layout.TILE)
+    tiles_y = -(-rows // layout.TILE)
+    record["first_row"] = first_row
+    record["tiles_x"] = tiles_x
+    record["row_quads"] = tiles_x * layout.TILE // layout.BLOCK_WIDTH
+    record["plane_quads"] = record["row_quads"] * tiles_y * layout.TILE
+    return record
+
+
+def tile_lists(
+    packed: Packed, classes: tuple[Class, ...], first_row: int, rows: int
+) -> tuple[U32, U32]:
+    """The solids that each tile of a band can see, by class.
+
+    Returns ``(starts, solids)``: solids ``starts[t*C + k]`` … ``starts[t*C + k + 1]`` belong to
+    class k of C in tile t, tiles in rows from the left; each list in order of the scene.
+    """
+    setup = packed.setup
+    tiles_x = -(-setup.view.width // layout.TILE)
+    tiles_y = -(-rows // layout.TILE)
+    i0, i1, j0, j1 = setup.rectangle[packed.order].T
+    left, right = i0 // layout.TILE, i1 // layout.TILE
+    top = np.maximum(j0 - first_row, 0) // layout.TILE
+    bottom = np.minimum(j1 - first_row, rows - 1) // layout.TILE
+    wide = right - left + 1
+    tall = np.where((j1 >= first_row) & (j0 < first_row + rows), bottom - top + 1, 0)
+    cells = wide * tall
+    owner = np.repeat(np.arange(setup.count), cells)
+    place = np.arange(cells.sum()) - np.repeat(np.cumsum(cells) - cells, cells)
+    tile = (top[owner] + place // wide[owner]) * tiles_x + left[owner] + place % wide[owner]
+    slot = np.searchsorted(np.array(classes, np.int64), packed.classes)
+    group = tile * len(classes) + slot[owner]
+    by_group = np.argsort(group, kind="stable")
+    starts = np.zeros(tiles_x * tiles_y * len(classes) + 1, np.uint32)
+    np.cumsum(np.bincount(group, minlength=len(starts) - 1), out=starts[1:])
+    return starts, owner[by_group].astype(np.uint32)
+
+
+def srgb_table() -> U32:
+    """Table of ``encode.wgsl``: level in 8 bits, place of the next one in 24; 4097 are read."""
+    edges = (np.arange(1, 256) - 0.5) / 255
+    linear = np.where(edges <= 0.04045, edges / 12.92, ((edges + 0.055) / 1.055) ** 2.4)
+    place = linear * _SRGB_CELLS
+    cells = np.arange(SRGB_ENTRIES)
+    level = np.searchsorted(place, cells, side="right")
+    following = np.append(place, np.inf)[level] - cells
+    fraction = np.ceil(np.minimum(following, 1.0) * 2.0**23).astype(np.uint32)
+    fraction[following >= 1] = 2**24 - 1
+    return (level.astype(np.uint32) | fraction << np.uint32(8)).astype(np.uint32)

@@ -1,0 +1,290 @@
+"""Per-frame constants of every visible solid: the base-plane form, float64, on the host.
+
+For one solid, u in [-1, 1] runs over its own depth interval, (x, y) are pixel offsets from the
+middle of its screen rectangle, and the point of the ray is p = P(x, y) + u W(x, y) with P and W
+affine.  Then F = A u² + G u + C with A, G, C quadratic in (x, y), and a half-space is c + b u with
+c, b affine.  Nothing in these numbers knows how far away the camera is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.bounds import Bounds, bounds
+from halfstep.camera import View
+from halfstep.geometry import Geometry
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+# An interval starts at a multiple of 2^-START_BITS of its own length.
+START_BITS = 4
+# No interval is shorter than 2^-32 of the far depth: the depth key has 64 bits and n goes to 30.
+MAX_LEVEL = 32
+# An interval is wider than the solid by this fraction of its extent, against host rounding.
+PADDING = 2.0**-18
+# A flat solid still gets an interval of this fraction of its radius.
+FLATNESS = 2.0**-4
+# Base planes are closed: a surface that lies in one is seen.  In units of u.
+BASE_PLANE_SLACK = 2.0**-20
+# Coefficients below this, next to 1, cannot move a sign by more than the rounding already counted;
+# without them no product of three is subnormal, which devices may flush.
+NEGLIGIBLE = 2.0**-40
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Constants of V visible solids and their N half-spaces for one frame."""
+
+    view: View
+    near: float  # depths of the base planes
+    far: float
+    solid: Ints  # (V,), index in the scene
+    level: Ints  # (V,), e: the interval is 2^-e of the far depth
+    start: Floats  # (V,), t at u = -1, a multiple of 2^-(e+4)
+    near_u: Floats  # (V,), u of the near base plane where it cuts the solid, else -1
+    far_u: Floats  # (V,), u of the far base plane where it cuts the solid, else 1
+    near_cut: Bools  # (V,), the near base plane, not the eye, cuts the solid
+    starts_at_eye: Bools  # (V,), u = -1 is the centre of projection
+    eye_inside: Bools  # (V,), the solid contains the centre of projection and rays start there
+    eye_outside_quadric: Bools  # (V,), F(h) > 0; the indicator (9)
+    rectangle: Ints  # (V, 4), first and last pixel: i0, i1, j0, j1
+    center: Ints  # (V, 2), pixel where x = y = 0
+    a: Floats  # (V, 6), coefficients of 1, x, y, x², xy, y²
+    g: Floats  # (V, 6)
+    c: Floats  # (V, 6)
+    gradient: Floats  # (V, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis], largest about 1
+    depth_middle: Floats  # (V,), depth at u = 0
+    depth_half: Floats  # (V,), depth = depth_middle + u * depth_half
+    plane_start: Ints  # (V,)
+    plane_count: Ints  # (V,)
+    plane: Ints  # (N,), row in ``Geometry.planes``
+    plane_c: Floats  # (N, 3), coefficients of 1, x, y
+    plane_b: Floats  # (N, 3)
+
+    @property
+    def count(self) -> int:
+        """Number of visible solids V."""
+        return len(self.solid)
+
+
+def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
+    """Constants of the solids of ``geometry`` that ``view`` can see between its base planes."""
+    box = bounds(geometry, view)
+    rectangle, on_screen = _rectangles(box, view)
+    low = np.maximum(box.depth[:, 0], near)
+    high = np.minimum(box.depth[:, 1], far)
+    visible = on_screen & ~geometry.is_empty & (low <= high) & (far > 0)
+    ix = np.flatnonzero(visible)
+
+    depth, rectangle = box.depth[ix], rectangle[ix]
+    level, start = _intervals(low[ix], high[ix], _radius(box, ix), far)
+    half = np.asarray(far * np.exp2(-(level + 1.0)), np.float64)
+    middle = start * far + half
+    near_cut = (depth[:, 0] < near) & (near > 0)
+    near_u = np.where(near_cut, (near - middle) / half - BASE_PLANE_SLACK, -1.0)
+    far_u = np.where(depth[:, 1] > far, (far - middle) / half + BASE_PLANE_SLACK, 1.0)
+    starts_at_eye = (start == 0) & ~near_cut
+
+    center = np.stack(
+        [
+            (rectangle[:, 0] + rectangle[:, 1] + 1) // 2,
+            (rectangle[:, 2] + rectangle[:, 3] + 1) // 2,
+        ],
+        axis=-1,
+    )
+    local_from_world = geometry.world_from_local[ix].transpose(0, 2, 1)
+    eye = np.einsum("kij,kj->ki", local_from_world, view.eye - geometry.origin[ix])
+    directions = _ray_directions(view, center, local_from_world)
+    points = directions * middle[:, None, None]
+    points[:, 0] += eye
+    steps = directions * half[:, None, None]
+
+    count = geometry.plane_count[ix]
+    plane_start = np.cumsum(count) - count
+    owner = np.repeat(np.arange(len(ix)), count)
+    plane = geometry.plane_start[ix][owner] + np.arange(count.sum()) - plane_start[owner]
+    rows = geometry.planes[plane]
+    plane_c, plane_b = _half_space_forms(rows, points[owner], steps[owner])
+    offsets = _offsets(rectangle, center)
+    scale = _power_of_two(
+        np.maximum(
+            _largest_linear(plane_c, offsets[owner]), _largest_linear(plane_b, offsets[owner])
+        )
+    )
+    eye_height = (rows[:, :3] * eye[owner]).sum(axis=1) + rows[:, 3]
+    within = np.ones(len(ix), bool)
+    np.logical_and.at(within, owner, eye_height <= 0)
+
+    matrix = geometry.quadric[ix]
+    a, g, c = _quadric_forms(matrix, points, steps)
+    a, g, c = _scaled(a, g, c, offsets)
+    eye_value = _quadric_value(matrix, eye)
+    has_quadric = geometry.has_quadric[ix]
+    within &= ~has_quadric | (eye_value <= 0)
+    within &= ~geometry.is_patch[ix]
+
+    return Setup(
+        view=view,
+        near=near,
+        far=far,
+        solid=ix,
+        level=level,
+        start=start,
+        near_u=near_u,
+        far_u=far_u,
+        near_cut=near_cut,
+        starts_at_eye=starts_at_eye,
+        eye_inside=within & starts_at_eye,
+        eye_outside_quadric=eye_value > 0,
+        rectangle=rectangle,
+        center=center,
+        a=a,
+        g=g,
+        c=c,
+        gradient=_gradient_forms(matrix, points, steps, geometry.world_from_local[ix], offsets),
+        depth_middle=middle,
+        depth_half=half,
+        plane_start=plane_start,
+        plane_count=count,
+        plane=plane,
+        plane_c=_significant(plane_c * scale[:, None]),
+        plane_b=_significant(plane_b * scale[:, None]),
+    )
+
+
+def _rectangles(box: Bounds, view: View) -> tuple[Ints, Bools]:
+    """Pixels (i0, i1, j0, j1) whose centres lie within the tangents, and whether there are any."""
+    first = np.array([view.x_first, view.y_first])
+    last = np.array([view.width, view.height]) - 1
+    pixel = (box.tangent - first[:, None]) / view.pixel
+    low = np.clip(np.ceil(pixel[:, :, 0] - 1e-4), 0, last + 1)
+    high = np.clip(np.floor(pixel[:, :, 1] + 1e-4), -1, last)
+    rectangle = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=-1)
+    return rectangle.astype(np.int64), (low <= high).all(axis=1)
+
+
+def _radius(box: Bounds, ix: Ints) -> Floats:
+    """A lower bound of how far each solid reaches from its middle, 0 where nothing is known."""
+    depth, tangent = box.depth[ix], box.tangent[ix]
+    with np.errstate(invalid="ignore"):
+        width = (tangent[:, :, 1] - tangent[:, :, 0]) * np.maximum(depth[:, :1], 0.0)
+    width = np.where(np.isfinite(width), width, 0.0)
+    return np.asarray(width.max(axis=1) / 2)
+
+
+def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[Ints, Floats]:
+    """Level e and start t of the shortest allowed interval around depths ``low``…``high``.
+
+    The length is a power of two, 2^-e of the far depth, and the start a multiple of its 16th, so
+    that the paper's t and step (7) keep their meaning: the first e steps are decided already.
+    """
+    extent = np.maximum(high - low, FLATNESS * radius) / far
+    need = np.maximum(extent * (1 + 2 * PADDING), 2.0**-MAX_LEVEL)
+    level = np.clip(np.floor(-np.log2(need)), 0, MAX_LEVEL)
+    padding = np.where(low > 0, PADDING * extent, 0.0)
+    end = np.minimum(high / far + padding, 1.0)
+
+    def start_at(level: Floats) -> Floats:
+        grid = 2.0 ** -(level + START_BITS)
+        start = np.floor((low / far - padding) / grid) * grid
+        return np.clip(start, 0.0, 1.0 - 2.0**-level)
+
+    too_short = start_at(level) + 2.0**-level < end
+    level = np.maximum(level - too_short, 0)
+    return level.astype(np.int64), start_at(level)
+
+
+def _ray_directions(view: View, center: Ints, local_from_world: Floats) -> Floats:
+    """Directions per unit depth as [1, x, y] coefficients (V, 3, 3), local coordinates."""
+    right, down, _ = view.camera_from_world
+    directions = np.empty((len(center), 3, 3))
+    directions[:, 0] = view.directions(center[:, 0], center[:, 1])
+    directions[:, 1] = view.pixel * right
+    directions[:, 2] = view.pixel * down
+    return np.einsum("kij,kcj->kci", local_from_world, directions)
+
+
+def _offsets(rectangle: Ints, center: Ints) -> Floats:
+    """Largest pixel offsets (V, 2) of each rectangle from its centre."""
+    x = np.maximum(rectangle[:, 1] - center[:, 0], center[:, 0] - rectangle[:, 0])
+    y = np.maximum(rectangle[:, 3] - center[:, 1], center[:, 1] - rectangle[:, 2])
+    return np.stack([x, y], axis=-1).astype(np.float64)
+
+
+def _half_space_forms(rows: Floats, points: Floats, steps: Floats) -> tuple[Floats, Floats]:
+    c = np.einsum("ni,nci->nc", rows[:, :3], points)
+    c[:, 0] += rows[:, 3]
+    return c, np.einsum("ni,nci->nc", rows[:, :3], steps)
+
+
+def _largest_linear(form: Floats, offsets: Floats) -> Floats:
+    return np.asarray(np.abs(form[:, 0]) + (np.abs(form[:, 1:]) * offsets).sum(axis=1))
+
+
+def _quadric_forms(matrix: Floats, points: Floats, steps: Floats) -> tuple[Floats, Floats, Floats]:
+    """A, G, C of F = A u² + G u + C as coefficients (V, 6) of 1, x, y, x², xy, y²."""
+    second, linear, constant = matrix[:, :3, :3], matrix[:, :3, 3], matrix[:, 3, 3]
+
+    def product(left: Floats, right: Floats) -> Floats:
+        m = np.einsum("kia,kab,kjb->kij", left, second, right, optimize=True)
+        return np.stack(
+            [
+                m[:, 0, 0],
+                m[:, 0, 1] + m[:, 1, 0],
+                m[:, 0, 2] + m[:, 2, 0],
+                m[:, 1, 1],
+                m[:, 1, 2] + m[:, 2, 1],
+                m[:, 2, 2],
+            ],
+            axis=-1,
+        )
+
+    a = product(steps, steps)
+    g = 2 * product(points, steps)
+    g[:, :3] += 2 * np.einsum("ki,kci->kc", linear, steps)
+    c = product(points, points)
+    c[:, :3] += 2 * np.einsum("ki,kci->kc", linear, points)
+    c[:, 0] += constant
+    return a, g, c
+
+
+def _scaled(a: Floats, g: Floats, c: Floats, offsets: Floats) -> tuple[Floats, Floats, Floats]:
+    """The forms times a power of two that makes |A| + |G| + |C| about 1 over the rectangle."""
+    grid = np.linspace(-1, 1, 5)
+    x, y = offsets[:, :1] * np.repeat(grid, 5), offsets[:, 1:] * np.tile(grid, 5)
+    monomials = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+    total = sum(np.abs(np.einsum("kc,kcp->kp", form, monomials)) for form in (a, g, c))
+    scale = _power_of_two(np.asarray(total).max(axis=1))[:, None]
+    return _significant(a * scale), _significant(g * scale), _significant(c * scale)
+
+
+def _power_of_two(largest: Floats) -> Floats:
+    """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
+    return np.exp2(-np.ceil(np.log2(np.where(largest > 0, largest, 1.0))))
+
+
+def _significant(form: Floats) -> Floats:
+    return np.where(np.abs(form) < NEGLIGIBLE, 0.0, form)
+
+
+def _quadric_value(matrix: Floats, point: Floats) -> Floats:
+    second = np.einsum("ki,kij,kj->k", point, matrix[:, :3, :3], point)
+    linear = 2 * np.einsum("ki,ki->k", matrix[:, :3, 3], point)
+    return np.asarray(second + linear + matrix[:, 3, 3])
+
+
+def _gradient_forms(
+    matrix: Floats, points: Floats, steps: Floats, world_from_local: Floats, offsets: Floats
+) -> Floats:
+    """Half the gradient of F, M p + q, in world axes, times a power of two."""
+    forms = np.stack([points, steps], axis=1) @ matrix[:, None, :3, :3]
+    forms[:, 0, 0] += matrix[:, :3, 3]
+    forms = np.einsum("kij,kpcj->kpci", world_from_local, forms)
+    reach = np.concatenate([np.ones((len(offsets), 1)), offsets], axis=1)
+    scale = _power_of_two(np.einsum("kpcj,kc->kpj", np.abs(forms), reach).max(axis=(1, 2)))
+    return _significant(forms * scale[:, None, None, None])

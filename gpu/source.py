@@ -1,0 +1,477 @@
+"""Shader text, composed from the stages that a frame needs and nothing else.
+
+Stage functions are plain WGSL files beside each other in ``halfstep.wgsl``.  This module chooses
+the files and writes the kernel that joins them: for every class of solids present one loop over
+the tile's list, in which each solid is fetched once and tried on a block of pixels.  The rows of
+the block are written out, with ROW in a name or a number standing for the row: arrays indexed by
+a loop cost a compiler more and the device most.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from importlib.resources import files
+
+from halfstep.layout import BLOCK_ROWS, BLOCK_WIDTH, TILE
+from halfstep.pack import SRGB_ENTRIES, Class
+
+# Device outputs in the order of their planes, with the number of 32-bit words of a pixel.
+OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "image": 1, "color": 3, "normal": 3}
+
+CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
+INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
+
+
+@dataclass(frozen=True)
+class Needs:
+    """All that a shader's text depends on; equal needs share one compiled pipeline."""
+
+    classes: tuple[Class, ...]
+    outputs: frozenset[str]  # of OUTPUT_WORDS; "surface" is always there
+    method: str  # "visible" or "article"
+    exact: bool  # forms in 64-bit integers, incremental halvings
+    lights: int
+    point_lights: bool
+    highlights: bool
+    max_lines: int  # most half-spaces of a solid; the article method keeps them all at hand
+
+    @property
+    def shaded(self) -> bool:
+        """Whether colours are needed."""
+        return bool(self.outputs & {"image", "color"})
+
+    @property
+    def oriented(self) -> bool:
+        """Whether normals are needed."""
+        return self.shaded or "normal" in self.outputs
+
+    @property
+    def leaving(self) -> bool:
+        """Whether it is needed where a ray leaves the solid it hit."""
+        return "exit" in self.outputs
+
+
+def plane_offsets(outputs: frozenset[str]) -> dict[str, int]:
+    """First plane of each output in the frame buffer, and their number under ``"total"``."""
+    offsets, end = {}, 0
+    for name, words in OUTPUT_WORDS.items():
+        if name in outputs:
+            offsets[name] = end
+            end += words
+    return offsets | {"total": end}
+
+
+@functools.cache
+def stage(name: str) -> str:
+    """Text of the WGSL file of a stage."""
+    return files("halfstep.wgsl").joinpath(f"{name}.wgsl").read_text(encoding="utf-8")
+
+
+def stage_names(needs: Needs) -> list[str]:
+    """The files a shader is made of, in order."""
+    names = ["lanes", "polynomial_exact" if needs.exact else "polynomial", "layout"]
+    if needs.method == "visible":
+        names += ["piece", "root", "halve_incremental" if needs.exact else "halve"]
+    if Class.PATCH in needs.classes or needs.method == "article":
+        names.append("patch")
+    if needs.method == "article":
+        names.append("article")
+    names.append("nearest")
+    if needs.oriented:
+        names += ["normal", "ray"]
+    if needs.shaded:
+        names.append("shade")
+    if "image" in needs.outputs:
+        names.append("encode")
+    return names
+
+
+def compose(needs: Needs) -> str:
+    """The whole shader; its entry point is ``render``."""
+    parts = [_bindings(needs)]
+    parts += [stage(name) for name in stage_names(needs)]
+    parts += [_nearest(needs), _keep(needs)]
+    parts += [_finish(needs), _kernel(needs)]
+    return "\n".join(parts)
+
+
+def binding_numbers(needs: Needs) -> list[int]:
+    """The bindings a shader declares."""
+    return [*range(6), *[6] * needs.shaded, *[7] * ("image" in needs.outputs)]
+
+
+def _bindings(needs: Needs) -> str:
+    lines = [
+        "@group(0) @binding(0) var<uniform> frame: Frame;",
+        "@group(0) @binding(1) var<storage, read> solids: array<Solid>;",
+        "@group(0) @binding(2) var<storage, read> half_spaces: array<HalfSpace>;",
+        "@group(0) @binding(3) var<storage, read> tile_starts: array<u32>;",
+        "@group(0) @binding(4) var<storage, read> tile_solids: array<u32>;",
+        "@group(0) @binding(5) var<storage, read_write> planes: array<vec4<u32>>;",
+    ]
+    if needs.shaded:
+        lines += [
+            f"@group(0) @binding(6) var<uniform> lights: array<Light, {max(needs.lights, 1)}>;",
+            f"const LIGHTS: u32 = {needs.lights}u;",
+            f"const HIGHLIGHTS: bool = {str(needs.highlights).lower()};",
+        ]
+    if "image" in needs.outputs:
+        quads = SRGB_ENTRIES // 4
+        lines.append(f"@group(0) @binding(7) var<uniform> srgb_table: array<vec4<u32>, {quads}>;")
+    if needs.method == "article":
+        lines.append(f"const MAX_LINES: u32 = {needs.max_lines}u;")
+    return "\n".join(lines) + "\n"
+
+
+def _vector(template: str) -> str:
+    """A Vector whose components are ``template`` with AXIS replaced by x, y and z."""
+    return f"Vector({', '.join(template.replace('AXIS', axis) for axis in 'xyz')})"
+
+
+# The members of Nearest: (condition, declaration, value at first, value of a new point).
+def _members(needs: Needs) -> list[tuple[str, str, str]]:
+    far = "Key(u4(0xFFFFFFFFu), u4(0xFFFFFFFFu))"
+
+    def nearer_key(name: str) -> str:
+        words = (f"select(old.{name}.{word}, {name}.{word}, nearer)" for word in ("high", "low"))
+        return f"Key({', '.join(words)})"
+
+    members = [
+        ("key: Key", far, nearer_key("key")),
+        ("surface: u4", "u4(0u)", "select(old.surface, surface, nearer)"),
+    ]
+    zero = "Vector(f4(0.0), f4(0.0), f4(0.0))"
+    if needs.leaving:
+        members.append(("leaves: Key", far, nearer_key("leaves")))
+    if needs.oriented:
+        value = _vector("select(old.slope.AXIS, slope.AXIS, nearer)")
+        members.append(("slope: Vector", zero, value))
+    if needs.shaded:
+        value = ", ".join(
+            f"select(old.color.{axis}, f4(solid.color[{k}]), nearer)"
+            for k, axis in enumerate("xyz")
+        )
+        members.append(("color: Vector", zero, f"Vector({value})"))
+    if needs.shaded and needs.highlights:
+        value = "select(old.specular, f4(solid.specular), nearer)"
+        members.append(("specular: f4", "f4(0.0)", value))
+        value = "select(old.shininess, u4(solid.shininess), nearer)"
+        members.append(("shininess: u4", "u4(0u)", value))
+    if needs.shaded and needs.point_lights:
+        depth = "solid.depth_middle + (f4(position) * solid.last_step) * solid.depth_half"
+        members.append(("depth: f4", "f4(0.0)", f"select(old.depth, {depth}, nearer)"))
+    return members
+
+
+def _nearest(needs: Needs) -> str:
+    members = _members(needs)
+    body = "".join(f"  {declaration},\n" for declaration, _, _ in members)
+    return (
+        f"// The nearest visible point so far.\nstruct Nearest {{\n{body}}}\n\n"
+        f"fn nothing() -> Nearest {{\n  return Nearest({', '.join(m[1] for m in members)});\n}}\n"
+    )
+
+
+def _keep(needs: Needs) -> str:
+    """The function that replaces the nearest point where a nearer one was found."""
+    parameters = ["old: Nearest", "solid: Solid", "hit: b4", "number: i4", "position: i4"]
+    interval = "solid.steps, solid.key_high, solid.key_low, solid.key_shift"
+    extra = ""
+    if needs.leaving:
+        parameters += ["left: b4", "exit_position: i4"]
+        extra = (
+            f"  let exit_key = depth_key(exit_position, {interval});\n"
+            "  let leaves = Key(select(u4(0xFFFFFFFFu), exit_key.high, left),"
+            " select(u4(0xFFFFFFFFu), exit_key.low, left));\n"
+        )
+    if needs.oriented:
+        parameters.append("slope: Vector")
+    values = ",\n    ".join(member[2] for member in _members(needs))
+    return (
+        "// Keeps a point if it is nearer than the nearest so far.\n"
+        f"fn keep({', '.join(parameters)}) -> Nearest {{\n"
+        f"  let key = depth_key(position, {interval});\n"
+        "  let surface = u4(solid.surface) + u4(number);\n"
+        "  let nearer = hit & before(key, surface, old.key, old.surface);\n"
+        f"{extra}  return Nearest(\n    {values},\n  );\n"
+        "}\n"
+    )
+
+
+_EYE_OUTSIDE = "b4((solid.flags & FLAG_EYE_OUTSIDE_QUADRIC) != 0u)"
+_STARTS_AT_EYE = "b4((solid.flags & FLAG_STARTS_AT_EYE) != 0u)"
+_EYE_INSIDE = "((solid.flags & FLAG_EYE_INSIDE) != 0u)"
+_NEAR_CUT = "b4((solid.flags & FLAG_NEAR_CUT) != 0u)"
+
+_FORMS = """\
+    let a = quadratic(solid.a, at);
+    let g = quadratic(solid.g, at);
+    let c = quadratic(solid.c, at);
+"""
+# At the eye the sign of F is known from the host; elsewhere it is that of F at the entry.
+_OUTSIDE = f"""\
+    let from_eye = (piece.id_in == i4(0)) & {_STARTS_AT_EYE};
+    let outside = select(outside_at_entry(a, g, c, piece), {_EYE_OUTSIDE}, from_eye);
+"""
+
+
+def _visit(needs: Needs, klass: Class) -> str:
+    """Statements that try one solid of a class on the block."""
+    if needs.method == "article":
+        return _article(needs, klass)
+    if klass is Class.PATCH:
+        return _visible_patch(needs)
+    if klass is Class.ELLIPSOID:
+        return _rows(_FORMS + _seen(needs, "ellipsoid_entry(a, g, c)", "ellipsoid_exit(a, g, c)"))
+    return _visible_cut(needs, klass)
+
+
+def _rows(body: str, *, offsets: bool = True) -> str:
+    """``body`` for every row of the block."""
+    at = "    let at = offset(x, y + ROW);\n" * offsets
+    block = f"    {{\n{at}{body}    }}\n"
+    return "".join(block.replace("ROW", str(row)) for row in range(BLOCK_ROWS))
+
+
+def _variables(name: str, type_: str) -> str:
+    """A variable for every row of the block."""
+    return "".join(f"    var {name}_{row}: {type_};\n" for row in range(BLOCK_ROWS))
+
+
+def _half_spaces(first: int, body: str) -> str:
+    """A loop over the solid's half-spaces, each tried on all rows."""
+    return (
+        f"    for (var k = {first}u; k < solid.plane_count; k++) {{\n"
+        "    let half_space = half_spaces[solid.plane_start + k];\n"
+        f"{_rows(body)}"
+        "    }\n"
+    )
+
+
+_PLANE_NORMAL = (
+    "Vector(f4(half_space.normal[0]), f4(half_space.normal[1]), f4(half_space.normal[2]))"
+)
+_GRADIENT = "gradient(solid.gradient, f4(x), f32(y + ROW), f4(position) * solid.last_step)"
+
+
+def _seen(needs: Needs, root: str, leaving: str, flat: str | None = None) -> str:
+    """Statements that halve the seen root and keep the point.
+
+    ``flat`` is the normal of the plane that the ray meets, None where F alone can be met.
+    """
+    text = f"    let root = {root};\n    let position = halve(root, solid.steps);\n"
+    arguments = ["nearest_ROW", "solid", "root.hit", "root.surface", "position"]
+    if needs.leaving:
+        text += f"    let leaving = {leaving};\n"
+        arguments += ["leaving.hit", "halve(leaving, solid.steps)"]
+    if needs.oriented and flat is None:
+        arguments.append(_GRADIENT)
+    elif needs.oriented:
+        arguments.append(flat or "")
+    return text + f"    nearest_ROW = keep({', '.join(arguments)});\n"
+
+
+def _visible_patch(needs: Needs) -> str:
+    turned = _vector("select(own_normal.AXIS, -own_normal.AXIS, patch_ROW.away)")
+    own = (
+        "  let own = half_spaces[solid.plane_start];\n"
+        f"  let own_normal = {_PLANE_NORMAL.replace('half_space', 'own')};\n"
+    )
+    if not needs.oriented:
+        own = own[: own.index("  let own_normal")]
+    return (
+        own
+        + _variables("patch", "Patch")
+        + _rows(
+            "    patch_ROW = facing(linear(own.c, at), linear(own.b, at), solid.near_u,"
+            " solid.far_u);\n"
+        )
+        + _half_spaces(
+            1,
+            "      patch_ROW = bound(patch_ROW, linear(half_space.c, at),"
+            " linear(half_space.b, at));\n",
+        )
+        + _rows(
+            _seen(needs, "patch_entry(patch_ROW.hit, patch_ROW.c, patch_ROW.b)", "root", turned)
+        )
+    )
+
+
+def _visible_cut(needs: Needs, klass: Class) -> str:
+    """A solid with half-spaces or base planes across it: clip, joint logic, halve."""
+    curved, opened = klass in CURVED, klass in INSIDE
+    text = _variables("piece", "Piece")
+    # Normals of the planes where the pieces begin and end; the latter show from inside.
+    ends = ["in", *["out"] * opened] if needs.oriented else []
+    text += "".join(_variables(f"normal_{end}", "Vector") for end in ends)
+    text += _rows("    piece_ROW = whole_interval(solid.near_u, solid.far_u);\n")
+    clip = (
+        "      let piece = clip(piece_ROW, linear(half_space.c, at), linear(half_space.b, at),"
+        " i32(k) + 1);\n"
+        "      piece_ROW = piece;\n"
+    )
+    for end in ends:
+        turned = _vector(
+            f"select(normal_{end}_ROW.AXIS, normal.AXIS, piece.id_{end} == i4(i32(k) + 1))"
+        )
+        clip += f"      normal_{end}_ROW = {turned};\n"
+    if ends:
+        clip = f"      let normal = {_PLANE_NORMAL};\n" + clip
+    text += _half_spaces(0, clip)
+
+    row = "    let piece = piece_ROW;\n"
+    if opened:
+        row = "    let clipped = piece_ROW;\n    var piece = clipped;\n"
+        row += (
+            f"    if {_EYE_INSIDE} {{\n      piece = from_the_eye(clipped, solid.near_u);\n    }}\n"
+        )
+    if curved:
+        row += _FORMS + _OUTSIDE
+    entry, leaving = "polyhedron_entry(piece)", "polyhedron_exit(piece)"
+    if curved:
+        entry = "quadric_entry(a, g, c, piece, outside)"
+        leaving = "quadric_exit(a, g, c, piece, !outside)"
+    flat = "normal_in_ROW"
+    if opened:
+        at_near = f"{_NEAR_CUT} & (piece.id_in == i4(0))" + " & !outside" * curved
+        row += f"    let inside = b4({_EYE_INSIDE}) | ({at_near});\n"
+        entry = f"choose(inside, {entry}, {leaving})"
+        flat = _vector("select(normal_in_ROW.AXIS, normal_out_ROW.AXIS, inside)")
+    if needs.oriented and curved:
+        row += f"    let flat = {flat};\n"
+        flat = "slope"
+    seen = _seen(needs, entry, leaving, flat)
+    if needs.oriented and curved:
+        mixed = _vector("select(flat.AXIS, curved.AXIS, root.surface == i4(0))")
+        keep = seen.index("    nearest_ROW = keep(")
+        slope = f"    let curved = {_GRADIENT};\n    let slope = {mixed};\n"
+        seen = seen[:keep] + slope + seen[keep:]
+    return text + _rows(row + seen)
+
+
+def _article(needs: Needs, klass: Class) -> str:
+    """The paper's own sequences, a row at a time."""
+    row = (
+        "    var lines: Lines;\n"
+        "    for (var k = 0u; k < solid.plane_count; k++) {\n"
+        "      let half_space = half_spaces[solid.plane_start + k];\n"
+        "      lines[k] = Line(linear(half_space.c, at), linear(half_space.b, at));\n"
+        "    }\n"
+    )
+    base_planes = "&lines, solid.plane_count, solid.near_u, solid.far_u"
+    if klass is Class.PATCH:
+        row += f"    let found = article_patch({base_planes}, solid.steps);\n"
+    elif klass in CURVED:
+        row += _FORMS
+        row += (
+            f"    let outside = select((a - g) + c > f4(0.0), {_EYE_OUTSIDE}, {_STARTS_AT_EYE});\n"
+            f"    let found = article_quadric(a, g, c, outside, {base_planes}, {_EYE_INSIDE},"
+            " solid.steps, solid.last_step);\n"
+        )
+    else:
+        row += (
+            f"    let found = article_polyhedron({base_planes}, {_EYE_INSIDE}, solid.steps,"
+            " solid.last_step);\n"
+        )
+    row += "    let position = found.position;\n"
+    arguments = ["nearest_ROW", "solid", "found.hit", "found.surface", "position"]
+    if needs.leaving:
+        arguments += ["found.left", "found.exit_position"]
+    if needs.oriented:
+        row += _article_slope(klass)
+        arguments.append("slope")
+    return _rows(row + f"    nearest_ROW = keep({', '.join(arguments)});\n")
+
+
+def _article_slope(klass: Class) -> str:
+    """The normal of the surface found: the article method knows it only at the end."""
+    if klass is Class.PATCH:
+        own = _PLANE_NORMAL.replace("half_space", "half_spaces[solid.plane_start]")
+        turned = _vector("select(normal.AXIS, -normal.AXIS, lines[0].b > f4(0.0))")
+        return f"    let normal = {own};\n    let slope = {turned};\n"
+    first = _GRADIENT if klass in CURVED else "Vector(f4(0.0), f4(0.0), f4(0.0))"
+    turned = _vector("select(slope.AXIS, normal.AXIS, found.surface == i4(i32(k) + 1))")
+    return (
+        f"    var slope = {first};\n"
+        "    for (var k = 0u; k < solid.plane_count; k++) {\n"
+        "      let half_space = half_spaces[solid.plane_start + k];\n"
+        f"      let normal = {_PLANE_NORMAL};\n"
+        f"      slope = {turned};\n"
+        "    }\n"
+    )
+
+
+def _finish(needs: Needs) -> str:
+    """The function that turns the nearest point of four pixels into the outputs."""
+    planes = plane_offsets(needs.outputs)
+    values: dict[str, list[str]] = {
+        "surface": ["nearest.surface"],
+        "key": ["nearest.key.high", "nearest.key.low"],
+        "exit": ["nearest.leaves.high", "nearest.leaves.low"],
+        "image": ["encode(color)"],
+        "color": [f"bitcast<u4>(color.{axis})" for axis in "xyz"],
+        "normal": [f"bitcast<u4>(select(f4(0.0), normal.{axis}, some))" for axis in "xyz"],
+    }
+    stores = "".join(
+        f"  planes[place + {planes[name] + k}u * frame.plane_quads] = {value};\n"
+        for name in OUTPUT_WORDS
+        if name in needs.outputs
+        for k, value in enumerate(values[name])
+    )
+    body = ""
+    if needs.oriented:
+        body += (
+            "  let some = nearest.surface > u4(0u);\n"
+            "  let direction = ray_direction(f4(i), f32(j));\n"
+            "  let forward = normalized(direction, direction);\n"
+            "  let to_eye = Vector(-forward.x, -forward.y, -forward.z);\n"
+            "  let normal = normalized(nearest.slope, to_eye);\n"
+        )
+    if needs.shaded:
+        gloss = "nearest.specular, nearest.shininess" if needs.highlights else "f4(0.0), u4(0u)"
+        point = "scaled(direction, nearest.depth)" if needs.point_lights else "direction"
+        mixed = _vector("select(f4(frame.background.AXIS), lit.AXIS, some)")
+        body += (
+            f"  let finish = Finish(nearest.color, {gloss});\n"
+            f"  let lit = shade(normal, to_eye, {point}, finish);\n"
+            f"  let color = {mixed};\n"
+        )
+    return (
+        "// Writes the outputs of four pixels.\n"
+        "fn finish(nearest: Nearest, i: i4, j: i32, place: u32) {\n"
+        f"{body}{stores}"
+        "}\n"
+    )
+
+
+def _kernel(needs: Needs) -> str:
+    loops = "".join(
+        f"  for (var entry = tile_starts[list + {slot}u]; entry < tile_starts[list + {slot + 1}u];"
+        " entry++) {\n"
+        "    let solid = solids[tile_solids[entry]];\n"
+        "    let x = i - i4(solid.center_x);\n"
+        "    let y = j - solid.center_y;\n"
+        f"{_visit(needs, klass)}"
+        "  }\n"
+        for slot, klass in enumerate(needs.classes)
+    )
+    clear = "    nearest_ROW = nothing();\n"
+    finish = "    finish(nearest_ROW, i, j + ROW, place + ROWu * frame.row_quads);\n"
+    return (
+        "// One workgroup renders one tile, one invocation a block of it.\n"
+        f"@compute @workgroup_size({TILE // BLOCK_WIDTH}, {TILE // BLOCK_ROWS})\n"
+        "fn render(@builtin(workgroup_id) tile: vec3<u32>,"
+        " @builtin(local_invocation_id) local: vec3<u32>) {\n"
+        f"  let list = (tile.y * frame.tiles_x + tile.x) * {len(needs.classes)}u;\n"
+        "  let column = tile.x * TILE + local.x * BLOCK_WIDTH;\n"
+        "  let row = tile.y * TILE + local.y * BLOCK_ROWS;\n"
+        "  let place = row * frame.row_quads + column / BLOCK_WIDTH;\n"
+        "  let i = i4(i32(column)) + i4(0, 1, 2, 3);\n"
+        "  let j = frame.first_row + i32(row);\n"
+        f"{_variables('nearest', 'Nearest')}"
+        f"{_rows(clear, offsets=False)}"
+        f"{loops}"
+        f"{_rows(finish, offsets=False)}"
+        "}\n"
+    )

@@ -1,0 +1,302 @@
+"""Twin of ``article.wgsl``: the paper's own sequences, all at once, then the extra step.
+
+P1 and P2 follow F, (16)–(19); I and O follow the half-spaces, (13).  A result is a cell of the
+grid of 2^n: grid points up to an entry cell are outside, grid points after an exit cell are
+outside.  A piece of the ray is in the solid if a grid point is; (20)–(22) become the order of the
+cells.  The rules differ from the printed ones only where ALGORITHM.md section 2 says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.twin.patch import facing
+
+F32 = NDArray[np.float32]
+I32 = NDArray[np.int32]
+Bools = NDArray[np.bool_]
+
+START = np.int32(-1)
+
+
+class Line(NamedTuple):
+    """A half-space along the ray: inside where c + b u <= 0."""
+
+    c: F32
+    b: F32
+
+
+class Found(NamedTuple):
+    """The visible point and the point where the ray leaves the solid after it."""
+
+    hit: Bools
+    surface: I32  # 0 is F, half-spaces count from 1
+    position: I32  # odd integer: u = position 2^-n
+    left: Bools  # the ray leaves through a surface before the far base plane
+    exit_position: I32
+
+
+class Cells(NamedTuple):
+    """Entry and exit cells of one piece."""
+
+    first: I32
+    last: I32
+
+
+class Blocker(NamedTuple):
+    """A plane that still excludes a grid point, the one met furthest from it."""
+
+    number: I32  # 0 is a base plane
+    value: F32
+    slope: F32  # magnitude
+
+
+def blocked_in(lines: Sequence[Line], near_u: np.float32, u: F32) -> Bools:
+    """Whether a plane that the ray enters excludes u; the indicator (13) of sequence I."""
+    blocked = u < near_u
+    for line in lines:
+        blocked = blocked | ((line.b < 0) & (line.c + line.b * u > 0))
+    return blocked
+
+
+def blocked_out(lines: Sequence[Line], far_u: np.float32, u: F32) -> Bools:
+    """Whether a plane that the ray leaves excludes u; the indicator (13) of sequence O."""
+    blocked = u > far_u
+    for line in lines:
+        blocked = blocked | ((line.b >= 0) & (line.c + line.b * u > 0))
+    return blocked
+
+
+def last_entered(lines: Sequence[Line], near_u: np.float32, u: F32) -> Blocker:
+    """Of the entered planes that exclude u, the one entered last after it."""
+    number = np.zeros(u.shape, np.int32)
+    value = np.maximum(near_u - u, np.float32(0))
+    slope = np.ones(u.shape, np.float32)
+    for j, line in enumerate(lines):
+        f = line.c + line.b * u
+        further = (line.b < 0) & (f > 0) & (f * slope > value * -line.b)
+        number = np.where(further, np.int32(j + 1), number)
+        value = np.where(further, f, value)
+        slope = np.where(further, -line.b, slope)
+    return Blocker(number, value, slope)
+
+
+def first_left(lines: Sequence[Line], far_u: np.float32, u: F32) -> Blocker:
+    """Of the left planes that exclude u, the one left first before it."""
+    number = np.zeros(u.shape, np.int32)
+    value = np.maximum(u - far_u, np.float32(0))
+    slope = np.ones(u.shape, np.float32)
+    for j, line in enumerate(lines):
+        f = line.c + line.b * u
+        further = (line.b >= 0) & (f > 0) & (f * slope > value * line.b)
+        number = np.where(further, np.int32(j + 1), number)
+        value = np.where(further, f, value)
+        slope = np.where(further, line.b, slope)
+    return Blocker(number, value, slope)
+
+
+def cell_of(position: I32, cells: int) -> I32:
+    """The cell whose middle is an odd position."""
+    return (position + np.int32(cells - 1)) >> np.int32(1)
+
+
+def grid_point(cell: I32, steps: int) -> F32:
+    """u of the grid point before a cell."""
+    return ((cell + cell) - np.int32(1 << steps)).astype(np.float32) * np.float32(0.5**steps)
+
+
+def planes_in(
+    lines: Sequence[Line], near_u: np.float32, eye_inside: bool, position: I32, steps: int
+) -> I32:
+    """Entry cell of all half-spaces together from the end of sequence I."""
+    one = np.ones(position.shape, np.float32)
+    cell = np.where(
+        blocked_in(lines, near_u, one),
+        np.int32(1 << steps),
+        cell_of(position, 1 << steps),
+    )
+    inside = eye_inside | ~blocked_in(lines, near_u, -one)
+    return np.where(inside, START, cell)
+
+
+def planes_out(lines: Sequence[Line], far_u: np.float32, position: I32, steps: int) -> I32:
+    """Exit cell of all half-spaces together from the end of sequence O."""
+    one = np.ones(position.shape, np.float32)
+    cell = np.where(
+        blocked_out(lines, far_u, one),
+        cell_of(position, 1 << steps),
+        np.int32(1 << steps),
+    )
+    return np.where(blocked_out(lines, far_u, -one), START, cell)
+
+
+def value_of(a: F32, g: F32, c: F32, u: F32) -> F32:
+    """F at u."""
+    return (a * u + g) * u + c
+
+
+def slope_of(a: F32, g: F32, u: F32) -> F32:
+    """F' at u."""
+    return (a + a) * u + g
+
+
+def visible_point(
+    piece: Cells,
+    entered_f: Bools,
+    left_f: Bools,
+    entered: Blocker,
+    left: Blocker,
+    steps: int,
+) -> Found:
+    """The extra step (20)–(22): what the ray shows of the piece, and where it leaves it."""
+    cells = np.int32(1 << steps)
+    starts_inside = (piece.first == START) | (~entered_f & (entered.number == 0))
+    leaves = (piece.last < cells) & (left_f | (left.number > 0))
+    remains = piece.first < piece.last
+    cell = np.where(starts_inside, piece.last, piece.first)
+    of_f = np.where(starts_inside, left_f, entered_f)
+    number = np.where(starts_inside, left.number, entered.number)
+    return Found(
+        remains & (~starts_inside | leaves),
+        np.where(of_f, np.int32(0), number),
+        (cell + cell) + (np.int32(1) - cells),
+        remains & leaves,
+        (piece.last + piece.last) + (np.int32(1) - cells),
+    )
+
+
+def article_polyhedron(
+    lines: Sequence[Line],
+    near_u: np.float32,
+    far_u: np.float32,
+    eye_inside: bool,
+    steps: int,
+) -> Found:
+    """A polyhedron, system (5): sequences I and O."""
+    shape = lines[0].c.shape
+    in_u, out_u = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    in_at, out_at = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+    step = np.float32(1)
+    for _ in range(steps):
+        step = step * np.float32(0.5)
+        up = blocked_in(lines, near_u, in_u)
+        in_u = in_u + np.where(up, step, -step)
+        in_at = (in_at + in_at) + np.where(up, np.int32(1), np.int32(-1))
+        down = blocked_out(lines, far_u, out_u)
+        out_u = out_u + np.where(down, -step, step)
+        out_at = (out_at + out_at) + np.where(down, np.int32(-1), np.int32(1))
+    piece = Cells(
+        planes_in(lines, near_u, eye_inside, in_at, steps),
+        planes_out(lines, far_u, out_at, steps),
+    )
+    never = np.zeros(shape, bool)
+    return visible_point(
+        piece,
+        never,
+        never,
+        last_entered(lines, near_u, grid_point(piece.first, steps)),
+        first_left(lines, far_u, grid_point(piece.last + np.int32(1), steps)),
+        steps,
+    )
+
+
+def article_quadric(
+    a: F32,
+    g: F32,
+    c: F32,
+    outside: Bools,
+    lines: Sequence[Line],
+    near_u: np.float32,
+    far_u: np.float32,
+    eye_inside: bool,
+    steps: int,
+) -> Found:
+    """A quadric cut by planes, system (4): sequences P1, P2, I and O.
+
+    ``outside`` is the indicator (9): F > 0 where the interval starts.
+    """
+    shape = a.shape
+    sign = np.where(outside, np.float32(1), np.float32(-1))
+    convex = sign * a >= 0
+    ends_outside = (a + g) + c > 0
+    found = ends_outside != outside
+    near_point, far_point = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    in_u, out_u = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    near_at, far_at = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+    in_at, out_at = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+    step = np.float32(1)
+    for _ in range(steps):
+        step = step * np.float32(0.5)
+        near_same = (value_of(a, g, c, near_point) > 0) == outside
+        far_same = (value_of(a, g, c, far_point) > 0) == outside
+        found = found | ~near_same | ~far_same
+        up = near_same & (~convex | (sign * slope_of(a, g, near_point) < 0))
+        near_point = near_point + np.where(up, step, -step)
+        near_at = (near_at + near_at) + np.where(up, np.int32(1), np.int32(-1))
+        down = convex & far_same & (sign * slope_of(a, g, far_point) >= 0)
+        far_point = far_point + np.where(down, -step, step)
+        far_at = (far_at + far_at) + np.where(down, np.int32(-1), np.int32(1))
+        up = blocked_in(lines, near_u, in_u)
+        in_u = in_u + np.where(up, step, -step)
+        in_at = (in_at + in_at) + np.where(up, np.int32(1), np.int32(-1))
+        down = blocked_out(lines, far_u, out_u)
+        out_u = out_u + np.where(down, -step, step)
+        out_at = (out_at + out_at) + np.where(down, np.int32(-1), np.int32(1))
+    cells = np.int32(1 << steps)
+    near_cell, far_cell = cell_of(near_at, 1 << steps), cell_of(far_at, 1 << steps)
+    enter = planes_in(lines, near_u, eye_inside, in_at, steps)
+    leave = planes_out(lines, far_u, out_at, steps)
+
+    f_in = np.where(outside, np.where(found, near_cell, cells), START)
+    f_out = np.where(
+        outside,
+        np.where(convex & ends_outside, far_cell, cells),
+        np.where(found, near_cell, cells),
+    )
+    first = Cells(np.maximum(f_in, enter), np.minimum(f_out, leave))
+    # A concave F that is negative at both ends is in the solid twice.
+    second = ~outside & found & convex & ~ends_outside & (first.first >= first.last)
+    f_in = np.where(second, far_cell, f_in)
+    f_out = np.where(second, cells, f_out)
+    piece = Cells(np.maximum(f_in, enter), np.minimum(f_out, leave))
+
+    u_in = grid_point(piece.first, steps)
+    u_out = grid_point(piece.last + np.int32(1), steps)
+    entered, left = last_entered(lines, near_u, u_in), first_left(lines, far_u, u_out)
+    # In one cell the surface met furthest from the excluded grid point is the one that counts.
+    f_later = value_of(a, g, c, u_in) * entered.slope > entered.value * np.abs(slope_of(a, g, u_in))
+    f_earlier = value_of(a, g, c, u_out) * left.slope > left.value * np.abs(slope_of(a, g, u_out))
+    return visible_point(
+        piece,
+        (f_in > enter) | ((f_in == enter) & f_later),
+        (f_out < leave) | ((f_out == leave) & f_earlier),
+        entered,
+        left,
+        steps,
+    )
+
+
+def article_patch(
+    lines: Sequence[Line], near_u: np.float32, far_u: np.float32, steps: int
+) -> Found:
+    """A bounded plane: (13) and (15), then the extra step (14) at the point that was found.
+
+    The first line is the plane, the others are its bounds.
+    """
+    plane = facing(lines[0].c, lines[0].b, near_u, far_u)
+    u = np.zeros(plane.c.shape, np.float32)
+    position = np.zeros(plane.c.shape, np.int32)
+    step = np.float32(1)
+    for _ in range(steps):
+        step = step * np.float32(0.5)
+        up = plane.c + plane.b * u > 0
+        u = u + np.where(up, step, -step)
+        position = (position + position) + np.where(up, np.int32(1), np.int32(-1))
+    met = plane.hit
+    for line in lines[1:]:
+        met = met & (line.c + line.b * u <= 0)
+    return Found(met, np.zeros(plane.c.shape, np.int32), position, met, position)

@@ -1,0 +1,26 @@
+"""Twin of ``halve.wgsl``: exactly n halvings, (6) and (7), evaluating F anew at every step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.twin.root import Root
+
+F32 = NDArray[np.float32]
+I32 = NDArray[np.int32]
+
+
+def halve(root: Root, steps: int) -> I32:
+    """Position of the root in last steps, an odd integer: u = position 2^-n, within 2^-n."""
+    v = np.zeros(root.c.shape, np.float32)
+    step = np.float32(1)
+    double_a = root.a + root.a
+    double_c = root.c + root.c
+    for _ in range(steps):
+        step = step * np.float32(0.5)
+        slope = double_a * v + root.g
+        double_f = (slope + root.g) * v + double_c
+        v = v + np.where((double_f > 0) & (slope < 0), step, -step)
+    position = (v * np.float32(1 << steps)).astype(np.int32)
+    return np.where(root.flipped, -position, position)

@@ -1,0 +1,32 @@
+"""Twin of ``halve_incremental.wgsl``: exactly n halvings, updating F and F' from step to step.
+
+F and F' stay relative to the current point, so their rounding shrinks with the step: the more
+exact variant for n > 16 (BASEPLANE.md section 2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.twin.root import Root
+
+F32 = NDArray[np.float32]
+I32 = NDArray[np.int32]
+
+
+def halve(root: Root, steps: int) -> I32:
+    """Position of the root in last steps, an odd integer: u = position 2^-n, within 2^-n."""
+    position = np.zeros(root.c.shape, np.int32)
+    step = np.float32(1)
+    value: F32 = root.c
+    slope: F32 = root.g
+    for _ in range(steps):
+        step = step * np.float32(0.5)
+        before = (value > 0) & (slope < 0)
+        move: F32 = np.where(before, step, -step)
+        square = (step * step) * root.a
+        value = (value + move * slope) + square
+        slope = slope + (move + move) * root.a
+        position = (position + position) + np.where(before, np.int32(1), np.int32(-1))
+    return np.where(root.flipped, -position, position)

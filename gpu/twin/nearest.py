@@ -1,0 +1,40 @@
+"""Twin of ``nearest.wgsl``: depths as exact integers, and the nearest visible point."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+I32 = NDArray[np.int32]
+U32 = NDArray[np.uint32]
+Bools = NDArray[np.bool_]
+
+
+class Key(NamedTuple):
+    """A t as a 64-bit fraction of 2^key_bits in two words."""
+
+    high: U32
+    low: U32
+
+
+def depth_key(position: I32, steps: int, start: Key, shift: int) -> Key:
+    """Key of a position in an interval that starts at ``start``; a last step is 2^shift units."""
+    count = (position + np.int32(1 << steps)).astype(np.uint32)
+    wide = count.astype(np.uint64) << np.uint64(shift)
+    wide = wide + (
+        (np.asarray(start.high, np.uint64) << np.uint64(32)) | np.asarray(start.low, np.uint64)
+    )
+    return Key((wide >> np.uint64(32)).astype(np.uint32), wide.astype(np.uint32))
+
+
+def before(key: Key, surface: U32, other: Key, other_surface: U32) -> Bools:
+    """Whether a point is nearer than another; at equal depth the earlier surface of the file."""
+    same_high = key.high == other.high
+    same = same_high & (key.low == other.low)
+    return (
+        (key.high < other.high)
+        | (same_high & (key.low < other.low))
+        | (same & (surface < other_surface))
+    )

@@ -1,0 +1,51 @@
+"""Twin of ``normal.wgsl``: the outward unit normal of the visible surface, world axes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+
+
+class Vector(NamedTuple):
+    """Three components for every pixel."""
+
+    x: F32
+    y: F32
+    z: F32
+
+
+def dot_product(a: Vector, b: Vector) -> F32:
+    """Scalar product, summed from left to right."""
+    return (a.x * b.x + a.y * b.y) + a.z * b.z
+
+
+def scaled(a: Vector, s: F32) -> Vector:
+    """Every component times ``s``."""
+    return Vector(a.x * s, a.y * s, a.z * s)
+
+
+def normalized(a: Vector, fallback: Vector) -> Vector:
+    """Unit vector along ``a``, or ``fallback`` where ``a`` vanishes (the apex of a cone)."""
+    length = np.sqrt(dot_product(a, a))
+    some = length > 0
+    safe = np.where(some, length, np.float32(1))
+    return Vector(
+        np.where(some, a.x / safe, fallback.x),
+        np.where(some, a.y / safe, fallback.y),
+        np.where(some, a.z / safe, fallback.z),
+    )
+
+
+def gradient(k: F32, x: F32, y: F32, u: F32) -> Vector:
+    """Half the gradient of F; ``k`` (18, …): [1, u][1, x, y][axis], x and y pixel offsets."""
+    return Vector(*(_component(k, axis, x, y, u) for axis in range(3)))
+
+
+def _component(k: F32, axis: int, x: F32, y: F32, u: F32) -> F32:
+    constant = (k[axis] + y * k[6 + axis]) + x * k[3 + axis]
+    along = (k[9 + axis] + y * k[15 + axis]) + x * k[12 + axis]
+    return constant + u * along

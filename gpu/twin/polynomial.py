@@ -1,0 +1,35 @@
+"""Twin of ``polynomial.wgsl``: values of the forms at a pixel offset, in float32."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+I32 = NDArray[np.int32]
+
+
+class Offset(NamedTuple):
+    """Pixels from the middle of a solid's rectangle."""
+
+    x: F32
+    y: F32
+
+
+def offset(x: I32, y: I32) -> Offset:
+    """The offset in the arithmetic of the forms; exact below 2^24."""
+    return Offset(x.astype(np.float32), y.astype(np.float32))
+
+
+def quadratic(k: F32, at: Offset) -> F32:
+    """k[0] + k[1] x + k[2] y + k[3] x² + k[4] x y + k[5] y²; ``k`` (6,)."""
+    constant = k[0] + at.y * (k[2] + at.y * k[5])
+    slope = k[1] + at.y * k[4]
+    return constant + at.x * (slope + at.x * k[3])
+
+
+def linear(k: F32, at: Offset) -> F32:
+    """k[0] + k[1] x + k[2] y; ``k`` (3,)."""
+    return (k[0] + at.y * k[2]) + at.x * k[1]

@@ -1,0 +1,16 @@
+"""Twin of ``ray.wgsl``: the projection ray of a pixel, (2), per unit of depth."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.twin.normal import Vector
+
+F32 = NDArray[np.float32]
+
+
+def ray_direction(frame: np.void, i: F32, j: F32) -> Vector:
+    """World direction through pixels (i, j), relative to the eye at depth 1; ``frame``: FRAME."""
+    first, right, down = frame["first_ray"], frame["right"], frame["down"]
+    return Vector(*((first[axis] + i * right[axis]) + j * down[axis] for axis in range(3)))

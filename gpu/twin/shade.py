@@ -1,0 +1,92 @@
+"""Twin of ``shade.wgsl``: Lambert with a Blinn–Phong highlight, linear light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.twin.normal import Vector, dot_product, normalized, scaled
+
+F32 = NDArray[np.float32]
+U32 = NDArray[np.uint32]
+
+# Highlights below this are as good as none; keeping them away from subnormal numbers, which
+# devices may flush, keeps their bits the same.
+FAINT = np.float32(1e-18)
+# Bits of the largest exponent, 1024.
+SHININESS_BITS = 11
+
+
+class Light(NamedTuple):
+    """A light of the frame."""
+
+    vector: F32  # (4,), direction to_light it (w = 0) or position relative to the eye (w = 1)
+    color: F32  # (4,), linear RGB
+
+
+class Finish(NamedTuple):
+    """The material of every pixel."""
+
+    color: Vector
+    specular: F32
+    shininess: U32
+
+
+def power(base: F32, exponent: U32) -> F32:
+    """base^exponent for a base in [0, 1] by squaring, so that every device gives the same bits."""
+    result = np.ones(base.shape, np.float32)
+    square = np.maximum(base, FAINT)
+    for bit in range(SHININESS_BITS):
+        taken = (exponent >> np.uint32(bit)) & np.uint32(1)
+        result = np.where(taken == 1, np.maximum(result * square, FAINT), result)
+        square = np.maximum(square * square, FAINT)
+    return result
+
+
+def shade(
+    normal: Vector,
+    to_eye: Vector,
+    point: Vector,
+    finish: Finish,
+    ambient: F32,
+    lights: Sequence[Light],
+) -> Vector:
+    """Linear colour of a point seen from the eye; ``point`` is relative to the eye.
+
+    The normal is turned to_light the viewer, so that the inside of an opened solid is lit too.
+    """
+    turned = dot_product(normal, to_eye) < 0
+    sign = np.where(turned, np.float32(-1), np.float32(1))
+    toward = scaled(normal, sign)
+    zero = np.zeros(sign.shape, np.float32)
+    diffuse = [zero + ambient[0], zero + ambient[1], zero + ambient[2]]
+    glossy = [zero, zero, zero]
+    for light in lights:
+        to_light = normalized(
+            Vector(
+                light.vector[0] - light.vector[3] * point.x,
+                light.vector[1] - light.vector[3] * point.y,
+                light.vector[2] - light.vector[3] * point.z,
+            ),
+            toward,
+        )
+        lambert = np.maximum(dot_product(toward, to_light), np.float32(0))
+        halfway = normalized(
+            Vector(to_light.x + to_eye.x, to_light.y + to_eye.y, to_light.z + to_eye.z), toward
+        )
+        shine = power(
+            np.minimum(np.maximum(dot_product(toward, halfway), np.float32(0)), np.float32(1)),
+            finish.shininess,
+        )
+        gloss = np.where(lambert > 0, finish.specular * shine, np.float32(0))
+        for channel in range(3):
+            diffuse[channel] = diffuse[channel] + light.color[channel] * lambert
+            glossy[channel] = glossy[channel] + light.color[channel] * gloss
+    return Vector(
+        finish.color.x * diffuse[0] + glossy[0],
+        finish.color.y * diffuse[1] + glossy[1],
+        finish.color.z * diffuse[2] + glossy[2],
+    )

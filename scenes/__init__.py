@@ -1,0 +1,1 @@
+"""The bundled scenes: ``halfstep.load("figure")`` reads ``figure.toml`` from this folder."""

@@ -1,0 +1,69 @@
+"""Fixtures and options of every test."""
+
+from __future__ import annotations
+
+import os
+import random
+import sys
+
+import numpy as np
+import pytest
+
+from halfstep.device import Adapter, choose_adapter
+from halfstep.errors import AdapterError
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--halfstep-seed",
+        type=int,
+        default=1998,
+        help="seed of random tests; -1 takes a new one (it is printed)",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.option.halfstep_seed < 0:
+        config.option.halfstep_seed = random.SystemRandom().randrange(2**32)
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    return f"halfstep seed: {config.option.halfstep_seed}"
+
+
+@pytest.fixture
+def seed(request: pytest.FixtureRequest) -> int:
+    """The seed of a random test, printed where the test fails."""
+    value: int = request.config.option.halfstep_seed
+    sys.stdout.write(f"--halfstep-seed {value}\n")
+    return value
+
+
+@pytest.fixture
+def rng(seed: int) -> np.random.Generator:
+    """Random numbers from `seed`."""
+    return np.random.default_rng(seed)
+
+
+@pytest.fixture(scope="session")
+def adapter() -> Adapter:
+    """The adapter to test on.
+
+    Without one the test is skipped, or fails where lavapipe is expected: a run that was to test
+    the shaders does not pass by not running them.
+    """
+    try:
+        return choose_adapter()
+    except AdapterError as error:
+        if os.environ.get("HALFSTEP_EXPECT_LAVAPIPE") == "1":
+            pytest.fail(str(error))
+        pytest.skip(str(error).splitlines()[0])
+
+
+@pytest.fixture(params=["numpy", "gpu"])
+def backend(request: pytest.FixtureRequest) -> str:
+    """Every back end by its name in `halfstep.render`."""
+    name: str = request.param
+    if name == "gpu":
+        request.getfixturevalue("adapter")
+    return name

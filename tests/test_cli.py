@@ -1,0 +1,421 @@
+"""The command line: what is passed on, what is printed where, and every exit code."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+import halfstep
+import halfstep.api
+from halfstep import device
+from halfstep.cli import main
+from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError
+
+COMMAND = [sys.executable, "-m", "halfstep"]
+
+SPHERE = """
+format = 1
+title = "one sphere"
+[camera]
+center = [0, 0, 5]
+look_at = [0, 0, 0]
+up = [0, 1, 0]
+[image]
+width = 24
+height = 16
+[accuracy]
+steps = 12
+[[light]]
+direction = [1, 1, 1]
+color = [1, 1, 1]
+[[solid]]
+kind = "sphere"
+origin = [0, 0, 0]
+color = [1, 0, 0]
+radius = 1
+"""
+
+Fake = Callable[[Callable[[], object]], list[dict[str, Any]]]
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    path = tmp_path / "sphere.toml"
+    path.write_text(SPHERE)
+    return path
+
+
+@pytest.fixture
+def fake_render(monkeypatch: pytest.MonkeyPatch) -> Fake:
+    """Replaces rendering by a function; returns the list of its calls' arguments."""
+
+    def install(action: Callable[[], object]) -> list[dict[str, Any]]:
+        calls: list[dict[str, Any]] = []
+
+        def render(scene: halfstep.Scene, **options: Any) -> object:
+            calls.append({"scene": scene, **options})
+            return action()
+
+        monkeypatch.setattr(halfstep.api, "render", render)
+        return calls
+
+    return install
+
+
+def frame() -> SimpleNamespace:
+    image = np.full((2, 3, 3), 7, dtype=np.uint8)
+    info = {"adapter": "a card", "wall_ms": 1234.5, "steps": np.array([16, 18])}
+    return SimpleNamespace(image=image, info=info)
+
+
+def failing(error: BaseException) -> Callable[[], object]:
+    def action() -> object:
+        raise error
+
+    return action
+
+
+def last_line(text: str) -> str:
+    return text.splitlines()[-1]
+
+
+# ------------------------------------------------------------------------------------- render
+
+
+def test_what_is_not_given_comes_from_the_scene(
+    scene_file: Path, tmp_path: Path, fake_render: Fake, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls = fake_render(frame)
+    output = tmp_path / "out.png"
+    assert main(["render", str(scene_file), "-o", str(output)]) == 0
+    [call] = calls
+    assert call.pop("scene").title == "one sphere"
+    assert call == {
+        "size": None,
+        "steps": None,
+        "tolerance_pixels": None,
+        "tolerance": None,
+        "number_format": None,
+        "method": None,
+        "samples": None,
+        "outputs": ("image",),
+        "backend": "auto",
+        "adapter": None,
+    }
+    np.testing.assert_array_equal(imageio.imread(output), frame().image)
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", f"{output}: 3x2 in 1.23 s on a card\n")
+
+
+def test_every_option_is_passed_on(scene_file: Path, tmp_path: Path, fake_render: Fake) -> None:
+    calls = fake_render(frame)
+    options = "--size 320x200 --steps 20 --format fixed32 --method article --samples 2"
+    options += " --backend gpu --adapter llvmpipe"
+    output = str(tmp_path / "out.png")
+    assert main(["render", str(scene_file), "--output", output, *options.split()]) == 0
+    [call] = calls
+    del call["scene"]
+    assert call == {
+        "size": (320, 200),
+        "steps": 20,
+        "tolerance_pixels": None,
+        "tolerance": None,
+        "number_format": "fixed32",
+        "method": "article",
+        "samples": 2,
+        "outputs": ("image",),
+        "backend": "gpu",
+        "adapter": "llvmpipe",
+    }
+
+
+@pytest.mark.parametrize("option", ["tolerance", "tolerance_pixels"])
+def test_tolerances_are_passed_on(
+    scene_file: Path, tmp_path: Path, fake_render: Fake, option: str
+) -> None:
+    calls = fake_render(frame)
+    flag = "--" + option.replace("_", "-")
+    assert main(["render", str(scene_file), "-o", str(tmp_path / "o.png"), flag, "0.25"]) == 0
+    assert calls[0][option] == 0.25
+
+
+def test_json_describes_the_result(
+    scene_file: Path, tmp_path: Path, fake_render: Fake, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake_render(frame)
+    output = str(tmp_path / "out.png")
+    assert main(["render", str(scene_file), "-o", output, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "path": output,
+        "size": [3, 2],
+        "info": {"adapter": "a card", "wall_ms": 1234.5, "steps": [16, 18]},
+    }
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("", "halfstep: error: the following arguments are required: COMMAND"),
+        ("render s", "halfstep render: error: the following arguments are required: -o/--output"),
+        ("render -o o.png", "halfstep render: error: the following arguments are required: SCENE"),
+        (
+            "render s -o o.png --size 640",
+            "halfstep render: error: argument --size: '640' is not WxH, as 640x480",
+        ),
+        (
+            "render s -o o.png --size 640x-1",
+            "halfstep render: error: argument --size: '640x-1' is not WxH, as 640x480",
+        ),
+        (
+            "render s -o o.png --steps 1.5",
+            "halfstep render: error: argument --steps: invalid int value: '1.5'",
+        ),
+        (
+            "render s -o o.png --steps 8 --tolerance 1",
+            "halfstep render: error: argument --tolerance: not allowed with argument --steps",
+        ),
+        ("render s -o o.png --outputs z", "halfstep: error: unrecognized arguments: --outputs z"),
+    ],
+)
+def test_bad_usage_exits_2(
+    arguments: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments.split()) == 2
+    out, err = capsys.readouterr()
+    assert (out, last_line(err)) == ("", message)
+
+
+@pytest.mark.parametrize("option", ["--format", "--method", "--backend"])
+def test_unknown_choices_exit_2(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "s", "-o", "o.png", option, "best"]) == 2
+    expected = f"halfstep render: error: argument {option}: invalid choice: 'best' (choose from "
+    assert last_line(capsys.readouterr().err).startswith(expected)
+
+
+@pytest.mark.parametrize("name", ["out.jpg", "none/out.png"])
+def test_a_bad_output_is_refused_before_rendering(
+    scene_file: Path,
+    tmp_path: Path,
+    fake_render: Fake,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+) -> None:
+    calls = fake_render(frame)
+    assert main(["render", str(scene_file), "-o", str(tmp_path / name)]) == 2
+    assert not calls
+    assert capsys.readouterr().err.startswith(f"{tmp_path / name}: ")
+    assert os.listdir(tmp_path) == ["sphere.toml"]
+
+
+def test_a_bad_scene_lists_its_faults(
+    scene_file: Path, tmp_path: Path, fake_render: Fake, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls = fake_render(frame)
+    scene_file.write_text(SPHERE.replace("radius = 1", "radius = -1\nweight = 3"))
+    with pytest.raises(SceneError) as caught:
+        halfstep.load(scene_file)
+    assert len(caught.value.faults) == 2
+    assert main(["render", str(scene_file), "-o", str(tmp_path / "out.png")]) == 2
+    assert not calls
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", "\n".join(caught.value.faults) + "\n")
+    assert os.listdir(tmp_path) == ["sphere.toml"]
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (HalfstepError("failed"), 1, "failed"),
+        (SceneError("a: b", "c: d"), 2, "a: b\nc: d"),
+        (AdapterError("none"), 3, "none"),
+        (DeviceError("lost"), 4, "lost"),
+        (MemoryError(), 1, "not enough memory for this picture"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_failures_exit_with_their_code_and_write_nothing(
+    scene_file: Path,
+    tmp_path: Path,
+    fake_render: Fake,
+    capsys: pytest.CaptureFixture[str],
+    error: BaseException,
+    code: int,
+    message: str,
+) -> None:
+    fake_render(failing(error))
+    output = tmp_path / "out.png"
+    output.write_bytes(b"before")
+    assert main(["render", str(scene_file), "-o", str(output)]) == code
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", message + "\n")
+    assert output.read_bytes() == b"before"
+    assert sorted(os.listdir(tmp_path)) == ["out.png", "sphere.toml"]
+
+
+def test_warnings_are_one_line(
+    scene_file: Path, tmp_path: Path, fake_render: Fake, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import warnings
+
+    def warn() -> object:
+        warnings.simplefilter("always")
+        warnings.warn("no adapter", stacklevel=1)
+        return frame()
+
+    fake_render(warn)
+    assert main(["render", str(scene_file), "-o", str(tmp_path / "out.png")]) == 0
+    assert capsys.readouterr().err.splitlines()[0] == "warning: no adapter"
+
+
+def test_a_scene_becomes_a_picture(
+    scene_file: Path, tmp_path: Path, backend: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "out.png"
+    options = ["-o", str(output), "--backend", backend, "--json"]
+    assert main(["render", str(scene_file), *options]) == 0
+    image = imageio.imread(output)
+    assert image.shape == (16, 24, 3)
+    assert image.dtype == np.uint8
+    assert image[8, 12, 0] > image[0, 0, 0]
+    expected = halfstep.render(halfstep.load(scene_file), backend=backend).image
+    np.testing.assert_array_equal(image, expected)
+    result = json.loads(capsys.readouterr().out)
+    assert result["path"] == str(output)
+    assert result["size"] == [24, 16]
+    assert result["info"]["version"] == halfstep.__version__
+
+
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [("--steps 31", "steps"), ("--size 0x9", "size"), ("--samples 9", "samples")],
+)
+def test_options_outside_their_range_exit_2(
+    scene_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: str,
+    name: str,
+) -> None:
+    output = tmp_path / "out.png"
+    assert main(["render", str(scene_file), "-o", str(output), *options.split()]) == 2
+    assert capsys.readouterr().err.startswith(name)
+    assert not output.exists()
+
+
+def test_an_adapter_that_is_not_there_exits_3(
+    scene_file: Path, tmp_path: Path, adapter: device.Adapter, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "out.png"
+    options = ["-o", str(output), "--backend", "gpu", "--adapter", "no such card"]
+    assert main(["render", str(scene_file), *options]) == 3
+    err = capsys.readouterr().err
+    assert err.startswith("adapter 'no such card': no such adapter; the adapters are\n")
+    assert str(adapter.summary) in err
+    assert not output.exists()
+
+
+def test_ctrl_c_leaves_nothing(tmp_path: Path, backend: str) -> None:
+    output = tmp_path / "out.png"
+    options = ["render", "gallery", "-o", str(output), "--size", "8192x8192", "--backend", backend]
+    process = subprocess.Popen(COMMAND + options, stderr=subprocess.PIPE, text=True)
+    time.sleep(2)
+    assert process.poll() is None, "the picture is too small for this test"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, "interrupted\n")
+    assert not os.listdir(tmp_path)
+
+
+# ---------------------------------------------------------------------------- the other commands
+
+
+def test_doctor_tells_what_is_chosen(
+    adapter: device.Adapter, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["doctor"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    lines = out.splitlines()
+    assert lines[0].startswith(f"halfstep {halfstep.__version__}, Python ")
+    assert f"chosen: adapter {adapter.summary.index}, {adapter.reason}" in lines
+    assert f"adapter {adapter.summary.index}: {adapter.summary.name}" in out
+
+
+def test_doctor_for_machines(adapter: device.Adapter, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["chosen"] == adapter.summary.index
+    assert report["halfstep"] == halfstep.__version__
+    assert {"python", "numpy", "wgpu", "wgpu_native", "adapters", "features"} <= report.keys()
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_doctor_without_a_driver_tells_how_to_get_one(options: list[str]) -> None:
+    environ = dict(os.environ, VK_DRIVER_FILES="none", VK_ICD_FILENAMES="none")
+    environ.pop("HALFSTEP_EXPECT_LAVAPIPE", None)
+    result = subprocess.run(
+        [*COMMAND, "doctor", *options], env=environ, capture_output=True, text=True, check=False
+    )
+    assert (result.returncode, result.stderr) == (3, device.NO_ADAPTER + "\n")
+    if options:
+        report = json.loads(result.stdout)
+        assert (report["adapters"], report["chosen"]) == ([], None)
+        assert report["environment"]["VK_DRIVER_FILES"] == "none"
+    else:
+        assert "VK_DRIVER_FILES=none\n" in result.stdout
+        assert "chosen" not in result.stdout
+
+
+def test_scenes_lists_names_and_titles(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenes"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    names = [line.split()[0] for line in lines]
+    assert names == sorted(names)
+    assert {"figure", "gallery", "crowd"} <= set(names)
+    assert main(["scenes", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [entry["name"] for entry in listed] == names
+    for entry, line in zip(listed, lines, strict=True):
+        assert line == f"{entry['name']:{max(map(len, names))}}  {entry['title']}".rstrip()
+
+
+def test_schema_is_a_json_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema["type"] == "object"
+    assert {"format", "camera", "solid"} <= schema["properties"].keys()
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"halfstep {halfstep.__version__}\n"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["render", "--help"], ["doctor", "--help"]])
+def test_help(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.startswith("usage: halfstep")
+
+
+def test_a_reader_that_leaves_early_sees_no_traceback() -> None:
+    process = subprocess.Popen(
+        [*COMMAND, "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert process.stderr.read() == ""
+    process.stderr.close()
+    assert process.wait(timeout=60) == 1

@@ -1,0 +1,1 @@
+"""The shader text of Halfstep, one file per stage and per shared set of functions."""

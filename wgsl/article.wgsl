@@ -1,0 +1,272 @@
+// Forms and half-spaces -> the visible point by the paper's own sequences, all at once.
+//
+// P1 and P2 follow F, (16)-(19); I and O follow the half-spaces, (13).  A result is a cell of the
+// grid of 2^n: grid points up to an entry cell are outside, grid points after an exit cell are
+// outside.  A piece of the ray is in the solid if a grid point is; (20)-(22) become the order of
+// the cells.
+
+const START: i32 = -1;
+
+// A half-space along the ray: inside where c + b u <= 0.
+struct Line {
+  c: f4,
+  b: f4,
+}
+
+alias Lines = array<Line, MAX_LINES>;
+
+// The visible point and the point where the ray leaves the solid after it.
+struct Found {
+  hit: b4,
+  surface: i4,  // 0 is F, half-spaces count from 1
+  position: i4,  // odd integer: u = position 2^-n
+  left: b4,  // the ray leaves through a surface before the far base plane
+  exit_position: i4,
+}
+
+// Entry and exit cells of one piece.
+struct Cells {
+  first: i4,
+  last: i4,
+}
+
+// A plane that still excludes a grid point, the one met furthest from it.
+struct Blocker {
+  number: i4,  // 0 is a base plane
+  value: f4,
+  slope: f4,  // magnitude
+}
+
+// Whether a plane that the ray enters excludes u; the indicator (13) of sequence I.
+fn blocked_in(lines: ptr<function, Lines>, count: u32, near_u: f32, u: f4) -> b4 {
+  var blocked = u < f4(near_u);
+  for (var j = 0u; j < count; j++) {
+    let line = (*lines)[j];
+    blocked = blocked | ((line.b < f4(0.0)) & (line.c + line.b * u > f4(0.0)));
+  }
+  return blocked;
+}
+
+// Whether a plane that the ray leaves excludes u; the indicator (13) of sequence O.
+fn blocked_out(lines: ptr<function, Lines>, count: u32, far_u: f32, u: f4) -> b4 {
+  var blocked = u > f4(far_u);
+  for (var j = 0u; j < count; j++) {
+    let line = (*lines)[j];
+    blocked = blocked | ((line.b >= f4(0.0)) & (line.c + line.b * u > f4(0.0)));
+  }
+  return blocked;
+}
+
+// Of the entered planes that exclude u, the one entered last after it.
+fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: f32, u: f4) -> Blocker {
+  var found = Blocker(i4(0), max(near_u - u, f4(0.0)), f4(1.0));
+  for (var j = 0u; j < count; j++) {
+    let line = (*lines)[j];
+    let f = line.c + line.b * u;
+    let further = (line.b < f4(0.0)) & (f > f4(0.0)) & (f * found.slope > found.value * -line.b);
+    found = Blocker(
+      select(found.number, i4(i32(j) + 1), further),
+      select(found.value, f, further),
+      select(found.slope, -line.b, further),
+    );
+  }
+  return found;
+}
+
+// Of the left planes that exclude u, the one left first before it.
+fn first_left(lines: ptr<function, Lines>, count: u32, far_u: f32, u: f4) -> Blocker {
+  var found = Blocker(i4(0), max(u - far_u, f4(0.0)), f4(1.0));
+  for (var j = 0u; j < count; j++) {
+    let line = (*lines)[j];
+    let f = line.c + line.b * u;
+    let further = (line.b >= f4(0.0)) & (f > f4(0.0)) & (f * found.slope > found.value * line.b);
+    found = Blocker(
+      select(found.number, i4(i32(j) + 1), further),
+      select(found.value, f, further),
+      select(found.slope, line.b, further),
+    );
+  }
+  return found;
+}
+
+// The cell whose middle is an odd position.
+fn cell_of(position: i4, cells: i32) -> i4 {
+  return (position + i4(cells - 1)) >> u4(1u);
+}
+
+// u of the grid point before a cell.
+fn grid_point(cell: i4, steps: u32, last_step: f32) -> f4 {
+  return f4((cell + cell) - i4(1i << steps)) * last_step;
+}
+
+// Entry cell of all half-spaces together from the end of sequence I.
+fn planes_in(lines: ptr<function, Lines>, count: u32, near_u: f32, eye_inside: bool, position: i4, steps: u32) -> i4 {
+  let cells = 1i << steps;
+  let cell = select(
+    cell_of(position, cells),
+    i4(cells),
+    blocked_in(lines, count, near_u, f4(1.0)),
+  );
+  let inside = b4(eye_inside) | !blocked_in(lines, count, near_u, f4(-1.0));
+  return select(cell, i4(START), inside);
+}
+
+// Exit cell of all half-spaces together from the end of sequence O.
+fn planes_out(lines: ptr<function, Lines>, count: u32, far_u: f32, position: i4, steps: u32) -> i4 {
+  let cells = 1i << steps;
+  let cell = select(
+    i4(cells),
+    cell_of(position, cells),
+    blocked_out(lines, count, far_u, f4(1.0)),
+  );
+  return select(cell, i4(START), blocked_out(lines, count, far_u, f4(-1.0)));
+}
+
+// F at u.
+fn value_of(a: f4, g: f4, c: f4, u: f4) -> f4 {
+  return (a * u + g) * u + c;
+}
+
+// F' at u.
+fn slope_of(a: f4, g: f4, u: f4) -> f4 {
+  return (a + a) * u + g;
+}
+
+// The extra step (20)-(22): what the ray shows of the piece, and where it leaves it.
+fn visible_point(piece: Cells, entered_f: b4, left_f: b4, entered: Blocker, left: Blocker, steps: u32) -> Found {
+  let cells = i4(1i << steps);
+  let starts_inside = (piece.first == i4(START)) | (!entered_f & (entered.number == i4(0)));
+  let leaves = (piece.last < cells) & (left_f | (left.number > i4(0)));
+  let some = piece.first < piece.last;
+  let cell = select(piece.first, piece.last, starts_inside);
+  let of_f = select(entered_f, left_f, starts_inside);
+  let number = select(entered.number, left.number, starts_inside);
+  return Found(
+    some & (!starts_inside | leaves),
+    select(number, i4(0), of_f),
+    (cell + cell) + (i4(1) - cells),
+    some & leaves,
+    (piece.last + piece.last) + (i4(1) - cells),
+  );
+}
+
+// A polyhedron, system (5): sequences I and O.
+fn article_polyhedron(lines: ptr<function, Lines>, count: u32, near_u: f32, far_u: f32, eye_inside: bool, steps: u32, last_step: f32) -> Found {
+  var in_u = f4(0.0);
+  var out_u = f4(0.0);
+  var in_at = i4(0);
+  var out_at = i4(0);
+  var step = 1.0;
+  for (var k = 0u; k < steps; k++) {
+    step = step * 0.5;
+    let up = blocked_in(lines, count, near_u, in_u);
+    in_u = in_u + select(f4(-step), f4(step), up);
+    in_at = (in_at + in_at) + select(i4(-1), i4(1), up);
+    let down = blocked_out(lines, count, far_u, out_u);
+    out_u = out_u + select(f4(step), f4(-step), down);
+    out_at = (out_at + out_at) + select(i4(1), i4(-1), down);
+  }
+  let piece = Cells(
+    planes_in(lines, count, near_u, eye_inside, in_at, steps),
+    planes_out(lines, count, far_u, out_at, steps),
+  );
+  return visible_point(
+    piece,
+    b4(false),
+    b4(false),
+    last_entered(lines, count, near_u, grid_point(piece.first, steps, last_step)),
+    first_left(lines, count, far_u, grid_point(piece.last + i4(1), steps, last_step)),
+    steps,
+  );
+}
+
+// A quadric cut by planes, system (4): sequences P1, P2, I and O.  `outside` is the indicator
+// (9): F > 0 where the interval starts.
+fn article_quadric(a: f4, g: f4, c: f4, outside: b4, lines: ptr<function, Lines>, count: u32, near_u: f32, far_u: f32, eye_inside: bool, steps: u32, last_step: f32) -> Found {
+  let sign = select(f4(-1.0), f4(1.0), outside);
+  let convex = sign * a >= f4(0.0);
+  let ends_outside = (a + g) + c > f4(0.0);
+  var found = ends_outside != outside;
+  var near_point = f4(0.0);
+  var far_point = f4(0.0);
+  var in_u = f4(0.0);
+  var out_u = f4(0.0);
+  var near_at = i4(0);
+  var far_at = i4(0);
+  var in_at = i4(0);
+  var out_at = i4(0);
+  var step = 1.0;
+  for (var k = 0u; k < steps; k++) {
+    step = step * 0.5;
+    let near_same = (value_of(a, g, c, near_point) > f4(0.0)) == outside;
+    let far_same = (value_of(a, g, c, far_point) > f4(0.0)) == outside;
+    found = found | !near_same | !far_same;
+    let near_up = near_same & (!convex | (sign * slope_of(a, g, near_point) < f4(0.0)));
+    near_point = near_point + select(f4(-step), f4(step), near_up);
+    near_at = (near_at + near_at) + select(i4(-1), i4(1), near_up);
+    let far_down = convex & far_same & (sign * slope_of(a, g, far_point) >= f4(0.0));
+    far_point = far_point + select(f4(step), f4(-step), far_down);
+    far_at = (far_at + far_at) + select(i4(1), i4(-1), far_down);
+    let in_up = blocked_in(lines, count, near_u, in_u);
+    in_u = in_u + select(f4(-step), f4(step), in_up);
+    in_at = (in_at + in_at) + select(i4(-1), i4(1), in_up);
+    let out_down = blocked_out(lines, count, far_u, out_u);
+    out_u = out_u + select(f4(step), f4(-step), out_down);
+    out_at = (out_at + out_at) + select(i4(1), i4(-1), out_down);
+  }
+  let cells = 1i << steps;
+  let near_cell = cell_of(near_at, cells);
+  let far_cell = cell_of(far_at, cells);
+  let enter = planes_in(lines, count, near_u, eye_inside, in_at, steps);
+  let leave = planes_out(lines, count, far_u, out_at, steps);
+
+  var f_in = select(i4(START), select(i4(cells), near_cell, found), outside);
+  var f_out = select(
+    select(i4(cells), near_cell, found),
+    select(i4(cells), far_cell, convex & ends_outside),
+    outside,
+  );
+  let first = Cells(max(f_in, enter), min(f_out, leave));
+  // A concave F that is negative at both ends is in the solid twice.
+  let second = !outside & found & convex & !ends_outside & (first.first >= first.last);
+  f_in = select(f_in, far_cell, second);
+  f_out = select(f_out, i4(cells), second);
+  let piece = Cells(max(f_in, enter), min(f_out, leave));
+
+  let u_in = grid_point(piece.first, steps, last_step);
+  let u_out = grid_point(piece.last + i4(1), steps, last_step);
+  let entered = last_entered(lines, count, near_u, u_in);
+  let left = first_left(lines, count, far_u, u_out);
+  // In one cell the surface met furthest from the excluded grid point is the one that counts.
+  let f_later = value_of(a, g, c, u_in) * entered.slope > entered.value * abs(slope_of(a, g, u_in));
+  let f_earlier = value_of(a, g, c, u_out) * left.slope > left.value * abs(slope_of(a, g, u_out));
+  return visible_point(
+    piece,
+    (f_in > enter) | ((f_in == enter) & f_later),
+    (f_out < leave) | ((f_out == leave) & f_earlier),
+    entered,
+    left,
+    steps,
+  );
+}
+
+// A bounded plane: (13) and (15), then the extra step (14) at the point that was found.  The
+// first line is the plane, the others are its bounds.
+fn article_patch(lines: ptr<function, Lines>, count: u32, near_u: f32, far_u: f32, steps: u32) -> Found {
+  let plane = facing((*lines)[0].c, (*lines)[0].b, near_u, far_u);
+  var u = f4(0.0);
+  var position = i4(0);
+  var step = 1.0;
+  for (var k = 0u; k < steps; k++) {
+    step = step * 0.5;
+    let up = plane.c + plane.b * u > f4(0.0);
+    u = u + select(f4(-step), f4(step), up);
+    position = (position + position) + select(i4(-1), i4(1), up);
+  }
+  var met = plane.hit;
+  for (var j = 1u; j < count; j++) {
+    let line = (*lines)[j];
+    met = met & (line.c + line.b * u <= f4(0.0));
+  }
+  return Found(met, i4(0), position, met, position);
+}

@@ -1,0 +1,27 @@
+// Positions -> depths as exact integers, and the nearest visible point.
+
+// A t as a 64-bit fraction of 2^key_bits in two words.
+struct Key {
+  high: u4,
+  low: u4,
+}
+
+// Key of a position in an interval that starts at `start`; a last step is 2^shift units.
+fn depth_key(position: i4, steps: u32, start_high: u32, start_low: u32, shift: u32) -> Key {
+  let count = u4(position + i4(1i << steps));
+  // A shift by 32 or more is not defined, so each word has its own.
+  let low_part = select(count << u4(shift & 31u), u4(0u), shift >= 32u);
+  let carried = select((count >> u4(31u - (shift & 31u))) >> u4(1u), count << u4(shift & 31u), shift >= 32u);
+  let low = low_part + u4(start_low);
+  let carry = select(u4(0u), u4(1u), low < low_part);
+  return Key(carried + u4(start_high) + carry, low);
+}
+
+// Whether a point is nearer than another; at equal depth the earlier surface of the file.
+fn before(key: Key, surface: u4, other: Key, other_surface: u4) -> b4 {
+  let same_high = key.high == other.high;
+  let same = same_high & (key.low == other.low);
+  return (key.high < other.high)
+    | (same_high & (key.low < other.low))
+    | (same & (surface < other_surface));
+}

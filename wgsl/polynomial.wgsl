@@ -1,0 +1,26 @@
+// Coefficients and a pixel offset -> values of the forms, in float32.
+
+alias Coefficient = f32;
+
+// Pixels from the middle of a solid's rectangle.
+struct Offset {
+  x: f4,
+  y: f32,
+}
+
+// The offset in the arithmetic of the forms; exact below 2^24.
+fn offset(x: i4, y: i32) -> Offset {
+  return Offset(f4(x), f32(y));
+}
+
+// k[0] + k[1] x + k[2] y + k[3] x² + k[4] x y + k[5] y²
+fn quadratic(k: array<Coefficient, 6>, at: Offset) -> f4 {
+  let constant = k[0] + at.y * (k[2] + at.y * k[5]);
+  let slope = k[1] + at.y * k[4];
+  return constant + at.x * (slope + at.x * k[3]);
+}
+
+// k[0] + k[1] x + k[2] y
+fn linear(k: array<Coefficient, 3>, at: Offset) -> f4 {
+  return (k[0] + at.y * k[2]) + at.x * k[1];
+}

@@ -1,0 +1,71 @@
+// A normal, a point and a material -> linear colour: Lambert with a Blinn-Phong highlight.
+
+// Highlights below this are as good as none; keeping them away from subnormal numbers, which
+// devices may flush, keeps their bits the same.
+const FAINT: f32 = 1e-18;
+// Bits of the largest exponent, 1024.
+const SHININESS_BITS: u32 = 11u;
+
+// The material of each of four pixels.
+struct Finish {
+  color: Vector,
+  specular: f4,
+  shininess: u4,
+}
+
+// base^exponent for a base in [0, 1] by squaring, so that every device gives the same bits.
+fn power(base: f4, exponent: u4) -> f4 {
+  var result = f4(1.0);
+  var square = max(base, f4(FAINT));
+  for (var bit = 0u; bit < SHININESS_BITS; bit++) {
+    let taken = ((exponent >> u4(bit)) & u4(1u)) == u4(1u);
+    result = select(result, max(result * square, f4(FAINT)), taken);
+    square = max(square * square, f4(FAINT));
+  }
+  return result;
+}
+
+// Linear colour of a point seen from the eye; `point` is relative to the eye.  The normal is
+// turned towards the viewer, so that the inside of an opened solid is lit too.
+fn shade(normal: Vector, to_eye: Vector, point: Vector, finish: Finish) -> Vector {
+  let turned = dot_product(normal, to_eye) < f4(0.0);
+  let toward = scaled(normal, select(f4(1.0), f4(-1.0), turned));
+  var diffuse = Vector(f4(frame.ambient.x), f4(frame.ambient.y), f4(frame.ambient.z));
+  var glossy = Vector(f4(0.0), f4(0.0), f4(0.0));
+  for (var ix = 0u; ix < LIGHTS; ix++) {
+    let light = lights[ix];
+    let to_light = normalized(
+      Vector(
+        light.vector.x - light.vector.w * point.x,
+        light.vector.y - light.vector.w * point.y,
+        light.vector.z - light.vector.w * point.z,
+      ),
+      toward,
+    );
+    let lambert = max(dot_product(toward, to_light), f4(0.0));
+    diffuse = Vector(
+      diffuse.x + light.color.x * lambert,
+      diffuse.y + light.color.y * lambert,
+      diffuse.z + light.color.z * lambert,
+    );
+    if HIGHLIGHTS {
+      let halfway = normalized(
+        Vector(to_light.x + to_eye.x, to_light.y + to_eye.y, to_light.z + to_eye.z),
+        toward,
+      );
+      let cosine = min(max(dot_product(toward, halfway), f4(0.0)), f4(1.0));
+      let shine = finish.specular * power(cosine, finish.shininess);
+      let gloss = select(f4(0.0), shine, lambert > f4(0.0));
+      glossy = Vector(
+        glossy.x + light.color.x * gloss,
+        glossy.y + light.color.y * gloss,
+        glossy.z + light.color.z * gloss,
+      );
+    }
+  }
+  return Vector(
+    finish.color.x * diffuse.x + glossy.x,
+    finish.color.y * diffuse.y + glossy.y,
+    finish.color.z * diffuse.z + glossy.z,
+  );
+}
