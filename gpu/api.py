@@ -8,23 +8,23 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from halfstep import __version__, run_twin
 from halfstep import camera as cameras
 from halfstep import geometry as geometries
-from halfstep.device import choose_adapter
+from halfstep.accuracy import USEFUL_STEPS, steps_for
+from halfstep.device import choose_adapter, is_requested
 from halfstep.errors import AdapterError, UsageError
 from halfstep.frame import AVERAGED, SOURCES, Array, Frame, arrays_of, check_outputs, device_outputs
 from halfstep.layout import TILE
-from halfstep.pack import FLOAT_STEPS, Packed, pack, srgb_table, surfaces
+from halfstep.pack import Packed, pack, srgb_table, surfaces
 from halfstep.scene import Camera, Scene, with_overrides
 from halfstep.setup import setup
 from halfstep.twin import encode
 from halfstep.twin.normal import Vector
 
 BACKENDS = ("auto", "gpu", "numpy")
-# Halvings where a scene states no accuracy.
-DEFAULT_STEPS = 16
 
 
 def render(
@@ -117,11 +117,17 @@ class Renderer:
             camera=camera,
         )
         self._outputs = check_outputs(outputs)
-        self._steps = _steps(self._scene)
+        number_format = self._scene.accuracy.number_format
+        if number_format != "float32":
+            raise UsageError(
+                f"accuracy.number_format: {number_format} is not available yet; use float32"
+            )
         self._geometry = geometries.build(self._scene)
         self._volume = geometries.volume_box(self._scene, self._geometry)
         self._tables = surfaces(self._scene, self._geometry)
-        self._device = _device(backend, adapter, exact=self._steps > FLOAT_STEPS)
+        self._device = _device(backend, adapter)
+        self._told: set[int] = set()
+        self._closed = False
 
     def __enter__(self) -> Self:
         return self
@@ -134,14 +140,18 @@ class Renderer:
         if self._device is not None:
             self._device.close()
             self._device = None
+        self._closed = True
 
     def render(self, *, camera: Camera | Mapping[str, Any] | None = None) -> Frame:
         """The frame seen by ``camera``, by default the scene's.
 
         Raises:
             SceneError: the camera is not valid.
+            UsageError: the renderer is closed.
             DeviceError: the device was lost or the driver failed.
         """
+        if self._closed:
+            raise UsageError("the renderer is closed")
         begin = time.perf_counter()
         scene = self._scene if camera is None else with_overrides(self._scene, camera=camera)
         image = scene.image
@@ -149,7 +159,7 @@ class Renderer:
         averaged = [name for name in self._outputs if name in AVERAGED and samples > 1]
         plain = [name for name in self._outputs if name not in averaged]
         arrays: dict[str, Array] = {}
-        device_ms = 0.0
+        times: list[float] = []
         for names, factor in ((plain, 1), (averaged, samples)):
             if not names:
                 continue
@@ -157,21 +167,38 @@ class Renderer:
             bands = []
             for band, milliseconds in self._bands(scene, packed, names, factor):
                 bands.append(band)
-                device_ms += milliseconds
+                if milliseconds is not None:
+                    times.append(milliseconds)
             arrays |= {name: np.concatenate([band[name] for band in bands]) for name in names}
         arrays = {name: arrays[name] for name in self._outputs}
-        return Frame(arrays, self._info(scene, device_ms, begin))
+        return Frame(arrays, self._info(scene, packed, times, begin))
 
     def _pack(self, scene: Scene, size: tuple[int, int]) -> Packed:
         view = cameras.view(scene.camera, size)
         near, far = cameras.base_planes(view, *self._volume)
         constants = setup(self._geometry, view, near, far)
-        return pack(scene, self._geometry, self._tables, constants, self._steps)
+        steps = steps_for(scene, constants)
+        self._tell_short(scene, constants.solid[steps.short], steps.reached[steps.short])
+        return pack(scene, self._geometry, self._tables, constants, steps.count)
+
+    def _tell_short(
+        self, scene: Scene, solids: NDArray[np.int64], reached: NDArray[np.float64]
+    ) -> None:
+        """Say once of each solid whose tolerance float32 cannot meet what it gets instead."""
+        for ix, error in zip(solids.tolist(), reached.tolist(), strict=True):
+            if ix not in self._told:
+                self._told.add(ix)
+                name = scene.solids[ix].name or f"solid[{ix}]"
+                warnings.warn(
+                    f"{name}: the tolerance needs more than {USEFUL_STEPS} steps; "
+                    f"its depth error is at most about {error:.3g} instead",
+                    stacklevel=3,
+                )
 
     def _bands(
         self, scene: Scene, packed: Packed, names: list[str], samples: int
-    ) -> Iterator[tuple[dict[str, Array], float]]:
-        """Frame arrays of one band of rows after another, with the device time in ms."""
+    ) -> Iterator[tuple[dict[str, Array], float | None]]:
+        """Frame arrays of one band of rows after another, with the device time in ms if known."""
         view = packed.setup.view
         wanted = ["color"] if samples > 1 else names
         outputs = device_outputs(wanted)
@@ -181,11 +208,12 @@ class Renderer:
             rows = self._device.band_rows(view.width, outputs)
         else:
             rows = max(TILE, (1 << 20) // view.width // TILE * TILE)
-        rows *= samples  # whole pixels, whole tiles
+        # Whole pixels and whole tiles of sub-pixels.
+        rows = max(rows // (TILE * samples), 1) * TILE * samples
         for first in range(0, view.height, rows):
             count = min(rows, view.height - first)
             job = (scene, packed, first, count, method, outputs)
-            milliseconds: float | None = 0.0
+            milliseconds = None
             if self._device is not None:
                 planes, milliseconds = self._device.render_band(*job)
             else:
@@ -193,33 +221,30 @@ class Renderer:
             arrays = arrays_of(wanted, planes, packed, self._tables, first)
             if samples > 1:
                 arrays = _averaged(arrays["color"], samples, names)
-            yield arrays, milliseconds or 0.0
+            yield arrays, milliseconds
 
-    def _info(self, scene: Scene, device_ms: float, begin: float) -> dict[str, Any]:
+    def _info(
+        self, scene: Scene, packed: Packed, times: list[float], begin: float
+    ) -> dict[str, Any]:
+        steps = np.zeros(len(scene.solids), np.int64)
+        steps[packed.setup.solid[packed.order]] = packed.solids["steps"]
         info: dict[str, Any] = {"adapter": "numpy", "driver": f"NumPy {np.__version__}"}
         if self._device is not None:
             summary = self._device.adapter.summary
-            info = {"adapter": summary.name, "driver": summary.driver, "device_ms": device_ms}
+            info = {"adapter": summary.name, "driver": summary.driver}
+        if times:
+            info["device_ms"] = sum(times)
         return info | {
             "number_format": scene.accuracy.number_format,
             "method": scene.accuracy.method,
-            "steps": [self._steps] * len(scene.solids),
+            "steps": steps.tolist(),
             "wall_ms": (time.perf_counter() - begin) * 1e3,
             "scene_sha256": scene.sha256,
             "version": __version__,
         }
 
 
-def _steps(scene: Scene) -> int:
-    accuracy = scene.accuracy
-    if accuracy.number_format != "float32":
-        raise UsageError(
-            f"accuracy.number_format: {accuracy.number_format} is not available yet; use float32"
-        )
-    return DEFAULT_STEPS if accuracy.steps is None else accuracy.steps
-
-
-def _device(backend: str, adapter: str | int | None, *, exact: bool) -> Any:
+def _device(backend: str, adapter: str | int | None) -> Any:
     """The device of a backend, None for the twin."""
     if backend not in BACKENDS:
         raise UsageError(f"backend: {backend!r} is not one of {', '.join(BACKENDS)}")
@@ -228,12 +253,14 @@ def _device(backend: str, adapter: str | int | None, *, exact: bool) -> Any:
     from halfstep.run_gpu import Device
 
     try:
-        return Device(choose_adapter(adapter), exact=exact)
+        return Device(choose_adapter(adapter))
     except AdapterError as error:
-        if backend == "gpu" or adapter is not None:
+        if backend == "gpu" or is_requested(adapter):
             raise
         reason = str(error).splitlines()[0]
-        warnings.warn(f"rendering with NumPy, slowly: {reason}", stacklevel=4)
+        warnings.warn(
+            f"rendering with NumPy, slowly: {reason} (see `halfstep doctor`)", stacklevel=4
+        )
         return None
 
 

@@ -42,7 +42,8 @@ MESA = """\
   Arch            sudo pacman -S vulkan-swrast vulkan-icd-loader
   conda           conda install -c conda-forge mesalib libvulkan-loader"""
 NO_ADAPTER = f"""\
-no Vulkan adapter found. A graphics card needs its maker's driver; Mesa's needs no card:
+no Vulkan adapter found
+A graphics card needs its maker's driver; Mesa's needs no card:
 {MESA}
 Without a driver, the backend "numpy" renders the same picture slowly."""
 
@@ -140,6 +141,14 @@ def select_adapter(
         return candidates[0], "the only adapter"
     best = min(candidates, key=lambda adapter: PREFERENCE.index(adapter.kind))
     return best, f"the first of kind {best.kind}; the order is {', '.join(PREFERENCE)}"
+
+
+def is_requested(requested: str | int | None = None) -> bool:
+    """Whether a certain adapter is asked for: `choose_adapter` then gives that one or none."""
+    return (
+        _request(requested, os.environ)[0] is not None
+        or os.environ.get("HALFSTEP_EXPECT_LAVAPIPE") == "1"
+    )
 
 
 def is_lavapipe(adapter: AdapterSummary) -> bool:

@@ -130,8 +130,9 @@ def arrays_of(
             directions = setup.view.directions(i, j + first_row)
             arrays[name] = setup.view.eye + depth[..., None] * directions
         elif name == "steps":
-            steps = packed.solids["steps"][:1].astype(np.int32)
-            arrays[name] = np.where(hit, steps, 0) if len(steps) else np.zeros_like(hit, np.int32)
+            steps = np.zeros(tables.solid.max() + 2, np.int32)
+            steps[setup.solid[packed.order]] = packed.solids["steps"]
+            arrays[name] = steps[tables.solid[number]]
     return arrays
 
 

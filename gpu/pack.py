@@ -104,15 +104,17 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     )
 
 
-def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: int) -> Packed:
-    """Records of the frame ``setup`` with ``steps`` halvings for every solid."""
+def pack(
+    scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: NDArray[np.int64]
+) -> Packed:
+    """Records of the frame ``setup`` with ``steps`` (V,) halvings for each solid."""
     classes = _classes(geometry, setup)
     if scene.accuracy.method == "article":
         classes = _ARTICLE_CLASS[classes]
     order = np.argsort(classes, kind="stable")
-    exact = steps > FLOAT_STEPS
+    exact = bool((steps > FLOAT_STEPS).any())
     coefficient = np.int64 if exact else np.float32
-    key_bits = int((setup.level + max(steps + 1, START_BITS)).max(initial=0))
+    key_bits = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
 
     solids = np.zeros(setup.count, layout.SOLID.dtype(coefficient))
     offsets = _monomials(setup)
@@ -127,7 +129,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     solids["center_x"], solids["center_y"] = setup.center.T
     solids["near_u"], solids["far_u"] = setup.near_u, setup.far_u
     solids["depth_middle"], solids["depth_half"] = setup.depth_middle, setup.depth_half
-    solids["last_step"], solids["steps"] = 0.5**steps, steps
+    solids["last_step"], solids["steps"] = np.exp2(-steps), steps
     start = (setup.start * 2.0**key_bits).astype(np.uint64)
     solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
     solids["key_shift"] = key_bits - (setup.level + steps + 1)

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.device import Adapter, device_errors, open_device
+from halfstep.errors import AdapterError
 from halfstep.layout import BLOCK_WIDTH, TILE
-from halfstep.pack import Packed, frame_record, srgb_table, tile_lists
+from halfstep.pack import FLOAT_STEPS, Packed, frame_record, srgb_table, tile_lists
 from halfstep.scene import Scene
 from halfstep.source import Needs, binding_numbers, compose, plane_offsets
 
@@ -19,21 +20,21 @@ Planes = dict[str, NDArray[Any]]
 BAND_BYTES = 128 << 20
 # Room for half-spaces comes in this many, so that few scenes need a shader of their own.
 LINES_GRANULE = 8
+INT64 = "shader-int64"
 _UNIFORM = {0, 6, 7}
 
 
 class Device:
     """A device with its pipelines and buffers, kept from frame to frame."""
 
-    def __init__(self, adapter: Adapter, *, exact: bool) -> None:
-        """Open ``adapter``; ``exact`` asks for 64-bit integers in shaders.
+    def __init__(self, adapter: Adapter) -> None:
+        """Open ``adapter``, with 64-bit integers in shaders where it has them.
 
         Raises:
-            AdapterError: the adapter lacks a feature.
             DeviceError: the driver refuses.
         """
         self.adapter = adapter
-        self._device = open_device(adapter, features=("shader-int64",) * exact)
+        self._device = open_device(adapter, features={INT64} & adapter.handle.features)
         self._pipelines: dict[Needs, tuple[Any, Any]] = {}
         self._buffers: dict[str, Any] = {}
         self._timed = "timestamp-query" in self._device.features
@@ -66,8 +67,14 @@ class Device:
         """Outputs of a band as ``run_twin.render_band`` gives them, and the device time in ms.
 
         Raises:
+            AdapterError: the frame needs 64-bit integers and the device has none.
             DeviceError: the device is lost or out of memory.
         """
+        if packed.exact and INT64 not in self._device.features:
+            raise AdapterError(
+                f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which more "
+                f"than {FLOAT_STEPS} steps need; use fewer, or the backend numpy"
+            )
         needs = needs_of(packed, method, outputs)
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)

@@ -58,6 +58,7 @@ class Setup:
     g: Floats  # (V, 6)
     c: Floats  # (V, 6)
     gradient: Floats  # (V, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis], largest about 1
+    nearest: Floats  # (V,), no point of the solid is seen at a smaller depth
     depth_middle: Floats  # (V,), depth at u = 0
     depth_half: Floats  # (V,), depth = depth_middle + u * depth_half
     plane_start: Ints  # (V,)
@@ -128,6 +129,16 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     within &= ~has_quadric | (eye_value <= 0)
     within &= ~geometry.is_patch[ix]
 
+    nearest_curved = np.where(
+        has_quadric, _nearest_curved(matrix, eye, eye_value, directions, offsets), np.inf
+    )
+    # The bounds of a patch are never seen themselves.
+    seen = ~geometry.is_patch[ix][owner] | (np.arange(len(owner)) == plane_start[owner])
+    slope = _largest_linear(np.einsum("ni,nci->nc", rows[:, :3], directions[owner]), offsets[owner])
+    nearest_flat = np.full(len(ix), np.inf)
+    reached = np.abs(eye_height) / np.maximum(slope, np.finfo(float).tiny)
+    np.minimum.at(nearest_flat, owner[seen], reached[seen])
+
     return Setup(
         view=view,
         near=near,
@@ -147,6 +158,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         g=g,
         c=c,
         gradient=_gradient_forms(matrix, points, steps, geometry.world_from_local[ix], offsets),
+        nearest=np.maximum(low[ix], np.minimum(nearest_curved, nearest_flat)),
         depth_middle=middle,
         depth_half=half,
         plane_start=plane_start,
@@ -276,6 +288,26 @@ def _quadric_value(matrix: Floats, point: Floats) -> Floats:
     second = np.einsum("ki,kij,kj->k", point, matrix[:, :3, :3], point)
     linear = 2 * np.einsum("ki,ki->k", matrix[:, :3, 3], point)
     return np.asarray(second + linear + matrix[:, 3, 3])
+
+
+def _nearest_curved(
+    matrix: Floats, eye: Floats, eye_value: Floats, directions: Floats, offsets: Floats
+) -> Floats:
+    """A lower bound of the depth at which any ray of the rectangle meets F = 0.
+
+    Along a ray F = F(h) + B t + A t², so no root is nearer than that of |F(h)| = |B| t + |A| t²
+    with the largest |A| and |B|.
+    """
+    points = np.zeros_like(directions)
+    points[:, 0] = eye
+    a, b, _ = _quadric_forms(matrix, points, directions)
+    x, y = offsets.T
+    monomials = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    a_most = (np.abs(a) * monomials).sum(axis=1)
+    b_most = (np.abs(b) * monomials).sum(axis=1)
+    level = np.abs(eye_value)
+    root = b_most + np.sqrt(b_most * b_most + 4 * a_most * level)
+    return np.asarray(2 * level / np.maximum(root, np.finfo(float).tiny))
 
 
 def _gradient_forms(

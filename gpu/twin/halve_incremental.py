@@ -24,9 +24,9 @@ def halve(root: Root, steps: int) -> I32:
     for _ in range(steps):
         step = step * np.float32(0.5)
         before = (value > 0) & (slope < 0)
-        move: F32 = np.where(before, step, -step)
+        change: F32 = np.where(before, step, -step)
         square = (step * step) * root.a
-        value = (value + move * slope) + square
-        slope = slope + (move + move) * root.a
+        value = (value + change * slope) + square
+        slope = slope + (change + change) * root.a
         position = (position + position) + np.where(before, np.int32(1), np.int32(-1))
     return np.where(root.flipped, -position, position)

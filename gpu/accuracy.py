@@ -1,0 +1,49 @@
+"""From the accuracy a scene asks for to the number of halvings of each solid.
+
+After n halvings a root is known within 2^-n of half the solid's interval.  A tolerance is met by
+the smallest n for which that, with a little room for rounding, stays below it at the nearest depth
+where the solid can be seen; one n serves all rays of a solid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.scene import Scene
+from halfstep.setup import Setup
+
+# Halvings beyond this no longer pay in float32: its rounding is as large as the cell.
+USEFUL_STEPS = 22
+# Share of a tolerance that is left to rounding.
+ROUNDING_SHARE = 2.0**-4
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Halvings of each visible solid, and what the number format cannot reach."""
+
+    count: NDArray[np.int64]  # (V,)
+    short: NDArray[np.bool_]  # (V,), the tolerance wants more than USEFUL_STEPS
+    reached: NDArray[np.float64]  # (V,), depth error that is met, in scene units
+
+
+def steps_for(scene: Scene, setup: Setup) -> Steps:
+    """Halvings that meet the scene's ``[accuracy]`` in the frame ``setup``."""
+    accuracy = scene.accuracy
+    if accuracy.steps is not None:
+        count = np.full(setup.count, accuracy.steps)
+        short = np.zeros(setup.count, bool)
+    else:
+        if accuracy.tolerance is not None:
+            tolerance = np.full(setup.count, accuracy.tolerance)
+        else:
+            assert accuracy.tolerance_pixels is not None  # validation leaves exactly one of three
+            tolerance = accuracy.tolerance_pixels * setup.view.pixel * setup.nearest
+        share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
+        wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
+        short = wanted > USEFUL_STEPS
+        count = np.clip(wanted, 1, USEFUL_STEPS).astype(np.int64)
+    return Steps(count, short, setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE))
