@@ -25,6 +25,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "depth_exit": ("exit",),
     "position": ("key",),
     "normal": ("normal",),
+    "error": ("key", "error"),
     "steps": (),
 }
 # Arrays averaged over the samples of a pixel; all others are those of its centre.
@@ -47,6 +48,9 @@ class Frame:
             P2: the far base plane if it has not left by then, ``depth`` if it starts inside; NaN.
         position: (H, W, 3) float64, world; NaN.
         normal: (H, W, 3) float32, unit, outward (towards the viewer for a patch); 0.
+        error: (H, W) float64, guaranteed bound of |depth - exact depth| in scene units; inf where
+            the hit could not be certified; where nothing is hit 0, or inf if that is not certain.
+            ``twin.certify`` has the derivation.
         steps: (H, W) int32, halvings spent on the solid that was hit; 0.
         info: dict of adapter, driver, number_format, method, steps (of every solid), device_ms
             (where the device has timestamps), wall_ms, scene_sha256, version.
@@ -129,6 +133,8 @@ def arrays_of(
             j, i = np.mgrid[: number.shape[0], : number.shape[1]]
             directions = setup.view.directions(i, j + first_row)
             arrays[name] = setup.view.eye + depth[..., None] * directions
+        elif name == "error":
+            arrays[name] = _error(planes, hit, packed, tables)
         elif name == "steps":
             steps = np.zeros(tables.solid.max() + 2, np.int32)
             steps[setup.solid[packed.order]] = packed.solids["steps"]
@@ -142,3 +148,30 @@ def _fraction(
     """t of depth keys, NaN where nothing is hit."""
     t = key.astype(np.float64) * 2.0**-packed.key_bits
     return np.where(hit, t, np.nan)
+
+
+def _error(
+    planes: Planes, hit: NDArray[np.bool_], packed: Packed, tables: Surfaces
+) -> NDArray[np.float64]:
+    """Bound of the depth error from what is certain of every solid in the pixel.
+
+    The true depth is at most that of the visible point and its bound, and at least the least depth
+    that any certain point can have.  A solid of which nothing is certain spoils a pixel unless its
+    whole interval lies behind.
+    """
+    setup = packed.setup
+    # By the scene's solids, with a last entry for none.
+    half, rounding = (np.zeros(tables.solid.max() + 2) for _ in range(2))
+    half[setup.solid] = 2.0 ** -(setup.level + 1.0)
+    rounding[setup.solid] = setup.depth_error
+    solid = tables.solid[planes["surface"]]
+    unit = 2.0**-packed.key_bits
+    t = planes["key"].astype(np.float64) * unit
+    above = planes["bound"].astype(np.float64) * half[solid]
+    below = t - planes["low"].astype(np.float64) * unit
+    doubt = planes["doubt"].astype(np.float64) * unit
+    # A pixel without doubt holds the greatest key, which lies behind everything.
+    clear = (planes["doubt"] == _NOT_LEFT) | (doubt > t + above)
+    depth_ulp = 2.0**-51 * setup.far
+    error = np.maximum(above, below) * setup.far + rounding[solid] + depth_ulp
+    return np.where(clear, np.where(hit, error, 0.0), np.inf)

@@ -25,6 +25,7 @@ class Flag(IntFlag):
     STARTS_AT_EYE = 2  # u = -1 is the eye
     EYE_OUTSIDE_QUADRIC = 4  # F(h) > 0, the indicator (9)
     NEAR_CUT = 8  # the near base plane, not the eye, cuts the solid
+    EYE_SURE = 16  # rounding did not decide the facts about the eye
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ SOLID = Record(
         Field("a", "Coefficient", 6, "A as coefficients of 1, x, y, x², xy, y²"),
         Field("g", "Coefficient", 6, "G"),
         Field("c", "Coefficient", 6, "C"),
+        Field("host_error", "f32", 1, "error of A, G and C from the set-up"),
         Field("gradient", "f32", 18, "half the gradient of F, world: [1, u][1, x, y][axis]"),
         Field("center_x", "i32", 1, "pixel where x = 0"),
         Field("center_y", "i32", 1, "pixel where y = 0"),
@@ -127,6 +129,7 @@ SOLID = Record(
         Field("key_high", "u32", 1, "depth key at u = -1, high word"),
         Field("key_low", "u32", 1, "low word"),
         Field("key_shift", "u32", 1, "a last step is 2^key_shift units of the key"),
+        Field("spare", "u32", 1, "the key has so many bits below a last step"),
         Field("flags", "u32", 1, "FLAG_… bits"),
         Field("surface", "u32", 1, "number of its first surface in the scene, from 1"),
         Field("plane_start", "u32", 1, "its first half-space"),
@@ -144,7 +147,7 @@ HALF_SPACE = Record(
         Field("c", "Coefficient", 3, "coefficients of 1, x, y"),
         Field("b", "Coefficient", 3, "the same"),
         Field("normal", "f32", 3, "outward unit normal, world"),
-        Field("padding", "f32", 1, "keeps 64-bit coefficients aligned"),
+        Field("host_error", "f32", 1, "error of c and b from the set-up"),
     ),
 )
 

@@ -12,7 +12,7 @@ from halfstep import layout
 from halfstep.geometry import Geometry
 from halfstep.layout import Flag
 from halfstep.scene import Scene
-from halfstep.setup import START_BITS, Setup
+from halfstep.setup import START_BITS, Setup, monomials_of
 
 Floats = NDArray[np.float64]
 Records = NDArray[np.void]
@@ -20,6 +20,8 @@ U32 = NDArray[np.uint32]
 
 # Above this many steps the forms are evaluated in integers (BASEPLANE.md section 2).
 FLOAT_STEPS = 16
+# Bits of a depth key below the last step of the solid with the smallest steps.
+KEY_SPARE_BITS = 6
 # Fraction bits of integer coefficients.
 FRACTION_BITS = 60
 _SRGB_CELLS = 4096
@@ -114,17 +116,23 @@ def pack(
     order = np.argsort(classes, kind="stable")
     exact = bool((steps > FLOAT_STEPS).any())
     coefficient = np.int64 if exact else np.float32
-    key_bits = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
+    longest = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
+    # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
+    spare = min(KEY_SPARE_BITS, 63 - longest, 30 - int(steps.max(initial=1)))
+    key_bits = longest + spare
 
     solids = np.zeros(setup.count, layout.SOLID.dtype(coefficient))
-    offsets = _monomials(setup)
+    offsets = monomials_of(setup.offsets + layout.TILE)  # tiles reach beyond rectangles
     quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
+    host_error = setup.host_error
     if exact:
         sums = [(np.abs(form) * offsets).sum(axis=1) for form in quadratic.values()]
         unit = _fixed_point_scale(np.max(sums, axis=0))
         quadratic = {name: np.rint(form * unit) for name, form in quadratic.items()}
+        host_error = host_error * unit[:, 0] * 2.0**-FRACTION_BITS
     for name, form in quadratic.items():
         solids[name] = form
+    solids["host_error"] = host_error
     solids["gradient"] = setup.gradient.reshape(-1, 18)
     solids["center_x"], solids["center_y"] = setup.center.T
     solids["near_u"], solids["far_u"] = setup.near_u, setup.far_u
@@ -133,11 +141,13 @@ def pack(
     start = (setup.start * 2.0**key_bits).astype(np.uint64)
     solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
     solids["key_shift"] = key_bits - (setup.level + steps + 1)
+    solids["spare"] = spare
     solids["flags"] = (
         Flag.EYE_INSIDE * setup.eye_inside
         + Flag.STARTS_AT_EYE * setup.starts_at_eye
         + Flag.EYE_OUTSIDE_QUADRIC * setup.eye_outside_quadric
         + Flag.NEAR_CUT * setup.near_cut
+        + Flag.EYE_SURE * setup.eye_sure
     )
     solids["surface"] = tables.first[setup.solid]
     solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
@@ -148,13 +158,16 @@ def pack(
 
     half_spaces = np.zeros(len(setup.plane), layout.HALF_SPACE.dtype(coefficient))
     plane_c, plane_b = setup.plane_c, setup.plane_b
+    plane_host_error = setup.plane_host_error
     if exact:
         owner = np.repeat(np.arange(setup.count), setup.plane_count)
         sums = [(np.abs(form) * offsets[owner, :3]).sum(axis=1) for form in (plane_c, plane_b)]
         unit = _fixed_point_scale(np.max(sums, axis=0))
         plane_c, plane_b = np.rint(plane_c * unit), np.rint(plane_b * unit)
+        plane_host_error = plane_host_error * unit[:, 0] * 2.0**-FRACTION_BITS
     half_spaces["c"], half_spaces["b"] = plane_c, plane_b
     half_spaces["normal"] = tables.normal[setup.plane]
+    half_spaces["host_error"] = plane_host_error
     return Packed(
         setup=setup,
         order=order,
@@ -169,7 +182,8 @@ def pack(
 
 def _classes(geometry: Geometry, setup: Setup) -> NDArray[np.int64]:
     inside = setup.eye_inside | setup.near_cut
-    whole = ~setup.near_cut & (setup.far_u == 1.0) & setup.eye_outside_quadric
+    # The discriminant alone also finds the roots of a line behind the eye.
+    whole = ~setup.near_cut & (setup.far_u == 1.0) & ~setup.starts_at_eye
     ix = setup.solid
     return np.select(
         [
@@ -188,14 +202,6 @@ def _classes(geometry: Geometry, setup: Setup) -> NDArray[np.int64]:
         ],
         Class.POLYHEDRON_INSIDE,
     )
-
-
-def _monomials(setup: Setup) -> Floats:
-    """Largest magnitudes of 1, x, y, x², xy, y² over each solid's tiles."""
-    i0, i1, j0, j1 = setup.rectangle.T
-    x = np.maximum(i1 - setup.center[:, 0], setup.center[:, 0] - i0) + layout.TILE
-    y = np.maximum(j1 - setup.center[:, 1], setup.center[:, 1] - j0) + layout.TILE
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).astype(np.float64)
 
 
 def _fixed_point_scale(largest: Floats) -> Floats:

@@ -217,9 +217,17 @@ def _planes(
         if name in ("surface", "image"):
             planes[name] = np.ascontiguousarray(grid[first])
         elif name in ("key", "exit"):
-            high, low = grid[first].astype(np.uint64), grid[first + 1]
-            planes[name] = (high << np.uint64(32)) | low
+            planes[name] = _joined(grid[first : first + 2])
+        elif name == "error":
+            planes["low"] = _joined(grid[first : first + 2])
+            planes["doubt"] = _joined(grid[first + 2 : first + 4])
+            planes["bound"] = np.ascontiguousarray(grid[first + 4].view(np.float32))
         else:
             components = grid[first : first + 3].view(np.float32)
             planes[name] = np.ascontiguousarray(np.moveaxis(components, 0, -1))
     return planes
+
+
+def _joined(words: NDArray[np.uint32]) -> NDArray[np.uint64]:
+    """Keys from their high and low words (2, …)."""
+    return (words[0].astype(np.uint64) << np.uint64(32)) | words[1]

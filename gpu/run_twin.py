@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from halfstep.pack import Class, Packed, frame_record, srgb_table
 from halfstep.scene import Scene
 from halfstep.twin import (
     article,
+    certify,
     encode,
     halve,
     halve_incremental,
@@ -28,8 +29,21 @@ from halfstep.twin import (
 )
 
 Planes = dict[str, NDArray[Any]]
+F32 = NDArray[np.float32]
+# c, b and the bounds of their errors.
+BoundedLine = tuple[F32, F32, F32, F32]
 
 _FAR = np.uint32(0xFFFFFFFF)
+
+
+class Sight(NamedTuple):
+    """What the method ``visible`` finds of a solid; members as in ``article.Found``."""
+
+    hit: NDArray[np.bool_]
+    surface: NDArray[np.int32]
+    position: NDArray[np.int32]
+    left: NDArray[np.bool_]
+    exit_position: NDArray[np.int32]
 
 
 class Band:
@@ -52,6 +66,9 @@ class Band:
         shape = self.shape = (rows, packed.setup.view.width)
         self.key = nearest.Key(np.full(shape, _FAR), np.full(shape, _FAR))
         self.leaves = nearest.Key(np.full(shape, _FAR), np.full(shape, _FAR))
+        self.low = nearest.Key(np.full(shape, _FAR), np.full(shape, _FAR))
+        self.doubt = nearest.Key(np.full(shape, _FAR), np.full(shape, _FAR))
+        self.bound = np.zeros(shape, np.float32)
         self.surface = np.zeros(shape, np.uint32)
         self.slope = normal.Vector(*(np.zeros(shape, np.float32) for _ in range(3)))
         self.depth = np.zeros(shape, np.float32)
@@ -76,8 +93,11 @@ class Band:
             article.Line(self.forms.linear(row["c"], at), self.forms.linear(row["b"], at))
             for row in self._half_spaces(solid)
         ]
-        method = self._article if self.method == "article" else self._visible
-        found = method(solid, klass, at, lines)
+        found: Sight | article.Found
+        if self.method == "article":
+            found = self._article(solid, klass, at, lines)
+        else:
+            found = self._visible(solid, klass, at, lines)
         u = found.position.astype(np.float32) * solid["last_step"]
         slope = normal.gradient(solid["gradient"], x.astype(np.float32), y.astype(np.float32), u)
         for number, half_space in enumerate(self._half_spaces(solid), start=1):
@@ -88,7 +108,12 @@ class Band:
                 slope = _replaced(
                     _replaced(slope, half_space["normal"], ~away), -half_space["normal"], away
                 )
-        nearer = self._keep(window, solid, found, slope, u)
+        certificate = self._certify(solid, klass, at) if "error" in self.outputs else None
+        if certificate is not None and isinstance(found, article.Found):
+            # In one cell the way in and the way out through a surface may stand for each other.
+            same = certificate.inside == found.inside
+            certificate = certificate._replace(sure=certificate.sure & same)
+        nearer = self._keep(window, solid, found, slope, u, certificate)
         self.solid[window][nearer] = row
 
     def _half_spaces(self, solid: np.void) -> NDArray[np.void]:
@@ -97,7 +122,7 @@ class Band:
 
     def _visible(
         self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[article.Line]
-    ) -> article.Found:
+    ) -> Sight:
         """The joint logic first, then one sequence (and one more for the exit)."""
         steps = int(solid["steps"])
         if klass is Class.PATCH:
@@ -113,7 +138,7 @@ class Band:
             seen, leaving = self._cut(solid, klass, at, lines)
         position = self.halve(seen, steps)
         exit_position = self.halve(leaving, steps) if "exit" in self.outputs else position
-        return article.Found(seen.hit, seen.surface, position, leaving.hit, exit_position)
+        return Sight(seen.hit, seen.surface, position, leaving.hit, exit_position)
 
     def _cut(
         self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[article.Line]
@@ -160,9 +185,10 @@ class Band:
         self,
         window: tuple[slice, slice],
         solid: np.void,
-        found: article.Found,
+        found: Sight | article.Found,
         slope: normal.Vector,
-        u: NDArray[np.float32],
+        u: F32,
+        certificate: certify.Certificate | None,
     ) -> NDArray[np.bool_]:
         """Keep the points that are nearer than the nearest so far; which they are."""
         steps, shift = int(solid["steps"]), int(solid["key_shift"])
@@ -177,11 +203,83 @@ class Band:
         leaves = nearest.depth_key(found.exit_position, steps, start, shift)
         for words, exits in zip(self.leaves, leaves, strict=True):
             words[window][nearer] = np.where(found.left, exits, _FAR)[nearer]
+        if certificate is not None:
+            confirmed = certify.confirms(certificate, found.hit, found.surface)
+            spare = int(solid["spare"])
+            low = certify.least_key(key, certificate.bound, steps, spare, shift)
+            self._lower(self.low, window, low, confirmed & found.hit)
+            whole = nearest.Key(*(np.broadcast_to(word, confirmed.shape) for word in start))
+            self._lower(self.doubt, window, whole, ~confirmed)
+            self.bound[window][nearer] = certificate.bound[nearer]
         for component, value in zip(self.slope, slope, strict=True):
             component[window][nearer] = value[nearer]
         depth = solid["depth_middle"] + u * solid["depth_half"]
         self.depth[window][nearer] = depth[nearer]
         return np.asarray(nearer)
+
+    @staticmethod
+    def _lower(
+        old: nearest.Key,
+        window: tuple[slice, slice],
+        key: nearest.Key,
+        where: NDArray[np.bool_],
+    ) -> None:
+        """Keep the lesser of an old key and a new one in some pixels."""
+        kept = nearest.Key(old.high[window], old.low[window])
+        same = np.zeros(where.shape, np.uint32)
+        lower = where & nearest.before(key, same, kept, same)
+        old.high[window][lower] = key.high[lower]
+        old.low[window][lower] = key.low[lower]
+
+    def _certify(self, solid: np.void, klass: Class, at: polynomial.Offset) -> certify.Certificate:
+        """What is certain of the solid in every pixel."""
+        flags = Flag(int(solid["flags"]))
+        near_u, far_u, last_step = solid["near_u"], solid["far_u"], solid["last_step"]
+        near_cut = bool(flags & Flag.NEAR_CUT)
+        direct = self.method == "article" or not self.packed.exact
+        run = certify.DIRECT if direct else certify.INCREMENTAL
+        lines = [self._bounded_line(row, at) for row in self._half_spaces(solid)]
+        if klass is Class.PATCH:
+            plane = certify.bounded_facing(*lines[0], near_u, far_u, near_cut)
+            for line in lines[1:]:
+                plane = certify.bounded_bound(plane, *line)
+            return certify.certify_patch(plane, last_step)
+        if klass is Class.ELLIPSOID:
+            return certify.certify_ellipsoid(self._bounded_form(solid, at), run, last_step)
+        ends = certify.bounded_interval(at.x + 0 * at.y, near_u, far_u, near_cut)
+        for number, line in enumerate(lines, start=1):
+            ends = certify.bounded_clip(ends, *line, number)
+        eye_inside, eye_sure = bool(flags & Flag.EYE_INSIDE), bool(flags & Flag.EYE_SURE)
+        if eye_inside:
+            ends = certify.bounded_from_the_eye(ends, near_u)
+        at_start = ends.piece.id_in == 0
+        if klass in (Class.POLYHEDRON, Class.POLYHEDRON_INSIDE):
+            opened = eye_inside | (near_cut & at_start)
+            return certify.certify_polyhedron(ends, opened, eye_sure, last_step)
+        return certify.certify_quadric(
+            self._bounded_form(solid, at),
+            ends,
+            at_start & bool(flags & Flag.STARTS_AT_EYE),
+            bool(flags & Flag.EYE_OUTSIDE_QUADRIC),
+            eye_sure,
+            eye_inside or near_cut,
+            run,
+            last_step,
+        )
+
+    def _bounded_line(self, row: np.void, at: polynomial.Offset) -> BoundedLine:
+        """A half-space along the rays, c and b, and the bounds of their errors."""
+        c, b = self.forms.linear(row["c"], at), self.forms.linear(row["b"], at)
+        error_c = self.forms.linear_error(row["c"], at, c) + row["host_error"]
+        return c, b, error_c, self.forms.linear_error(row["b"], at, b) + row["host_error"]
+
+    def _bounded_form(self, solid: np.void, at: polynomial.Offset) -> certify.BoundedForm:
+        values = [self.forms.quadratic(solid[name], at) for name in "agc"]
+        errors = [
+            self.forms.quadratic_error(solid[name], at, value) + solid["host_error"]
+            for name, value in zip("agc", values, strict=True)
+        ]
+        return certify.bounded_form(*values, *errors)
 
     def finish(self) -> Planes:
         """The requested outputs of all pixels."""
@@ -190,6 +288,9 @@ class Band:
             planes["key"] = _joined(self.key)
         if "exit" in self.outputs:
             planes["exit"] = _joined(self.leaves)
+        if "error" in self.outputs:
+            planes["low"], planes["doubt"] = _joined(self.low), _joined(self.doubt)
+            planes["bound"] = self.bound
         if not self.outputs & {"image", "color", "normal"}:
             return planes
         j, i = np.mgrid[: self.shape[0], : self.shape[1]].astype(np.int32)
@@ -223,9 +324,7 @@ class Band:
         return shade.shade(unit, to_eye, point, finish, self.frame["ambient"], lights)
 
 
-def _replaced(
-    old: normal.Vector, new: NDArray[np.float32], where: NDArray[np.bool_]
-) -> normal.Vector:
+def _replaced(old: normal.Vector, new: F32, where: NDArray[np.bool_]) -> normal.Vector:
     """``old`` with the constant vector ``new`` in some pixels."""
     return normal.Vector(*(np.where(where, new[axis], old[axis]) for axis in range(3)))
 
@@ -245,7 +344,9 @@ def render_band(
     """Outputs (rows, width, …) of picture rows ``first_row`` … ``first_row + rows - 1``.
 
     ``surface`` uint32 (0 where nothing is hit), ``key`` and ``exit`` uint64 depth keys, ``image``
-    uint32 packed RGBA, ``color`` and ``normal`` float32 (…, 3).
+    uint32 packed RGBA, ``color`` and ``normal`` float32 (…, 3); for ``error`` uint64 keys ``low``,
+    the least depth of what is certain, and ``doubt``, where what is not begins, and float32
+    ``bound``, the error of the visible point in its u.
     """
     band = Band(scene, packed, first_row, rows, method, outputs)
     for row in range(len(packed.solids)):

@@ -31,9 +31,11 @@ PADDING = 2.0**-18
 FLATNESS = 2.0**-4
 # Base planes are closed: a surface that lies in one is seen.  In units of u.
 BASE_PLANE_SLACK = 2.0**-20
-# Coefficients below this, next to 1, cannot move a sign by more than the rounding already counted;
-# without them no product of three is subnormal, which devices may flush.
+# Terms below this, next to 1, count as rounding; without them products of values are not
+# subnormal, which devices may flush.
 NEGLIGIBLE = 2.0**-40
+# Points of rays are known to this many roundings of float64 of their distance from the eye.
+HOST_ROUNDINGS = 16 * 2.0**-53
 
 
 @dataclass(frozen=True)
@@ -54,9 +56,13 @@ class Setup:
     eye_outside_quadric: Bools  # (V,), F(h) > 0; the indicator (9)
     rectangle: Ints  # (V, 4), first and last pixel: i0, i1, j0, j1
     center: Ints  # (V, 2), pixel where x = y = 0
+    offsets: Floats  # (V, 2), largest |x| and |y|
     a: Floats  # (V, 6), coefficients of 1, x, y, x², xy, y²
     g: Floats  # (V, 6)
     c: Floats  # (V, 6)
+    host_error: Floats  # (V,), error of A, G and C from the rounding of this set-up
+    eye_sure: Bools  # (V,), rounding cannot have decided ``eye_inside`` or ``eye_outside_quadric``
+    depth_error: Floats  # (V,), error of depths from the rounding of this set-up, scene units
     gradient: Floats  # (V, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis], largest about 1
     nearest: Floats  # (V,), no point of the solid is seen at a smaller depth
     depth_middle: Floats  # (V,), depth at u = 0
@@ -66,6 +72,7 @@ class Setup:
     plane: Ints  # (N,), row in ``Geometry.planes``
     plane_c: Floats  # (N, 3), coefficients of 1, x, y
     plane_b: Floats  # (N, 3)
+    plane_host_error: Floats  # (N,), error of c and b from the rounding of this set-up
 
     @property
     def count(self) -> int:
@@ -123,8 +130,25 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
 
     matrix = geometry.quadric[ix]
     a, g, c = _quadric_forms(matrix, points, steps)
-    a, g, c = _scaled(a, g, c, offsets)
+    quadric_scale = _scale(a, g, c, offsets)
+    monomials = monomials_of(offsets)
+    gradient = _gradient_forms(matrix, points, steps)
+    steepest = 2 * np.linalg.norm(_largest_gradient(gradient, offsets), axis=1)
     eye_value = _quadric_value(matrix, eye)
+
+    # The eye and the direction of a ray are rounded once each, and so are the products with depth.
+    distance = np.linalg.norm(eye, axis=1) + np.linalg.norm(directions[:, 0], axis=1) * (
+        middle + half
+    )
+    depth_error = HOST_ROUNDINGS * distance
+    eye_rounding = HOST_ROUNDINGS * np.linalg.norm(eye, axis=1)
+    eye_slope = 2 * np.linalg.norm(
+        np.einsum("kij,kj->ki", matrix[:, :3, :3], eye) + matrix[:, :3, 3], axis=1
+    )
+    eye_sure = ~geometry.has_quadric[ix] | (np.abs(eye_value) > eye_slope * eye_rounding)
+    plane_size = np.linalg.norm(rows[:, :3], axis=1)
+    height_sure = np.ones(len(ix), bool)
+    np.logical_and.at(height_sure, owner, np.abs(eye_height) > plane_size * eye_rounding[owner])
     has_quadric = geometry.has_quadric[ix]
     within &= ~has_quadric | (eye_value <= 0)
     within &= ~geometry.is_patch[ix]
@@ -154,18 +178,23 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         eye_outside_quadric=eye_value > 0,
         rectangle=rectangle,
         center=center,
-        a=a,
-        g=g,
-        c=c,
-        gradient=_gradient_forms(matrix, points, steps, geometry.world_from_local[ix], offsets),
+        offsets=offsets,
+        a=_significant(a * quadric_scale[:, None], monomials),
+        g=_significant(g * quadric_scale[:, None], monomials),
+        c=_significant(c * quadric_scale[:, None], monomials),
+        host_error=steepest * quadric_scale * depth_error,
+        eye_sure=eye_sure & (height_sure | ~within),
+        depth_error=depth_error,
+        gradient=_unit_gradient(gradient, geometry.world_from_local[ix], offsets),
         nearest=np.maximum(low[ix], np.minimum(nearest_curved, nearest_flat)),
         depth_middle=middle,
         depth_half=half,
         plane_start=plane_start,
         plane_count=count,
         plane=plane,
-        plane_c=_significant(plane_c * scale[:, None]),
-        plane_b=_significant(plane_b * scale[:, None]),
+        plane_c=_significant(plane_c * scale[:, None], monomials[owner, :3]),
+        plane_b=_significant(plane_b * scale[:, None], monomials[owner, :3]),
+        plane_host_error=plane_size * scale * depth_error[owner],
     )
 
 
@@ -265,14 +294,19 @@ def _quadric_forms(matrix: Floats, points: Floats, steps: Floats) -> tuple[Float
     return a, g, c
 
 
-def _scaled(a: Floats, g: Floats, c: Floats, offsets: Floats) -> tuple[Floats, Floats, Floats]:
-    """The forms times a power of two that makes |A| + |G| + |C| about 1 over the rectangle."""
+def _scale(a: Floats, g: Floats, c: Floats, offsets: Floats) -> Floats:
+    """The power of two that makes |A| + |G| + |C| about 1 over the rectangle."""
     grid = np.linspace(-1, 1, 5)
     x, y = offsets[:, :1] * np.repeat(grid, 5), offsets[:, 1:] * np.tile(grid, 5)
-    monomials = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
-    total = sum(np.abs(np.einsum("kc,kcp->kp", form, monomials)) for form in (a, g, c))
-    scale = _power_of_two(np.asarray(total).max(axis=1))[:, None]
-    return _significant(a * scale), _significant(g * scale), _significant(c * scale)
+    samples = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+    total = sum(np.abs(np.einsum("kc,kcp->kp", form, samples)) for form in (a, g, c))
+    return _power_of_two(np.asarray(total).max(axis=1))
+
+
+def monomials_of(offsets: Floats) -> Floats:
+    """Largest magnitudes (V, 6) of 1, x, y, x², xy, y² over a rectangle."""
+    x, y = offsets.T
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
 
 
 def _power_of_two(largest: Floats) -> Floats:
@@ -280,8 +314,9 @@ def _power_of_two(largest: Floats) -> Floats:
     return np.exp2(-np.ceil(np.log2(np.where(largest > 0, largest, 1.0))))
 
 
-def _significant(form: Floats) -> Floats:
-    return np.where(np.abs(form) < NEGLIGIBLE, 0.0, form)
+def _significant(form: Floats, monomials: Floats) -> Floats:
+    """The form without terms that are negligible everywhere."""
+    return np.where(np.abs(form) * np.maximum(monomials, 1.0) < NEGLIGIBLE, 0.0, form)
 
 
 def _quadric_value(matrix: Floats, point: Floats) -> Floats:
@@ -301,8 +336,7 @@ def _nearest_curved(
     points = np.zeros_like(directions)
     points[:, 0] = eye
     a, b, _ = _quadric_forms(matrix, points, directions)
-    x, y = offsets.T
-    monomials = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    monomials = monomials_of(offsets)
     a_most = (np.abs(a) * monomials).sum(axis=1)
     b_most = (np.abs(b) * monomials).sum(axis=1)
     level = np.abs(eye_value)
@@ -310,13 +344,22 @@ def _nearest_curved(
     return np.asarray(2 * level / np.maximum(root, np.finfo(float).tiny))
 
 
-def _gradient_forms(
-    matrix: Floats, points: Floats, steps: Floats, world_from_local: Floats, offsets: Floats
-) -> Floats:
-    """Half the gradient of F, M p + q, in world axes, times a power of two."""
+def _gradient_forms(matrix: Floats, points: Floats, steps: Floats) -> Floats:
+    """Half the gradient of F, M p + q, local axes: (V, 2, 3, 3), [1, u][1, x, y][axis]."""
     forms = np.stack([points, steps], axis=1) @ matrix[:, None, :3, :3]
     forms[:, 0, 0] += matrix[:, :3, 3]
-    forms = np.einsum("kij,kpcj->kpci", world_from_local, forms)
+    return forms
+
+
+def _largest_gradient(forms: Floats, offsets: Floats) -> Floats:
+    """Largest magnitudes (V, 3) of its components over the rectangle and the interval."""
     reach = np.concatenate([np.ones((len(offsets), 1)), offsets], axis=1)
-    scale = _power_of_two(np.einsum("kpcj,kc->kpj", np.abs(forms), reach).max(axis=(1, 2)))
-    return _significant(forms * scale[:, None, None, None])
+    return np.asarray(np.einsum("kpcj,kc->kj", np.abs(forms), reach))
+
+
+def _unit_gradient(forms: Floats, world_from_local: Floats, offsets: Floats) -> Floats:
+    """The gradient in world axes, times a power of two that makes it about 1."""
+    forms = np.einsum("kij,kpcj->kpci", world_from_local, forms)
+    scale = _power_of_two(_largest_gradient(forms, offsets).max(axis=1))
+    monomials = monomials_of(offsets)[:, None, :3, None]
+    return _significant(forms * scale[:, None, None, None], monomials)

@@ -17,7 +17,7 @@ from halfstep.layout import BLOCK_ROWS, BLOCK_WIDTH, TILE
 from halfstep.pack import SRGB_ENTRIES, Class
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel.
-OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "image": 1, "color": 3, "normal": 3}
+OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "image": 1, "color": 3, "normal": 3, "error": 5}
 
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
@@ -51,6 +51,11 @@ class Needs:
         """Whether it is needed where a ray leaves the solid it hit."""
         return "exit" in self.outputs
 
+    @property
+    def certified(self) -> bool:
+        """Whether bounds of the error are needed."""
+        return "error" in self.outputs
+
 
 def plane_offsets(outputs: frozenset[str]) -> dict[str, int]:
     """First plane of each output in the frame buffer, and their number under ``"total"``."""
@@ -71,13 +76,17 @@ def stage(name: str) -> str:
 def stage_names(needs: Needs) -> list[str]:
     """The files a shader is made of, in order."""
     names = ["lanes", "polynomial_exact" if needs.exact else "polynomial", "layout"]
+    if needs.method == "visible" or needs.certified:
+        names += ["piece"]
     if needs.method == "visible":
-        names += ["piece", "root", "halve_incremental" if needs.exact else "halve"]
+        names += ["root", "halve_incremental" if needs.exact else "halve"]
     if Class.PATCH in needs.classes or needs.method == "article":
         names.append("patch")
     if needs.method == "article":
         names.append("article")
     names.append("nearest")
+    if needs.certified:
+        names.append("certify")
     if needs.oriented:
         names += ["normal", "ray"]
     if needs.shaded:
@@ -144,6 +153,11 @@ def _members(needs: Needs) -> list[tuple[str, str, str]]:
     zero = "Vector(f4(0.0), f4(0.0), f4(0.0))"
     if needs.leaving:
         members.append(("leaves: Key", far, nearer_key("leaves")))
+    if needs.certified:
+        members.append(("low: Key", far, _lower_key("low", "confirmed & hit")))
+        members.append(("doubt: Key", far, _lower_key("doubt", "!confirmed")))
+        value = "select(old.bound, certificate.bound, nearer)"
+        members.append(("bound: f4", "f4(0.0)", value))
     if needs.oriented:
         value = _vector("select(old.slope.AXIS, slope.AXIS, nearer)")
         members.append(("slope: Vector", zero, value))
@@ -162,6 +176,13 @@ def _members(needs: Needs) -> list[tuple[str, str, str]]:
         depth = "solid.depth_middle + (f4(position) * solid.last_step) * solid.depth_half"
         members.append(("depth: f4", "f4(0.0)", f"select(old.depth, {depth}, nearer)"))
     return members
+
+
+def _lower_key(name: str, where: str) -> str:
+    """The lesser of an old key and a new one, the latter only in some pixels."""
+    lower = f"{where} & before({name}, u4(0u), old.{name}, u4(0u))"
+    words = (f"select(old.{name}.{word}, {name}.{word}, {lower})" for word in ("high", "low"))
+    return f"Key({', '.join(words)})"
 
 
 def _nearest(needs: Needs) -> str:
@@ -187,6 +208,14 @@ def _keep(needs: Needs) -> str:
         )
     if needs.oriented:
         parameters.append("slope: Vector")
+    if needs.certified:
+        parameters.append("certificate: Certificate")
+        extra += (
+            "  let confirmed = confirms(certificate, hit, number);\n"
+            "  let low = least_key(key, certificate.bound, solid.steps, solid.spare,"
+            " solid.key_shift);\n"
+            "  let doubt = Key(u4(solid.key_high), u4(solid.key_low));\n"
+        )
     values = ",\n    ".join(member[2] for member in _members(needs))
     return (
         "// Keeps a point if it is nearer than the nearest so far.\n"
@@ -218,6 +247,13 @@ _OUTSIDE = f"""\
 
 def _visit(needs: Needs, klass: Class) -> str:
     """Statements that try one solid of a class on the block."""
+    if needs.certified:
+        return _certify(needs, klass) + _sight(needs, klass)
+    return _sight(needs, klass)
+
+
+def _sight(needs: Needs, klass: Class) -> str:
+    """Statements that find the visible point of one solid and keep it."""
     if needs.method == "article":
         return _article(needs, klass)
     if klass is Class.PATCH:
@@ -269,6 +305,7 @@ def _seen(needs: Needs, root: str, leaving: str, flat: str | None = None) -> str
         arguments.append(_GRADIENT)
     elif needs.oriented:
         arguments.append(flat or "")
+    arguments += ["certificate_ROW"] * needs.certified
     return text + f"    nearest_ROW = keep({', '.join(arguments)});\n"
 
 
@@ -350,6 +387,77 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
     return text + _rows(row + seen)
 
 
+_LINE_ERRORS = (
+    "linear_error(LINE.c, at, c) + LINE.host_error, linear_error(LINE.b, at, b) + LINE.host_error"
+)
+
+
+def _certify(needs: Needs, klass: Class) -> str:
+    """Statements that give every row what is certain of it."""
+    text = _variables("certificate", "Certificate")
+    near_cut, last_step = "(solid.flags & FLAG_NEAR_CUT) != 0u", "solid.last_step"
+    direct = needs.method == "article" or not needs.exact
+    run = "DIRECT" if direct else "INCREMENTAL"
+    line = "      let c = linear(LINE.c, at);\n      let b = linear(LINE.b, at);\n"
+    half_space = line.replace("LINE", "half_space")
+    errors = _LINE_ERRORS.replace("LINE", "half_space")
+    form = "".join(
+        f"    let {name} = quadratic(solid.{name}, at);\n"
+        f"    let error_{name} = quadratic_error(solid.{name}, at, {name}) + solid.host_error;\n"
+        for name in "agc"
+    )
+    form += "    let form = bounded_form(a, g, c, error_a, error_g, error_c);\n"
+    if klass is Class.PATCH:
+        own_errors = _LINE_ERRORS.replace("LINE", "own_line")
+        facing = (
+            f"      bounded_ROW = bounded_facing(c, b, {own_errors}, solid.near_u, solid.far_u,"
+            f" {near_cut});\n"
+        )
+        text += "    let own_line = half_spaces[solid.plane_start];\n"
+        text += _variables("bounded", "BoundedPatch")
+        text += _rows(line.replace("LINE", "own_line") + facing)
+        text += _half_spaces(
+            1, half_space + f"      bounded_ROW = bounded_bound(bounded_ROW, c, b, {errors});\n"
+        )
+        return text + _rows(
+            f"    certificate_ROW = certify_patch(bounded_ROW, {last_step});\n", offsets=False
+        )
+    if klass is Class.ELLIPSOID:
+        return text + _rows(
+            form + f"    certificate_ROW = certify_ellipsoid(form, {run}, {last_step});\n"
+        )
+    text += _variables("bounded", "BoundedPiece")
+    text += _rows(
+        f"    bounded_ROW = bounded_interval(solid.near_u, solid.far_u, {near_cut});\n",
+        offsets=False,
+    )
+    text += _half_spaces(
+        0,
+        half_space
+        + f"      bounded_ROW = bounded_clip(bounded_ROW, c, b, {errors}, i32(k) + 1);\n",
+    )
+    eye_sure = "(solid.flags & FLAG_EYE_SURE) != 0u"
+    row = (
+        f"    if {_EYE_INSIDE} {{\n"
+        "      bounded_ROW = bounded_from_the_eye(bounded_ROW, solid.near_u);\n"
+        "    }\n"
+        "    let at_start = bounded_ROW.piece.id_in == i4(0);\n"
+    )
+    if klass in CURVED:
+        row += form + (
+            f"    certificate_ROW = certify_quadric(form, bounded_ROW, at_start & {_STARTS_AT_EYE},"
+            f" (solid.flags & FLAG_EYE_OUTSIDE_QUADRIC) != 0u, {eye_sure},"
+            f" (solid.flags & (FLAG_EYE_INSIDE | FLAG_NEAR_CUT)) != 0u, {run}, {last_step});\n"
+        )
+    else:
+        row += (
+            f"    let opened = b4({_EYE_INSIDE}) | ({_NEAR_CUT} & at_start);\n"
+            f"    certificate_ROW = certify_polyhedron(bounded_ROW, opened, {eye_sure},"
+            f" {last_step});\n"
+        )
+    return text + _rows(row)
+
+
 def _article(needs: Needs, klass: Class) -> str:
     """The paper's own sequences, a row at a time."""
     row = (
@@ -375,12 +483,19 @@ def _article(needs: Needs, klass: Class) -> str:
             " solid.last_step);\n"
         )
     row += "    let position = found.position;\n"
+    # In one cell the way in and the way out through a surface may stand for each other.
+    if needs.certified:
+        row += (
+            "    let same = certificate_ROW.inside == found.inside;\n"
+            "    certificate_ROW.sure = certificate_ROW.sure & same;\n"
+        )
     arguments = ["nearest_ROW", "solid", "found.hit", "found.surface", "position"]
     if needs.leaving:
         arguments += ["found.left", "found.exit_position"]
     if needs.oriented:
         row += _article_slope(klass)
         arguments.append("slope")
+    arguments += ["certificate_ROW"] * needs.certified
     return _rows(row + f"    nearest_ROW = keep({', '.join(arguments)});\n")
 
 
@@ -411,6 +526,13 @@ def _finish(needs: Needs) -> str:
         "exit": ["nearest.leaves.high", "nearest.leaves.low"],
         "image": ["encode(color)"],
         "color": [f"bitcast<u4>(color.{axis})" for axis in "xyz"],
+        "error": [
+            "nearest.low.high",
+            "nearest.low.low",
+            "nearest.doubt.high",
+            "nearest.doubt.low",
+            "bitcast<u4>(nearest.bound)",
+        ],
         "normal": [f"bitcast<u4>(select(f4(0.0), normal.{axis}, some))" for axis in "xyz"],
     }
     stores = "".join(

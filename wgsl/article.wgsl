@@ -20,6 +20,7 @@ struct Found {
   hit: b4,
   surface: i4,  // 0 is F, half-spaces count from 1
   position: i4,  // odd integer: u = position 2^-n
+  inside: b4,  // the ray starts inside: the point is where it leaves
   left: b4,  // the ray leaves through a surface before the far base plane
   exit_position: i4,
 }
@@ -145,6 +146,7 @@ fn visible_point(piece: Cells, entered_f: b4, left_f: b4, entered: Blocker, left
     some & (!starts_inside | leaves),
     select(number, i4(0), of_f),
     (cell + cell) + (i4(1) - cells),
+    starts_inside,
     some & leaves,
     (piece.last + piece.last) + (i4(1) - cells),
   );
@@ -268,5 +270,5 @@ fn article_patch(lines: ptr<function, Lines>, count: u32, near_u: f32, far_u: f3
     let line = (*lines)[j];
     met = met & (line.c + line.b * u <= f4(0.0));
   }
-  return Found(met, i4(0), position, met, position);
+  return Found(met, i4(0), position, b4(false), met, position);
 }

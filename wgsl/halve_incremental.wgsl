@@ -12,10 +12,10 @@ fn halve(root: Root, steps: u32) -> i4 {
   for (var k = 0u; k < steps; k++) {
     step = step * 0.5;
     let before = (value > f4(0.0)) & (slope < f4(0.0));
-    let move = select(f4(-step), f4(step), before);
+    let change = select(f4(-step), f4(step), before);
     let square = (step * step) * root.a;
-    value = (value + move * slope) + square;
-    slope = slope + (move + move) * root.a;
+    value = (value + change * slope) + square;
+    slope = slope + (change + change) * root.a;
     position = (position + position) + select(i4(-1), i4(1), before);
   }
   return select(position, -position, root.flipped);

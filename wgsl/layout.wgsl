@@ -7,6 +7,7 @@ const FLAG_EYE_INSIDE: u32 = 1u;
 const FLAG_STARTS_AT_EYE: u32 = 2u;
 const FLAG_EYE_OUTSIDE_QUADRIC: u32 = 4u;
 const FLAG_NEAR_CUT: u32 = 8u;
+const FLAG_EYE_SURE: u32 = 16u;
 
 // What all pixels of a band share.
 struct Frame {
@@ -26,6 +27,7 @@ struct Solid {
   a: array<Coefficient, 6>,  // A as coefficients of 1, x, y, x², xy, y²
   g: array<Coefficient, 6>,  // G
   c: array<Coefficient, 6>,  // C
+  host_error: f32,  // error of A, G and C from the set-up
   gradient: array<f32, 18>,  // half the gradient of F, world: [1, u][1, x, y][axis]
   center_x: i32,  // pixel where x = 0
   center_y: i32,  // pixel where y = 0
@@ -38,6 +40,7 @@ struct Solid {
   key_high: u32,  // depth key at u = -1, high word
   key_low: u32,  // low word
   key_shift: u32,  // a last step is 2^key_shift units of the key
+  spare: u32,  // the key has so many bits below a last step
   flags: u32,  // FLAG_… bits
   surface: u32,  // number of its first surface in the scene, from 1
   plane_start: u32,  // its first half-space
@@ -52,7 +55,7 @@ struct HalfSpace {
   c: array<Coefficient, 3>,  // coefficients of 1, x, y
   b: array<Coefficient, 3>,  // the same
   normal: array<f32, 3>,  // outward unit normal, world
-  padding: f32,  // keeps 64-bit coefficients aligned
+  host_error: f32,  // error of c and b from the set-up
 }
 
 // A light, relative to the eye.

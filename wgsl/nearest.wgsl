@@ -8,7 +8,11 @@ struct Key {
 
 // Key of a position in an interval that starts at `start`; a last step is 2^shift units.
 fn depth_key(position: i4, steps: u32, start_high: u32, start_low: u32, shift: u32) -> Key {
-  let count = u4(position + i4(1i << steps));
+  return count_key(u4(position + i4(1i << steps)), start_high, start_low, shift);
+}
+
+// Key of so many last steps from `start` on.
+fn count_key(count: u4, start_high: u32, start_low: u32, shift: u32) -> Key {
   // A shift by 32 or more is not defined, so each word has its own.
   let low_part = select(count << u4(shift & 31u), u4(0u), shift >= 32u);
   let carried = select((count >> u4(31u - (shift & 31u))) >> u4(1u), count << u4(shift & 31u), shift >= 32u);

@@ -36,6 +36,7 @@ class Found(NamedTuple):
     hit: Bools
     surface: I32  # 0 is F, half-spaces count from 1
     position: I32  # odd integer: u = position 2^-n
+    inside: Bools  # the ray starts inside: the point is where it leaves
     left: Bools  # the ray leaves through a surface before the far base plane
     exit_position: I32
 
@@ -164,6 +165,7 @@ def visible_point(
         remains & (~starts_inside | leaves),
         np.where(of_f, np.int32(0), number),
         (cell + cell) + (np.int32(1) - cells),
+        starts_inside,
         remains & leaves,
         (piece.last + piece.last) + (np.int32(1) - cells),
     )
@@ -299,4 +301,5 @@ def article_patch(
     met = plane.hit
     for line in lines[1:]:
         met = met & (line.c + line.b * u <= 0)
-    return Found(met, np.zeros(plane.c.shape, np.int32), position, met, position)
+    none = np.zeros(plane.c.shape, np.int32)
+    return Found(met, none, position, np.zeros(none.shape, bool), met, position)

@@ -21,7 +21,11 @@ class Key(NamedTuple):
 
 def depth_key(position: I32, steps: int, start: Key, shift: int) -> Key:
     """Key of a position in an interval that starts at ``start``; a last step is 2^shift units."""
-    count = (position + np.int32(1 << steps)).astype(np.uint32)
+    return count_key((position + np.int32(1 << steps)).astype(np.uint32), start, shift)
+
+
+def count_key(count: U32, start: Key, shift: int) -> Key:
+    """Key of so many last steps from ``start`` on."""
     wide = count.astype(np.uint64) << np.uint64(shift)
     wide = wide + (
         (np.asarray(start.high, np.uint64) << np.uint64(32)) | np.asarray(start.low, np.uint64)

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 
+# A rounding, 2^-24, with room for those of the bounds themselves.
+ROUNDING = np.float32(2.0**-24 * (1 + 2.0**-6))
+
 
 class Offset(NamedTuple):
     """Pixels from the middle of a solid's rectangle."""
@@ -33,3 +36,21 @@ def quadratic(k: F32, at: Offset) -> F32:
 def linear(k: F32, at: Offset) -> F32:
     """k[0] + k[1] x + k[2] y; ``k`` (3,)."""
     return (k[0] + at.y * k[2]) + at.x * k[1]
+
+
+def quadratic_error(k: F32, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as the exact forms
+    """Bound of the error of ``quadratic``: every term passes so many roundings.
+
+    Counted are that of the coefficient and those of the operations on its way to ``value``; at
+    last come the terms that ``setup.NEGLIGIBLE`` left out.
+    """
+    x, y = np.abs(at.x), np.abs(at.y)
+    constant = 3 * abs(k[0]) + y * (5 * abs(k[2]) + y * (6 * abs(k[5])))
+    slope = 5 * abs(k[1]) + y * (6 * abs(k[4]))
+    return ROUNDING * (constant + x * (slope + x * (5 * abs(k[3])))) + np.float32(2.0**-37)
+
+
+def linear_error(k: F32, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as the exact forms
+    """Bound of the error of ``linear``."""
+    constant = 3 * abs(k[0]) + np.abs(at.y) * (4 * abs(k[2]))
+    return ROUNDING * (constant + np.abs(at.x) * (3 * abs(k[1]))) + np.float32(2.0**-38)

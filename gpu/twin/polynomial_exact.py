@@ -16,6 +16,9 @@ I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
 
 UNIT = np.float32(2.0**-60)
+# A rounding of the value and of a coefficient, with room for those of the bounds themselves.
+ROUNDING = np.float32(2.0**-24 * (1 + 2.0**-6))
+HALF_UNIT = np.float32(2.0**-61 * (1 + 2.0**-6))
 
 
 class Offset(NamedTuple):
@@ -40,3 +43,16 @@ def quadratic(k: I64, at: Offset) -> F32:
 def linear(k: I64, at: Offset) -> F32:
     """k[0] + k[1] x + k[2] y; ``k`` (3,)."""
     return ((k[0] + at.y * k[2]) + at.x * k[1]).astype(np.float32) * UNIT
+
+
+def quadratic_error(k: I64, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as in float32
+    """Bound of the error of ``quadratic``: one rounding, half a unit in each coefficient."""
+    x, y = np.abs(at.x.astype(np.float32)), np.abs(at.y.astype(np.float32))
+    monomials = ((1 + y) + y * y) + x * ((1 + y) + x)
+    return ROUNDING * np.abs(value) + (HALF_UNIT * monomials + np.float32(2.0**-37))
+
+
+def linear_error(k: I64, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as in float32
+    """Bound of the error of ``linear``."""
+    monomials = (1 + np.abs(at.y.astype(np.float32))) + np.abs(at.x.astype(np.float32))
+    return ROUNDING * np.abs(value) + (HALF_UNIT * monomials + np.float32(2.0**-38))
