@@ -13,7 +13,7 @@ import functools
 from dataclasses import dataclass
 from importlib.resources import files
 
-from halfstep.layout import BLOCK_ROWS, BLOCK_WIDTH, TILE
+from halfstep.layout import BLOCK_WIDTH, TILE
 from halfstep.pack import SRGB_ENTRIES, Class
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel.
@@ -50,6 +50,11 @@ class Needs:
     def leaving(self) -> bool:
         """Whether it is needed where a ray leaves the solid it hit."""
         return "exit" in self.outputs
+
+    @property
+    def rows(self) -> int:
+        """Rows of a block: more of them share what is fetched of a solid, and compile longer."""
+        return 2 if self.method == "visible" and not self.certified else 1
 
     @property
     def certified(self) -> bool:
@@ -259,28 +264,30 @@ def _sight(needs: Needs, klass: Class) -> str:
     if klass is Class.PATCH:
         return _visible_patch(needs)
     if klass is Class.ELLIPSOID:
-        return _rows(_FORMS + _seen(needs, "ellipsoid_entry(a, g, c)", "ellipsoid_exit(a, g, c)"))
+        return _rows(
+            needs, _FORMS + _seen(needs, "ellipsoid_entry(a, g, c)", "ellipsoid_exit(a, g, c)")
+        )
     return _visible_cut(needs, klass)
 
 
-def _rows(body: str, *, offsets: bool = True) -> str:
+def _rows(needs: Needs, body: str, *, offsets: bool = True) -> str:
     """``body`` for every row of the block."""
     at = "    let at = offset(x, y + ROW);\n" * offsets
     block = f"    {{\n{at}{body}    }}\n"
-    return "".join(block.replace("ROW", str(row)) for row in range(BLOCK_ROWS))
+    return "".join(block.replace("ROW", str(row)) for row in range(needs.rows))
 
 
-def _variables(name: str, type_: str) -> str:
+def _variables(needs: Needs, name: str, type_: str) -> str:
     """A variable for every row of the block."""
-    return "".join(f"    var {name}_{row}: {type_};\n" for row in range(BLOCK_ROWS))
+    return "".join(f"    var {name}_{row}: {type_};\n" for row in range(needs.rows))
 
 
-def _half_spaces(first: int, body: str) -> str:
+def _half_spaces(needs: Needs, first: int, body: str) -> str:
     """A loop over the solid's half-spaces, each tried on all rows."""
     return (
         f"    for (var k = {first}u; k < solid.plane_count; k++) {{\n"
         "    let half_space = half_spaces[solid.plane_start + k];\n"
-        f"{_rows(body)}"
+        f"{_rows(needs, body)}"
         "    }\n"
     )
 
@@ -319,18 +326,21 @@ def _visible_patch(needs: Needs) -> str:
         own = own[: own.index("  let own_normal")]
     return (
         own
-        + _variables("patch", "Patch")
+        + _variables(needs, "patch", "Patch")
         + _rows(
+            needs,
             "    patch_ROW = facing(linear(own.c, at), linear(own.b, at), solid.near_u,"
-            " solid.far_u);\n"
+            " solid.far_u);\n",
         )
         + _half_spaces(
+            needs,
             1,
             "      patch_ROW = bound(patch_ROW, linear(half_space.c, at),"
             " linear(half_space.b, at));\n",
         )
         + _rows(
-            _seen(needs, "patch_entry(patch_ROW.hit, patch_ROW.c, patch_ROW.b)", "root", turned)
+            needs,
+            _seen(needs, "patch_entry(patch_ROW.hit, patch_ROW.c, patch_ROW.b)", "root", turned),
         )
     )
 
@@ -338,11 +348,11 @@ def _visible_patch(needs: Needs) -> str:
 def _visible_cut(needs: Needs, klass: Class) -> str:
     """A solid with half-spaces or base planes across it: clip, joint logic, halve."""
     curved, opened = klass in CURVED, klass in INSIDE
-    text = _variables("piece", "Piece")
+    text = _variables(needs, "piece", "Piece")
     # Normals of the planes where the pieces begin and end; the latter show from inside.
     ends = ["in", *["out"] * opened] if needs.oriented else []
-    text += "".join(_variables(f"normal_{end}", "Vector") for end in ends)
-    text += _rows("    piece_ROW = whole_interval(solid.near_u, solid.far_u);\n")
+    text += "".join(_variables(needs, f"normal_{end}", "Vector") for end in ends)
+    text += _rows(needs, "    piece_ROW = whole_interval(solid.near_u, solid.far_u);\n")
     clip = (
         "      let piece = clip(piece_ROW, linear(half_space.c, at), linear(half_space.b, at),"
         " i32(k) + 1);\n"
@@ -355,7 +365,7 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
         clip += f"      normal_{end}_ROW = {turned};\n"
     if ends:
         clip = f"      let normal = {_PLANE_NORMAL};\n" + clip
-    text += _half_spaces(0, clip)
+    text += _half_spaces(needs, 0, clip)
 
     row = "    let piece = piece_ROW;\n"
     if opened:
@@ -384,7 +394,7 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
         keep = seen.index("    nearest_ROW = keep(")
         slope = f"    let curved = {_GRADIENT};\n    let slope = {mixed};\n"
         seen = seen[:keep] + slope + seen[keep:]
-    return text + _rows(row + seen)
+    return text + _rows(needs, row + seen)
 
 
 _LINE_ERRORS = (
@@ -394,7 +404,7 @@ _LINE_ERRORS = (
 
 def _certify(needs: Needs, klass: Class) -> str:
     """Statements that give every row what is certain of it."""
-    text = _variables("certificate", "Certificate")
+    text = _variables(needs, "certificate", "Certificate")
     near_cut, last_step = "(solid.flags & FLAG_NEAR_CUT) != 0u", "solid.last_step"
     direct = needs.method == "article" or not needs.exact
     run = "DIRECT" if direct else "INCREMENTAL"
@@ -414,24 +424,30 @@ def _certify(needs: Needs, klass: Class) -> str:
             f" {near_cut});\n"
         )
         text += "    let own_line = half_spaces[solid.plane_start];\n"
-        text += _variables("bounded", "BoundedPatch")
-        text += _rows(line.replace("LINE", "own_line") + facing)
+        text += _variables(needs, "bounded", "BoundedPatch")
+        text += _rows(needs, line.replace("LINE", "own_line") + facing)
         text += _half_spaces(
-            1, half_space + f"      bounded_ROW = bounded_bound(bounded_ROW, c, b, {errors});\n"
+            needs,
+            1,
+            half_space + f"      bounded_ROW = bounded_bound(bounded_ROW, c, b, {errors});\n",
         )
         return text + _rows(
-            f"    certificate_ROW = certify_patch(bounded_ROW, {last_step});\n", offsets=False
+            needs,
+            f"    certificate_ROW = certify_patch(bounded_ROW, {last_step});\n",
+            offsets=False,
         )
     if klass is Class.ELLIPSOID:
         return text + _rows(
-            form + f"    certificate_ROW = certify_ellipsoid(form, {run}, {last_step});\n"
+            needs, form + f"    certificate_ROW = certify_ellipsoid(form, {run}, {last_step});\n"
         )
-    text += _variables("bounded", "BoundedPiece")
+    text += _variables(needs, "bounded", "BoundedPiece")
     text += _rows(
+        needs,
         f"    bounded_ROW = bounded_interval(solid.near_u, solid.far_u, {near_cut});\n",
         offsets=False,
     )
     text += _half_spaces(
+        needs,
         0,
         half_space
         + f"      bounded_ROW = bounded_clip(bounded_ROW, c, b, {errors}, i32(k) + 1);\n",
@@ -455,7 +471,7 @@ def _certify(needs: Needs, klass: Class) -> str:
             f"    certificate_ROW = certify_polyhedron(bounded_ROW, opened, {eye_sure},"
             f" {last_step});\n"
         )
-    return text + _rows(row)
+    return text + _rows(needs, row)
 
 
 def _article(needs: Needs, klass: Class) -> str:
@@ -496,7 +512,7 @@ def _article(needs: Needs, klass: Class) -> str:
         row += _article_slope(klass)
         arguments.append("slope")
     arguments += ["certificate_ROW"] * needs.certified
-    return _rows(row + f"    nearest_ROW = keep({', '.join(arguments)});\n")
+    return _rows(needs, row + f"    nearest_ROW = keep({', '.join(arguments)});\n")
 
 
 def _article_slope(klass: Class) -> str:
@@ -582,18 +598,18 @@ def _kernel(needs: Needs) -> str:
     finish = "    finish(nearest_ROW, i, j + ROW, place + ROWu * frame.row_quads);\n"
     return (
         "// One workgroup renders one tile, one invocation a block of it.\n"
-        f"@compute @workgroup_size({TILE // BLOCK_WIDTH}, {TILE // BLOCK_ROWS})\n"
+        f"@compute @workgroup_size({TILE // BLOCK_WIDTH}, {TILE // needs.rows})\n"
         "fn render(@builtin(workgroup_id) tile: vec3<u32>,"
         " @builtin(local_invocation_id) local: vec3<u32>) {\n"
         f"  let list = (tile.y * frame.tiles_x + tile.x) * {len(needs.classes)}u;\n"
         "  let column = tile.x * TILE + local.x * BLOCK_WIDTH;\n"
-        "  let row = tile.y * TILE + local.y * BLOCK_ROWS;\n"
+        f"  let row = tile.y * TILE + local.y * {needs.rows}u;\n"
         "  let place = row * frame.row_quads + column / BLOCK_WIDTH;\n"
         "  let i = i4(i32(column)) + i4(0, 1, 2, 3);\n"
         "  let j = frame.first_row + i32(row);\n"
-        f"{_variables('nearest', 'Nearest')}"
-        f"{_rows(clear, offsets=False)}"
+        f"{_variables(needs, 'nearest', 'Nearest')}"
+        f"{_rows(needs, clear, offsets=False)}"
         f"{loops}"
-        f"{_rows(finish, offsets=False)}"
+        f"{_rows(needs, finish, offsets=False)}"
         "}\n"
     )

@@ -2,7 +2,6 @@
 
 const TILE: u32 = 32u;
 const BLOCK_WIDTH: u32 = 4u;
-const BLOCK_ROWS: u32 = 2u;
 const FLAG_EYE_INSIDE: u32 = 1u;
 const FLAG_STARTS_AT_EYE: u32 = 2u;
 const FLAG_EYE_OUTSIDE_QUADRIC: u32 = 4u;
