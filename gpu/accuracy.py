@@ -30,8 +30,11 @@ class Steps:
     reached: NDArray[np.float64]  # (V,), depth error that is met, in scene units
 
 
-def steps_for(scene: Scene, setup: Setup) -> Steps:
-    """Halvings that meet the scene's ``[accuracy]`` in the frame ``setup``."""
+def steps_for(scene: Scene, setup: Setup, samples: int = 1) -> Steps:
+    """Halvings that meet the scene's ``[accuracy]`` in the frame ``setup``.
+
+    ``samples``: how many pixels of ``setup`` make the width of a pixel of the picture.
+    """
     accuracy = scene.accuracy
     if accuracy.steps is not None:
         count = np.full(setup.count, accuracy.steps)
@@ -41,7 +44,7 @@ def steps_for(scene: Scene, setup: Setup) -> Steps:
             tolerance = np.full(setup.count, accuracy.tolerance)
         else:
             assert accuracy.tolerance_pixels is not None  # validation leaves exactly one of three
-            tolerance = accuracy.tolerance_pixels * setup.view.pixel * setup.nearest
+            tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * setup.nearest
         share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
         wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
         short = wanted > USEFUL_STEPS

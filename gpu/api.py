@@ -163,7 +163,7 @@ class Renderer:
         for names, factor in ((plain, 1), (averaged, samples)):
             if not names:
                 continue
-            packed = self._pack(scene, (image.width * factor, image.height * factor))
+            packed = self._pack(scene, factor)
             bands = []
             for band, milliseconds in self._bands(scene, packed, names, factor):
                 bands.append(band)
@@ -173,27 +173,31 @@ class Renderer:
         arrays = {name: arrays[name] for name in self._outputs}
         return Frame(arrays, self._info(scene, packed, times, begin))
 
-    def _pack(self, scene: Scene, size: tuple[int, int]) -> Packed:
+    def _pack(self, scene: Scene, samples: int) -> Packed:
+        """Records of a frame with ``samples`` x ``samples`` pixels for each of the picture."""
+        size = scene.image.width * samples, scene.image.height * samples
         view = cameras.view(scene.camera, size)
         near, far = cameras.base_planes(view, *self._volume)
         constants = setup(self._geometry, view, near, far)
-        steps = steps_for(scene, constants)
+        steps = steps_for(scene, constants, samples)
         self._tell_short(scene, constants.solid[steps.short], steps.reached[steps.short])
         return pack(scene, self._geometry, self._tables, constants, steps.count)
 
     def _tell_short(
         self, scene: Scene, solids: NDArray[np.int64], reached: NDArray[np.float64]
     ) -> None:
-        """Say once of each solid whose tolerance float32 cannot meet what it gets instead."""
-        for ix, error in zip(solids.tolist(), reached.tolist(), strict=True):
-            if ix not in self._told:
-                self._told.add(ix)
-                name = scene.solids[ix].name or f"solid[{ix}]"
-                warnings.warn(
-                    f"{name}: the tolerance needs more than {USEFUL_STEPS} steps; "
-                    f"its depth error is at most about {error:.3g} instead",
-                    stacklevel=3,
-                )
+        """Say once of the solids whose tolerance float32 cannot meet what they get instead."""
+        errors = dict(zip(solids.tolist(), reached.tolist(), strict=True))
+        new = [ix for ix in errors if ix not in self._told]
+        if not new:
+            return
+        self._told.update(new)
+        told = [f"{_name_of(scene, ix)} (depth error at most {errors[ix]:.2g})" for ix in new[:3]]
+        more = f" and {len(new) - 3} more solids" if len(new) > 3 else ""
+        warnings.warn(
+            f"the tolerance needs more than {USEFUL_STEPS} steps for {', '.join(told)}{more}",
+            stacklevel=4,
+        )
 
     def _bands(
         self, scene: Scene, packed: Packed, names: list[str], samples: int
@@ -242,6 +246,11 @@ class Renderer:
             "scene_sha256": scene.sha256,
             "version": __version__,
         }
+
+
+def _name_of(scene: Scene, ix: int) -> str:
+    name = scene.solids[ix].name
+    return f"solid[{ix}]" if name is None else repr(name)
 
 
 def _device(backend: str, adapter: str | int | None) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +36,10 @@ class View:
 
     def directions(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> Floats:
         """World directions (…, 3) per unit of depth through the centres of pixels (i, j)."""
-        tangents = np.stack(
-            [self.x_first + i * self.pixel, self.y_first + j * self.pixel, np.ones(i.shape)],
-            axis=-1,
-        )
+        # Rounded once: a sum with x_first would cancel near the middle of the picture.
+        x, y = 2 * i + (1 - self.width), 2 * j + (1 - self.height)
+        half = self.pixel / 2
+        tangents = np.stack([x * half, y * half, np.ones(i.shape)], axis=-1)
         return tangents @ self.camera_from_world
 
 
@@ -47,9 +48,9 @@ def view(camera: Camera, size: tuple[int, int]) -> View:
     width, height = size
     eye = np.array(camera.center)
     forward = _unit(np.array(camera.look_at) - eye)
-    right = _unit(np.cross(forward, np.array(camera.up)))
+    right = _right(camera)
     down = np.cross(forward, right)
-    half = math.tan(math.radians(camera.fov_degrees) / 2)
+    half = _half_height(camera.fov_degrees)
     pixel = 2 * half / height
     return View(
         eye=eye,
@@ -60,6 +61,25 @@ def view(camera: Camera, size: tuple[int, int]) -> View:
         x_first=(1 - width) / 2 * pixel,
         y_first=(1 - height) / 2 * pixel,
     )
+
+
+def _right(camera: Camera) -> Floats:
+    """Unit vector across the view and ``up``, exact before it is scaled.
+
+    In floating point, rounding would turn the picture where ``up`` is almost along the view.
+    """
+    pairs = zip(camera.look_at, camera.center, strict=True)
+    x, y, z = (Fraction(end) - Fraction(start) for end, start in pairs)
+    a, b, c = map(Fraction, camera.up)
+    return _unit(np.array([y * c - z * b, z * a - x * c, x * b - y * a], np.float64))
+
+
+def _half_height(fov_degrees: float) -> float:
+    """Half the height of the picture at depth 1."""
+    if fov_degrees > 90:
+        # 180 - fov is exact; the tangent would multiply the rounding of an angle near 90 degrees.
+        return 1 / math.tan(math.radians(180 - fov_degrees) / 2)
+    return math.tan(math.radians(fov_degrees) / 2)
 
 
 def base_planes(view: View, low: Floats, high: Floats) -> tuple[float, float]:

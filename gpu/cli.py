@@ -13,7 +13,8 @@ import platform
 import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from halfstep import __version__
@@ -90,6 +91,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     render.add_argument("--json", action="store_true", help="describe the result on stdout")
 
+    _add_tune(commands)
+
     doctor = commands.add_parser("doctor", help="list adapters, drivers, and what is chosen")
     doctor.set_defaults(run=_doctor)
     doctor.add_argument("--json", action="store_true", help="the same for machines")
@@ -101,6 +104,53 @@ def _parser() -> argparse.ArgumentParser:
     schema = commands.add_parser("schema", help="print the JSON Schema of scene files")
     schema.set_defaults(run=_schema)
     return parser
+
+
+def _add_tune(commands: Any) -> None:
+    tune = commands.add_parser("tune", help="measure what accuracy costs, and recommend steps")
+    tune.set_defaults(run=_tune)
+    tune.add_argument("scene", metavar="SCENE", help="a scene file, or a name `scenes` lists")
+    tune.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        required=True,
+        help="folder for tune.csv, tune.json, tune.png and error.png",
+    )
+    tune.add_argument("--size", metavar="WxH", type=_size, help="pixels, as 640x480")
+    tune.add_argument(
+        "--steps", metavar="A:B[:S]", type=_steps, help="numbers of halvings from A to B by S"
+    )
+    accuracy = tune.add_mutually_exclusive_group()
+    accuracy.add_argument(
+        "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"
+    )
+    accuracy.add_argument(
+        "--tolerance", metavar="X", type=float, help="depth error allowed, in scene units"
+    )
+    tune.add_argument("--method", choices=("visible", "article"), help="by default both")
+    tune.add_argument(
+        "--backend",
+        choices=("auto", "gpu", "numpy"),
+        default="auto",
+        help="auto: a Vulkan adapter if there is one, else NumPy",
+    )
+    tune.add_argument(
+        "--adapter", metavar="NAME|INDEX", help="part of an adapter's name, or its number"
+    )
+    tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
+
+
+def _steps(text: str) -> range:
+    """Numbers A, A + S, … up to B of ``A:B:S``; whether they are allowed is the scene's to say."""
+    match = re.fullmatch(r"(\d+)(?::(\d+)(?::(\d+))?)?", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not A:B or A:B:S, as 8:20:2")
+    first, last, stride = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
+    if last < first or stride < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} has no number from A up to B by S")
+    # Beyond a few thousand none is allowed, and a list of them would fill the memory.
+    return range(first, min(last, first + 9999) + 1, stride)
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -140,6 +190,62 @@ def _render(arguments: argparse.Namespace) -> int:
         f"{info['adapter']}"
     )
     return 0
+
+
+def _tune(arguments: argparse.Namespace) -> int:
+    from halfstep.image import check_output_folder
+    from halfstep.plot import scale_of, write
+    from halfstep.scene import load
+    from halfstep.tune import METHODS, STEPS, tune
+
+    check_output_folder(arguments.output)
+    with _progress_bar("measuring") as progress:
+        report = tune(
+            load(arguments.scene),
+            size=arguments.size,
+            steps=arguments.steps or STEPS,
+            tolerance_pixels=arguments.tolerance_pixels,
+            tolerance=arguments.tolerance,
+            methods=(arguments.method,) if arguments.method else METHODS,
+            backend=arguments.backend,
+            adapter=arguments.adapter,
+            progress=progress,
+        )
+    names = write(report, arguments.output)
+    if arguments.json:
+        _print_json(report.as_dict())
+    else:
+        print(report.as_table())
+    low, high = scale_of(report)
+    _say(
+        f"{arguments.output}: {', '.join(names)}; the colours of error.png are errors of {low:g} "
+        f"to {high:g} pixel widths"
+    )
+    if "tune.png" not in names:
+        _say("tune.png needs Matplotlib: pip install 'halfstep[plot]'")
+    return 0
+
+
+@contextmanager
+def _progress_bar(label: str) -> Iterator[Callable[[float], None]]:
+    """A function that shows a part done, 0…1, on a terminal; elsewhere it is silent."""
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    width = 40
+
+    def show(part: float) -> None:
+        done = round(part * width)
+        bar = "#" * done + "." * (width - done)
+        sys.stderr.write(f"\r{label} [{bar}] {part:4.0%}")
+        sys.stderr.flush()
+
+    show(0.0)
+    try:
+        yield show
+    finally:
+        sys.stderr.write("\r\x1b[K")
+        sys.stderr.flush()
 
 
 def _doctor(arguments: argparse.Namespace) -> int:

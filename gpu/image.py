@@ -39,6 +39,23 @@ def check_output_path(path: str | os.PathLike[str]) -> None:
         raise UsageError(f"{path}: the folder {path.parent} is not writable")
 
 
+def check_output_folder(path: str | os.PathLike[str]) -> None:
+    """See before rendering whether files can be written in a folder ``path``, made if need be.
+
+    Raises:
+        UsageError: something on the way is not a folder or not writable.
+    """
+    folder = Path(path)
+    try:
+        there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+    if not there.is_dir():
+        raise UsageError(f"{path}: {there} is not a folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise UsageError(f"{path}: the folder {there} is not writable")
+
+
 def write_png(path: str | os.PathLike[str], image: NDArray[np.uint8]) -> None:
     """Write ``image`` (H, W, 3), sRGB, to ``path``, over what is there.
 
@@ -47,7 +64,21 @@ def write_png(path: str | os.PathLike[str], image: NDArray[np.uint8]) -> None:
         HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
     """
     check_output_path(path)
-    data = imageio.imwrite("<bytes>", image, extension=".png", plugin="pillow")
+    write_file(path, png(image))
+
+
+def png(image: NDArray[np.uint8]) -> bytes:
+    """A PNG file of ``image`` (H, W, 3), sRGB."""
+    data: bytes = imageio.imwrite("<bytes>", image, extension=".png", plugin="pillow")
+    return data
+
+
+def write_file(path: str | os.PathLike[str], data: bytes) -> None:
+    """Make ``data`` the content of ``path``, over what is there, all of it or nothing.
+
+    Raises:
+        HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
+    """
     try:
         # A link stays a link; the file it points to is replaced.
         _replace(Path(path).resolve(), data)

@@ -31,6 +31,7 @@ PADDING = 2.0**-18
 FLATNESS = 2.0**-4
 # Base planes are closed: a surface that lies in one is seen.  In units of u.
 BASE_PLANE_SLACK = 2.0**-20
+BASE_PLANE_ROUNDING = 2.0**-44
 # Terms below this, next to 1, count as rounding; without them products of values are not
 # subnormal, which devices may flush.
 NEGLIGIBLE = 2.0**-40
@@ -60,7 +61,7 @@ class Setup:
     a: Floats  # (V, 6), coefficients of 1, x, y, x², xy, y²
     g: Floats  # (V, 6)
     c: Floats  # (V, 6)
-    host_error: Floats  # (V,), error of A, G and C from the rounding of this set-up
+    host_error: Floats  # (V,), error of A, G and C made by this set-up
     eye_sure: Bools  # (V,), rounding cannot have decided ``eye_inside`` or ``eye_outside_quadric``
     depth_error: Floats  # (V,), error of depths from the rounding of this set-up, scene units
     gradient: Floats  # (V, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis], largest about 1
@@ -72,7 +73,7 @@ class Setup:
     plane: Ints  # (N,), row in ``Geometry.planes``
     plane_c: Floats  # (N, 3), coefficients of 1, x, y
     plane_b: Floats  # (N, 3)
-    plane_host_error: Floats  # (N,), error of c and b from the rounding of this set-up
+    plane_host_error: Floats  # (N,), error of c and b made by this set-up
 
     @property
     def count(self) -> int:
@@ -86,11 +87,13 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     rectangle, on_screen = _rectangles(box, view)
     low = np.maximum(box.depth[:, 0], near)
     high = np.minimum(box.depth[:, 1], far)
-    visible = on_screen & ~geometry.is_empty & (low <= high) & (far > 0)
+    # A flat solid may lie in a base plane that is not across an axis: rounding must not lose it.
+    reached = low <= high + BASE_PLANE_ROUNDING * far
+    visible = on_screen & ~geometry.is_empty & reached & (far > 0)
     ix = np.flatnonzero(visible)
 
     depth, rectangle = box.depth[ix], rectangle[ix]
-    level, start = _intervals(low[ix], high[ix], _radius(box, ix), far)
+    level, start = _intervals(low[ix], high[ix], _radius(box, view, low, ix), far)
     half = np.asarray(far * np.exp2(-(level + 1.0)), np.float64)
     middle = start * far + half
     near_cut = (depth[:, 0] < near) & (near > 0)
@@ -134,6 +137,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     monomials = monomials_of(offsets)
     gradient = _gradient_forms(matrix, points, steps)
     steepest = 2 * np.linalg.norm(_largest_gradient(gradient, offsets), axis=1)
+    reach = np.concatenate([np.ones((len(ix), 1)), offsets], axis=1)[:, :, None]
+    largest_point = ((np.abs(points) + np.abs(steps)) * reach).sum(axis=1)
     eye_value = _quadric_value(matrix, eye)
 
     # The eye and the direction of a ray are rounded once each, and so are the products with depth.
@@ -145,7 +150,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     eye_slope = 2 * np.linalg.norm(
         np.einsum("kij,kj->ki", matrix[:, :3, :3], eye) + matrix[:, :3, 3], axis=1
     )
-    eye_sure = ~geometry.has_quadric[ix] | (np.abs(eye_value) > eye_slope * eye_rounding)
+    eye_error = eye_slope * eye_rounding + _quadric_rounding(matrix, np.abs(eye))
+    eye_sure = ~geometry.has_quadric[ix] | (np.abs(eye_value) > eye_error)
     plane_size = np.linalg.norm(rows[:, :3], axis=1)
     height_sure = np.ones(len(ix), bool)
     np.logical_and.at(height_sure, owner, np.abs(eye_height) > plane_size * eye_rounding[owner])
@@ -182,7 +188,9 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         a=_significant(a * quadric_scale[:, None], monomials),
         g=_significant(g * quadric_scale[:, None], monomials),
         c=_significant(c * quadric_scale[:, None], monomials),
-        host_error=steepest * quadric_scale * depth_error,
+        host_error=quadric_scale
+        * (steepest * depth_error + _quadric_rounding(matrix, largest_point))
+        + 6 * NEGLIGIBLE,
         eye_sure=eye_sure & (height_sure | ~within),
         depth_error=depth_error,
         gradient=_unit_gradient(gradient, geometry.world_from_local[ix], offsets),
@@ -194,7 +202,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         plane=plane,
         plane_c=_significant(plane_c * scale[:, None], monomials[owner, :3]),
         plane_b=_significant(plane_b * scale[:, None], monomials[owner, :3]),
-        plane_host_error=plane_size * scale * depth_error[owner],
+        plane_host_error=plane_size * scale * depth_error[owner] + 3 * NEGLIGIBLE,
     )
 
 
@@ -209,12 +217,13 @@ def _rectangles(box: Bounds, view: View) -> tuple[Ints, Bools]:
     return rectangle.astype(np.int64), (low <= high).all(axis=1)
 
 
-def _radius(box: Bounds, ix: Ints) -> Floats:
-    """A lower bound of how far each solid reaches from its middle, 0 where nothing is known."""
-    depth, tangent = box.depth[ix], box.tangent[ix]
-    with np.errstate(invalid="ignore"):
-        width = (tangent[:, :, 1] - tangent[:, :, 0]) * np.maximum(depth[:, :1], 0.0)
-    width = np.where(np.isfinite(width), width, 0.0)
+def _radius(box: Bounds, view: View, low: Floats, ix: Ints) -> Floats:
+    """A lower bound of how far what is seen of each solid reaches from its middle."""
+    first = np.array([view.x_first, view.y_first])
+    last = first + view.pixel * (np.array([view.width, view.height]) - 1)
+    left = np.maximum(box.tangent[ix, :, 0], first)
+    right = np.minimum(box.tangent[ix, :, 1], last)
+    width = np.maximum(right - left, 0.0) * low[ix, None]
     return np.asarray(width.max(axis=1) / 2)
 
 
@@ -323,6 +332,15 @@ def _quadric_value(matrix: Floats, point: Floats) -> Floats:
     second = np.einsum("ki,kij,kj->k", point, matrix[:, :3, :3], point)
     linear = 2 * np.einsum("ki,ki->k", matrix[:, :3, 3], point)
     return np.asarray(second + linear + matrix[:, 3, 3])
+
+
+def _quadric_rounding(matrix: Floats, point: Floats) -> Floats:
+    """Error of F at points no larger than ``point`` by component, from rounding its terms.
+
+    It exceeds that of the point itself where large terms cancel: a quadric far from the origin of
+    its coordinates.
+    """
+    return HOST_ROUNDINGS * _quadric_value(np.abs(matrix), point)
 
 
 def _nearest_curved(

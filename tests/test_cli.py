@@ -19,9 +19,10 @@ import pytest
 
 import halfstep
 import halfstep.api
-from halfstep import device
+from halfstep import device, run_gpu
 from halfstep.cli import main
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError
+from halfstep.frame import device_outputs
 
 COMMAND = [sys.executable, "-m", "halfstep"]
 
@@ -45,6 +46,18 @@ kind = "sphere"
 origin = [0, 0, 0]
 color = [1, 0, 0]
 radius = 1
+"""
+
+# The command, with a line on stdout when it begins to render.
+TELLS_WHEN_IT_RENDERS = """
+import sys
+from halfstep import api, cli
+render = api.Renderer.render
+def told(*args, **options):
+    print("rendering", flush=True)
+    return render(*args, **options)
+api.Renderer.render = told
+sys.exit(cli.main())
 """
 
 Fake = Callable[[Callable[[], object]], list[dict[str, Any]]]
@@ -326,16 +339,41 @@ def test_an_adapter_that_is_not_there_exits_3(
     assert not output.exists()
 
 
+@pytest.mark.usefixtures("adapter")
+def test_a_picture_larger_than_a_band_is_rendered(scene_file: Path, tmp_path: Path) -> None:
+    scene_file.write_text(SPHERE.replace("radius = 1", "radius = 2.2"))  # from edge to edge
+    output = tmp_path / "out.png"
+    width, height = 8192, 2304
+    pixel_bytes = 4 * len(device_outputs(("image", "solid")))
+    band_rows = run_gpu.BAND_BYTES // (pixel_bytes * width)
+    assert band_rows < height - 100
+    options = ["-o", str(output), "--size", f"{width}x{height}", "--backend", "gpu"]
+    assert main(["render", str(scene_file), *options]) == 0
+    image = imageio.imread(output).astype(int)
+    assert image.shape == (height, width, 3)
+    # The sphere spans the border of the bands, and nothing shows where it is.
+    above, below = image[band_rows - 1 : band_rows + 1]
+    assert above[:, 0].max() > 100
+    assert np.abs(below - above).mean() < 0.2
+
+
 def test_ctrl_c_leaves_nothing(tmp_path: Path, backend: str) -> None:
     output = tmp_path / "out.png"
+    output.write_bytes(b"before")
     options = ["render", "gallery", "-o", str(output), "--size", "8192x8192", "--backend", backend]
-    process = subprocess.Popen(COMMAND + options, stderr=subprocess.PIPE, text=True)
-    time.sleep(2)
-    assert process.poll() is None, "the picture is too small for this test"
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    command = [sys.executable, "-c", TELLS_WHEN_IT_RENDERS, *options]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "rendering\n"
+        time.sleep(0.5)
+        assert process.poll() is None, "the picture is too small for this test"
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (130, "interrupted\n")
-    assert not os.listdir(tmp_path)
+    assert os.listdir(tmp_path) == ["out.png"]
+    assert output.read_bytes() == b"before"
 
 
 # ---------------------------------------------------------------------------- the other commands

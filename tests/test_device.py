@@ -101,7 +101,7 @@ def test_what_is_asked_for_is_taken(
         (ALL, None, {"WGPU_BACKEND_TYPE": "OpenGL"},
          "WGPU_BACKEND_TYPE=OpenGL: Halfstep renders on Vulkan only"),
         ([], "RTX", {},
-         "no Vulkan adapter found. A graphics card needs its maker's driver; "
+         "no Vulkan adapter found\nA graphics card needs its maker's driver; "
          "Mesa's needs no card:\n"
          "  Debian, Ubuntu  sudo apt-get install mesa-vulkan-drivers\n"
          "  Fedora          sudo dnf install mesa-vulkan-drivers vulkan-loader\n"

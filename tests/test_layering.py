@@ -26,16 +26,20 @@ ORDER = (
     "camera",
     "bounds",
     "setup",
+    "accuracy",
     "layout",
     "pack",
     "twin",
+    "exact",
     "source",
     "device",
     "run_twin",
     "run_gpu",
     "frame",
     "api",
+    "tune",
     "image",
+    "plot",
     "cli",
     "__init__",
     "__main__",
@@ -107,7 +111,7 @@ def test_the_twin_has_no_cycle() -> None:
 
 @pytest.mark.parametrize("module", ["halfstep", "halfstep.cli", "halfstep.__main__"])
 def test_importing_is_light(module: str) -> None:
-    heavy = ("numpy", "wgpu", "pydantic", "imageio")
+    heavy = ("numpy", "wgpu", "pydantic", "imageio", "matplotlib", "PIL")
     script = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
     result = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True

@@ -127,7 +127,7 @@ fn curve_bound(form: BoundedForm, run: Run, last_step: f32) -> f4 {
   let size_a = abs(form.a);
   let size_g = abs(form.g);
   let off = ROOM * ((form.error_a + form.error_g) + form.error_c
-    + EPSILON * ((run.a * size_a + run.g * size_g) + abs(form.c)));
+    + EPSILON * ((abs(form.c) + run.a * size_a) + run.g * size_g));
   let off_slope = ROOM * ((2.0 * form.error_a + form.error_g)
     + run.slope * EPSILON * (4.0 * size_a + size_g));
   let least = form.discriminant - form.error_d;

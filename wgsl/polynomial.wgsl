@@ -31,11 +31,11 @@ fn quadratic_error(k: array<Coefficient, 6>, at: Offset, value: f4) -> f4 {
   let y = abs(at.y);
   let constant = 3.0 * abs(k[0]) + y * (5.0 * abs(k[2]) + y * (6.0 * abs(k[5])));
   let slope = 5.0 * abs(k[1]) + y * (6.0 * abs(k[4]));
-  return 0x1.04p-24f * (constant + x * (slope + x * (5.0 * abs(k[3])))) + 0x1p-37f;
+  return 0x1.04p-24f * (constant + x * (slope + x * (5.0 * abs(k[3]))));
 }
 
 // Bound of the error of `linear`.
 fn linear_error(k: array<Coefficient, 3>, at: Offset, value: f4) -> f4 {
   let constant = 3.0 * abs(k[0]) + abs(at.y) * (4.0 * abs(k[2]));
-  return 0x1.04p-24f * (constant + abs(at.x) * (3.0 * abs(k[1]))) + 0x1p-38f;
+  return 0x1.04p-24f * (constant + abs(at.x) * (3.0 * abs(k[1])));
 }

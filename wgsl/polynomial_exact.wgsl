@@ -35,11 +35,11 @@ fn quadratic_error(k: array<Coefficient, 6>, at: Offset, value: f4) -> f4 {
   let x = abs(f4(at.x));
   let y = abs(f32(at.y));
   let monomials = ((1.0 + y) + y * y) + x * ((1.0 + y) + x);
-  return 0x1.04p-24f * abs(value) + (0x1.04p-61f * monomials + 0x1p-37f);
+  return 0x1.04p-24f * abs(value) + 0x1.04p-61f * monomials;
 }
 
 // Bound of the error of `linear`.
 fn linear_error(k: array<Coefficient, 3>, at: Offset, value: f4) -> f4 {
   let monomials = (1.0 + abs(f32(at.y))) + abs(f4(at.x));
-  return 0x1.04p-24f * abs(value) + (0x1.04p-61f * monomials + 0x1p-38f);
+  return 0x1.04p-24f * abs(value) + 0x1.04p-61f * monomials;
 }

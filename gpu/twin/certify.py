@@ -192,7 +192,7 @@ def curve_bound(form: BoundedForm, run: Run, last_step: np.float32) -> F32:
     off = ROOM * (
         (form.error_a + form.error_g)
         + form.error_c
-        + EPSILON * ((run.a * size_a + run.g * size_g) + np.abs(form.c))
+        + EPSILON * ((np.abs(form.c) + run.a * size_a) + run.g * size_g)
     )
     off_slope = ROOM * (
         (2 * form.error_a + form.error_g) + run.slope * EPSILON * (4 * size_a + size_g)

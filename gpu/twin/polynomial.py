@@ -41,16 +41,15 @@ def linear(k: F32, at: Offset) -> F32:
 def quadratic_error(k: F32, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as the exact forms
     """Bound of the error of ``quadratic``: every term passes so many roundings.
 
-    Counted are that of the coefficient and those of the operations on its way to ``value``; at
-    last come the terms that ``setup.NEGLIGIBLE`` left out.
+    Counted are that of the coefficient and those of the operations on its way to ``value``.
     """
     x, y = np.abs(at.x), np.abs(at.y)
     constant = 3 * abs(k[0]) + y * (5 * abs(k[2]) + y * (6 * abs(k[5])))
     slope = 5 * abs(k[1]) + y * (6 * abs(k[4]))
-    return ROUNDING * (constant + x * (slope + x * (5 * abs(k[3])))) + np.float32(2.0**-37)
+    return ROUNDING * (constant + x * (slope + x * (5 * abs(k[3]))))
 
 
 def linear_error(k: F32, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as the exact forms
     """Bound of the error of ``linear``."""
     constant = 3 * abs(k[0]) + np.abs(at.y) * (4 * abs(k[2]))
-    return ROUNDING * (constant + np.abs(at.x) * (3 * abs(k[1]))) + np.float32(2.0**-38)
+    return ROUNDING * (constant + np.abs(at.x) * (3 * abs(k[1])))

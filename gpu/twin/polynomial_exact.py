@@ -49,10 +49,10 @@ def quadratic_error(k: I64, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as
     """Bound of the error of ``quadratic``: one rounding, half a unit in each coefficient."""
     x, y = np.abs(at.x.astype(np.float32)), np.abs(at.y.astype(np.float32))
     monomials = ((1 + y) + y * y) + x * ((1 + y) + x)
-    return ROUNDING * np.abs(value) + (HALF_UNIT * monomials + np.float32(2.0**-37))
+    return ROUNDING * np.abs(value) + HALF_UNIT * monomials
 
 
 def linear_error(k: I64, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as in float32
     """Bound of the error of ``linear``."""
     monomials = (1 + np.abs(at.y.astype(np.float32))) + np.abs(at.x.astype(np.float32))
-    return ROUNDING * np.abs(value) + (HALF_UNIT * monomials + np.float32(2.0**-38))
+    return ROUNDING * np.abs(value) + HALF_UNIT * monomials

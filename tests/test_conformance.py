@@ -1,0 +1,155 @@
+"""Whole frames: what the device makes is what the twin makes, in every bit of every array."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import halfstep
+from halfstep import run_gpu, source
+from halfstep.device import Adapter
+from halfstep.frame import SOURCES, Frame
+from halfstep.scene import bundled_scenes
+from halfstep.source import Needs
+
+SIZE = (160, 120)
+# A thousand solids cost the twin more than pixels do.
+SMALL = {"crowd": (64, 48)}
+METHODS = ("visible", "article")
+
+# What a slip of the pen would make of the kernel: each must be seen in a frame.
+FAULTS = [
+    ("offset(x, y + 1)", "offset(x, y)"),
+    ("i4(solid.center_x)", "i4(solid.center_y)"),
+    ("j - solid.center_y", "j - solid.center_x"),
+    ("solid.surface) + u4(number)", "solid.surface)"),
+    ("hit & before(", "before("),
+    ("old.slope.y, slope.y", "old.slope.y, slope.x"),
+    ("tile.y * frame.tiles_x + tile.x", "tile.x * frame.tiles_x + tile.y"),
+    ("finish(nearest_1, i, j + 1,", "finish(nearest_0, i, j + 1,"),
+    ("depth_key(exit_position,", "depth_key(position,"),
+]
+
+
+@pytest.fixture(scope="module")
+def device(adapter: Adapter) -> Iterator[run_gpu.Device]:
+    """One device for all frames, so that frames with the same needs share a shader."""
+    device = run_gpu.Device(adapter)
+    close = device.close
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(device, "close", lambda: None)
+        patch.setattr(run_gpu, "Device", lambda _: device)
+        yield device
+    close()
+
+
+def render(scene: str, backend: str, **options: Any) -> Frame:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*the tolerance needs more than")
+        return halfstep.render(halfstep.load(scene), backend=backend, **options)
+
+
+def differences(frame: Frame, expected: Frame) -> dict[str, int]:
+    """Arrays with values of other bits, and how many there are."""
+    assert frame.outputs == expected.outputs
+    counts = {}
+    for name in frame.outputs:
+        values, others = getattr(frame, name), getattr(expected, name)
+        assert (values.dtype, values.shape) == (others.dtype, others.shape)
+        bits = np.dtype(f"u{values.itemsize}")
+        wrong = np.ascontiguousarray(values).view(bits) != np.ascontiguousarray(others).view(bits)
+        if wrong.any():
+            counts[name] = int(wrong.sum())
+    return counts
+
+
+@pytest.mark.parametrize("scene", bundled_scenes())
+@pytest.mark.usefixtures("device")
+def test_a_bundled_scene(scene: str) -> None:
+    size = SMALL.get(scene, SIZE)
+    frame = render(scene, "gpu", size=size)
+    assert differences(frame, render(scene, "numpy", size=size)) == {}
+    assert set(frame.outputs) == set(SOURCES)
+    assert (frame.solid >= 0).any()
+
+
+@pytest.mark.parametrize("scene", bundled_scenes())
+@pytest.mark.usefixtures("device")
+def test_a_bundled_scene_by_the_article(scene: str) -> None:
+    # Shading is the same code for both methods, and every number of lights compiles anew.
+    outputs = set(SOURCES) - ({"image", "color"} if scene != "figure" else set())
+    options = {"size": SMALL.get(scene, SIZE), "method": "article", "outputs": outputs}
+    frame = render(scene, "gpu", **options)
+    assert differences(frame, render(scene, "numpy", **options)) == {}
+    assert (frame.solid >= 0).any()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("steps", [1, 2, 17, 24, 30])
+@pytest.mark.parametrize("scene", ["figure", "edge_eye_inside_cylinder", "one_plane"])
+@pytest.mark.usefixtures("device")
+def test_any_number_of_steps(scene: str, steps: int, method: str) -> None:
+    options = {"size": SIZE, "method": method, "steps": steps}
+    frame = render(scene, "gpu", **options)
+    assert differences(frame, render(scene, "numpy", **options)) == {}
+    assert set(np.unique(frame.steps)) <= {0, steps}
+
+
+@pytest.mark.parametrize("size", [(1, 1), (33, 31), (257, 3), (4, 65)])
+@pytest.mark.usefixtures("device")
+def test_any_size(size: tuple[int, int]) -> None:
+    frame = render("figure", "gpu", size=size)
+    assert frame.solid.shape == size[::-1]
+    assert differences(frame, render("figure", "numpy", size=size)) == {}
+
+
+@pytest.mark.parametrize("samples", [2, 3])
+@pytest.mark.usefixtures("device")
+def test_samples(samples: int) -> None:
+    options = {"size": (70, 50), "samples": samples}
+    frame = render("figure", "gpu", **options)
+    assert differences(frame, render("figure", "numpy", **options)) == {}
+    once = render("figure", "gpu", size=(70, 50))
+    assert set(differences(frame, once)) == {"image", "color"}
+
+
+@pytest.mark.parametrize("samples", [1, 3])
+def test_bands_do_not_show(
+    samples: int, device: run_gpu.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = {"size": SIZE, "samples": samples}
+    whole = render("figure", "gpu", **options)
+    bands: list[tuple[int, int]] = []
+    render_band = device.render_band
+
+    def recorded(*job: Any) -> Any:
+        bands.append(job[2:4])
+        return render_band(*job)
+
+    monkeypatch.setattr(device, "render_band", recorded)
+    monkeypatch.setattr(run_gpu, "BAND_BYTES", 1)
+    frame = render("figure", "gpu", **options)
+    assert differences(frame, whole) == {}
+    height = SIZE[1] * samples
+    assert bands[-1][0] + bands[-1][1] == height
+    assert len(bands) >= 4
+
+
+@pytest.mark.parametrize(("old", "new"), FAULTS)
+def test_a_fault_in_the_kernel_is_seen(
+    old: str, new: str, device: run_gpu.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def faulty(needs: Needs) -> str:
+        text = source.compose(needs)
+        assert old in text
+        return text.replace(old, new)
+
+    monkeypatch.setattr(device, "_pipelines", {})
+    monkeypatch.setattr(run_gpu, "compose", faulty)
+    options = {"size": SIZE, "outputs": ["surface", "t", "depth_exit", "normal"]}
+    frame = render("figure", "gpu", **options)
+    assert differences(frame, render("figure", "numpy", **options))

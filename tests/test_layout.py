@@ -1,0 +1,96 @@
+"""Records: the file is the generated one, and the device finds each member where NumPy puts it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from halfstep import layout
+from halfstep.device import Adapter, open_device
+from halfstep.layout import FRAME, LIGHT, RECORDS, Record
+from halfstep.source import stage
+
+COEFFICIENTS: dict[str, type[np.float32] | type[np.int64]] = {"f32": np.float32, "i64": np.int64}
+# So many records that a wrong stride shows.
+COUNT = 3
+
+
+@pytest.fixture(scope="module")
+def device(adapter: Adapter) -> Iterator[Any]:
+    device = open_device(adapter, features=("shader-int64",))
+    yield device
+    device.destroy()
+
+
+def test_the_file_is_the_generated_one() -> None:
+    assert stage("layout") == layout.wgsl(), "run python -m halfstep.layout"
+
+
+def echo(record: Record, coefficient: str) -> tuple[str, int]:
+    """A shader that copies the scalars of every member to 64-bit integers, and how many it copies.
+
+    Frames and lights are uniforms in the renderer, the other records are not.
+    """
+    scalars = []
+    for field in record.fields:
+        for k in range(field.count):
+            name = f"records[ix].{field.name}" + (f"[{k}]" if field.count > 1 else "")
+            parts = [f"{name}.{axis}" for axis in "xyzw"] if field.type[:3] == "vec" else [name]
+            if field.type == "Coefficient" and coefficient == "i64":
+                scalars += parts
+            elif "f32" in field.type or field.type == "Coefficient":
+                scalars += [f"i64(bitcast<i32>({part}))" for part in parts]
+            else:
+                scalars += [f"i64({part})" for part in parts]
+    space, stored = "storage, read", f"array<{record.name}>"
+    if record in (FRAME, LIGHT):
+        space, stored = "uniform", f"array<{record.name}, {COUNT}>"
+    copies = "".join(
+        f"  found[{len(scalars)}u * ix + {k}u] = {s};\n" for k, s in enumerate(scalars)
+    )
+    return (
+        f"alias Coefficient = {coefficient};\n{stage('layout')}\n"
+        f"@group(0) @binding(0) var<{space}> records: {stored};\n"
+        "@group(0) @binding(1) var<storage, read_write> found: array<i64>;\n"
+        "@compute @workgroup_size(1)\n"
+        "fn copy(@builtin(global_invocation_id) id: vec3<u32>) {\n"
+        f"  let ix = id.x;\n{copies}}}\n"
+    ), len(scalars)
+
+
+@pytest.mark.parametrize("coefficient", COEFFICIENTS)
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.name)
+def test_the_device_finds_every_member(record: Record, coefficient: str, device: Any) -> None:
+    dtype = record.dtype(COEFFICIENTS[coefficient])
+    # Every word another; as float32 they are normal numbers, which no device changes.
+    words = np.arange(COUNT * dtype.itemsize // 4, dtype=np.uint32) + np.float32(1).view(np.uint32)
+    expected = []
+    for row in words.view(dtype):
+        for field in record.fields:
+            member = np.atleast_1d(row[field.name]).ravel()
+            expected += (member.view(np.int32) if member.dtype.itemsize == 4 else member).tolist()
+
+    code, scalars = echo(record, coefficient)
+    pipeline = device.create_compute_pipeline(
+        layout="auto",
+        compute={"module": device.create_shader_module(code=code), "entry_point": "copy"},
+    )
+    usage = "UNIFORM" if record in (FRAME, LIGHT) else "STORAGE"
+    buffers = [
+        device.create_buffer_with_data(data=words, usage=usage),
+        device.create_buffer(size=8 * COUNT * scalars, usage="STORAGE|COPY_SRC"),
+    ]
+    entries = [{"binding": k, "resource": {"buffer": buffer}} for k, buffer in enumerate(buffers)]
+    group = device.create_bind_group(layout=pipeline.get_bind_group_layout(0), entries=entries)
+    encoder = device.create_command_encoder()
+    compute = encoder.begin_compute_pass()
+    compute.set_pipeline(pipeline)
+    compute.set_bind_group(0, group)
+    compute.dispatch_workgroups(COUNT)
+    compute.end()
+    device.queue.submit([encoder.finish()])
+    found = np.frombuffer(device.queue.read_buffer(buffers[1]), np.int64)
+    assert found.tolist() == expected

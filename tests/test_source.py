@@ -1,0 +1,153 @@
+"""Shader text: code for what a frame needs and nothing else, and every combination compiles."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from halfstep.device import Adapter, open_device
+from halfstep.frame import SOURCES, device_outputs
+from halfstep.pack import Class
+from halfstep.run_gpu import needs_of
+from halfstep.scene import Scene, bundled_scenes, load, with_overrides
+from halfstep.source import OUTPUT_WORDS, Needs, compose, stage_names
+from tests.test_pack import SIZE, packed_frame
+
+METHODS = ("visible", "article")
+ALL = frozenset(OUTPUT_WORDS)
+
+QUADRICS = {Class.QUADRIC, Class.QUADRIC_INSIDE}
+POLYHEDRA = {Class.POLYHEDRON, Class.POLYHEDRON_INSIDE}
+# Function -> the classes one of which it is there for.
+CALLED = {
+    "visible": {
+        "ellipsoid_entry": {Class.ELLIPSOID},
+        "quadric_entry": QUADRICS,
+        "polyhedron_entry": POLYHEDRA,
+        "patch_entry": {Class.PATCH},
+        "facing": {Class.PATCH},
+        "clip": QUADRICS | POLYHEDRA,
+        "whole_interval": QUADRICS | POLYHEDRA,
+        "from_the_eye": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
+        "choose": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
+        "quadratic": {Class.ELLIPSOID, *QUADRICS},
+    },
+    "article": {
+        "article_quadric": QUADRICS,
+        "article_polyhedron": POLYHEDRA,
+        "article_patch": {Class.PATCH},
+        "quadratic": QUADRICS,
+    },
+}
+NEEDS = Needs(
+    classes=(Class.QUADRIC,),
+    outputs=ALL,
+    method="visible",
+    exact=False,
+    lights=2,
+    point_lights=True,
+    highlights=True,
+    max_lines=8,
+)
+
+
+@pytest.fixture(scope="module")
+def device(adapter: Adapter) -> Iterator[Any]:
+    device = open_device(adapter, features=("shader-int64",))
+    yield device
+    device.destroy()
+
+
+def needs(scene: Scene, outputs: frozenset[str] = ALL) -> Needs:
+    small = with_overrides(scene, size=SIZE, steps=12)
+    return needs_of(packed_frame(small), scene.accuracy.method, outputs)
+
+
+def calls(text: str) -> list[str]:
+    """The functions that the entry point calls."""
+    return re.findall(r"\b(\w+)\(", text[text.index("@compute") :])
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", bundled_scenes())
+def test_a_kernel_calls_what_its_solids_need(name: str, method: str) -> None:
+    need = needs(with_overrides(load(name), method=method), ALL - {"error"})
+    called = calls(compose(need))
+    for function, classes in CALLED[method].items():
+        assert (function in called) == bool(classes & set(need.classes)), function
+    other = CALLED[METHODS[method == "visible"]].keys() - CALLED[method].keys()
+    assert not other & set(called)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("klass", [Class.QUADRIC, Class.POLYHEDRON, Class.PATCH])
+def test_code_of_a_method_is_there_for_it_alone(klass: Class, method: str) -> None:
+    names = stage_names(replace(NEEDS, classes=(klass,), method=method))
+    assert ("article" in names) == (method == "article")
+    assert ("halve" in names) == ("root" in names) == (method == "visible")
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_code_of_an_output_is_there_for_it_alone(name: str) -> None:
+    need = replace(NEEDS, outputs=device_outputs([name]))
+    text = compose(need)
+    shaded, oriented = name in ("image", "color"), name in ("image", "color", "normal")
+    assert ("fn encode(" in text) == (name == "image")
+    assert ("fn shade(" in text) == ("lights" in text) == shaded
+    assert ("fn gradient(" in text) == ("gradient(" in text) == oriented
+    assert ("fn ray_direction(" in text) == oriented
+    exits = name == "depth_exit"
+    assert calls(text).count("halve") == (4 if exits else 2)
+    assert ("quadric_exit" in calls(text)) == exits
+
+
+@pytest.mark.parametrize("klass", Class)
+def test_exact_forms_are_there_for_many_steps_alone(klass: Class) -> None:
+    for method, exact in product(METHODS, (False, True)):
+        need = replace(NEEDS, classes=(klass,), method=method, exact=exact)
+        assert ("i64" in compose(need)) == exact
+        if method == "visible":
+            assert ("halve_incremental" in stage_names(need)) == exact
+            assert ("halve" in stage_names(need)) != exact
+
+
+def test_names_of_a_scene_do_not_reach_the_shader(tmp_path: Path) -> None:
+    name = "xyzzy */ } fn render() {}"
+    text = Path(__file__).parents[1].joinpath("scenes", "figure.toml").read_text()
+    plain, named = tmp_path / "plain.toml", tmp_path / "xyzzy.toml"
+    plain.write_text(text)
+    text = re.sub(r'^(title|name|material) = "(.*)"', rf'\1 = "{name} \2"', text, flags=re.M)
+    assert text.count(name) >= 3
+    named.write_text(text)
+    for method in METHODS:
+        shaders = [compose(needs(with_overrides(load(p), method=method))) for p in (plain, named)]
+        assert shaders[0] == shaders[1]
+        assert "xyzzy" not in shaders[1]
+
+
+def combinations() -> Iterator[Needs]:
+    """Every class with every method, coefficients and output, and all classes together."""
+    article_classes = (Class.QUADRIC, Class.POLYHEDRON, Class.PATCH)
+    visible: list[tuple[Class, ...]] = [(), tuple(Class), *((klass,) for klass in Class)]
+    article: list[tuple[Class, ...]] = [(), article_classes]
+    article += [(klass,) for klass in article_classes]
+    outputs = [ALL, *(frozenset({"surface", name}) for name in OUTPUT_WORDS)]
+    for method, sets in (("visible", visible), ("article", article)):
+        for classes, exact, wanted in product(sets, (False, True), outputs):
+            yield replace(NEEDS, classes=classes, method=method, exact=exact, outputs=wanted)
+    for lights, point_lights, highlights in product((0, 1, 3), (False, True), (False, True)):
+        yield replace(NEEDS, lights=lights, point_lights=point_lights, highlights=highlights)
+
+
+def test_every_combination_compiles(device: Any) -> None:
+    count = 0
+    for need in combinations():
+        device.create_shader_module(code=compose(need))
+        count += 1
+    assert count > 100
