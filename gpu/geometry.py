@@ -35,6 +35,8 @@ Bools = NDArray[np.bool_]
 PARALLEL = 1e-9
 # The default volume is this much wider than the solids, so that no solid touches a base plane.
 VOLUME_MARGIN = 2.0**-10
+# F at the centre of an ellipsoid is known to this fraction of its terms.
+LEVEL_ROUNDING = 16 * 2.0**-53
 
 
 @dataclass(frozen=True)
@@ -206,7 +208,11 @@ def _ellipsoid(matrix: Floats) -> tuple[str, Floats, Floats]:
     if values[0] <= 1e-12 * values[2]:
         return "none", np.zeros(3), np.zeros((3, 3))
     center = -np.asarray(np.linalg.solve(second, linear), np.float64)
-    level = float(center @ second @ center) - constant
+    size = np.abs(center)
+    terms = float(size @ np.abs(second) @ size + 2 * (np.abs(linear) @ size)) + abs(constant)
+    # -F at the centre.  Far from the origin its terms cancel: the hull must not be too small.
+    level = -float(center @ second @ center + 2 * (linear @ center) + constant)
+    level += LEVEL_ROUNDING * terms
     if level < 0:
         return "empty", center, np.zeros((3, 3))
     return "ellipsoid", center, vectors * np.sqrt(level / values)

@@ -13,11 +13,18 @@ import functools
 from dataclasses import dataclass
 from importlib.resources import files
 
-from halfstep.layout import BLOCK_WIDTH, TILE
+import numpy as np
+
+from halfstep.layout import BLOCK_WIDTH, HALF_SPACE, SOLID, TILE, Record
 from halfstep.pack import SRGB_ENTRIES, Class
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel.
 OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "image": 1, "color": 3, "normal": 3, "error": 5}
+
+# Invocations that fetch a record together: each loads every fourth word and gives it to all.  A
+# device that a processor plays does a load for one invocation after another, and all invocations
+# of a tile want the same record.
+GROUP = 4
 
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
@@ -35,6 +42,7 @@ class Needs:
     point_lights: bool
     highlights: bool
     max_lines: int  # most half-spaces of a solid; the article method keeps them all at hand
+    cooperative: bool = False  # invocations of a subgroup fetch records together
 
     @property
     def shaded(self) -> bool:
@@ -116,10 +124,11 @@ def binding_numbers(needs: Needs) -> list[int]:
 
 
 def _bindings(needs: Needs) -> str:
+    solid, half_space = ("u32", "u32") if needs.cooperative else ("Solid", "HalfSpace")
     lines = [
         "@group(0) @binding(0) var<uniform> frame: Frame;",
-        "@group(0) @binding(1) var<storage, read> solids: array<Solid>;",
-        "@group(0) @binding(2) var<storage, read> half_spaces: array<HalfSpace>;",
+        f"@group(0) @binding(1) var<storage, read> solids: array<{solid}>;",
+        f"@group(0) @binding(2) var<storage, read> half_spaces: array<{half_space}>;",
         "@group(0) @binding(3) var<storage, read> tile_starts: array<u32>;",
         "@group(0) @binding(4) var<storage, read> tile_solids: array<u32>;",
         "@group(0) @binding(5) var<storage, read_write> planes: array<vec4<u32>>;",
@@ -282,11 +291,43 @@ def _variables(needs: Needs, name: str, type_: str) -> str:
     return "".join(f"    var {name}_{row}: {type_};\n" for row in range(needs.rows))
 
 
+def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> str:
+    """A statement that fetches a record of a storage array."""
+    if not needs.cooperative:
+        return f"    let {name} = {array}[{index}];\n"
+    dtype = record.dtype(np.int64 if needs.exact else np.float32)
+    words = dtype.itemsize // 4
+    text = f"    let {name}_place = ({index}) * {words}u + lane;\n"
+    for first in range(0, words, GROUP):
+        text += f"    let {name}_{first} = {array}[{name}_place + {first}u];\n"
+
+    def word(k: int) -> str:
+        return f"subgroupBroadcast({name}_{k - k % GROUP}, {k % GROUP}u)"
+
+    def scalar(type_: str, k: int) -> str:
+        if type_ == "i64":
+            # The mask: Mesa 22.3's lavapipe extends the sign of i64(u32).
+            return f"((i64(bitcast<i32>({word(k + 1)})) << 32u) | (i64({word(k)}) & 0xFFFFFFFFli))"
+        return word(k) if type_ == "u32" else f"bitcast<{type_}>({word(k)})"
+
+    members = []
+    for field in record.fields:
+        place = (dtype.fields or {})[field.name][1] // 4
+        type_, size = field.type, 1
+        if type_ == "Coefficient":
+            type_, size = ("i64", 2) if needs.exact else ("f32", 1)
+        values = ", ".join(scalar(type_, place + size * k) for k in range(field.count))
+        members.append(
+            f"array<{field.type}, {field.count}>({values})" if field.count > 1 else values
+        )
+    return text + f"    let {name} = {record.name}({', '.join(members)});\n"
+
+
 def _half_spaces(needs: Needs, first: int, body: str) -> str:
     """A loop over the solid's half-spaces, each tried on all rows."""
     return (
         f"    for (var k = {first}u; k < solid.plane_count; k++) {{\n"
-        "    let half_space = half_spaces[solid.plane_start + k];\n"
+        f"{_fetch(needs, HALF_SPACE, 'half_spaces', 'solid.plane_start + k', 'half_space')}"
         f"{_rows(needs, body)}"
         "    }\n"
     )
@@ -318,12 +359,9 @@ def _seen(needs: Needs, root: str, leaving: str, flat: str | None = None) -> str
 
 def _visible_patch(needs: Needs) -> str:
     turned = _vector("select(own_normal.AXIS, -own_normal.AXIS, patch_ROW.away)")
-    own = (
-        "  let own = half_spaces[solid.plane_start];\n"
-        f"  let own_normal = {_PLANE_NORMAL.replace('half_space', 'own')};\n"
-    )
-    if not needs.oriented:
-        own = own[: own.index("  let own_normal")]
+    own = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own")
+    if needs.oriented:
+        own += f"    let own_normal = {_PLANE_NORMAL.replace('half_space', 'own')};\n"
     return (
         own
         + _variables(needs, "patch", "Patch")
@@ -423,7 +461,7 @@ def _certify(needs: Needs, klass: Class) -> str:
             f"      bounded_ROW = bounded_facing(c, b, {own_errors}, solid.near_u, solid.far_u,"
             f" {near_cut});\n"
         )
-        text += "    let own_line = half_spaces[solid.plane_start];\n"
+        text += _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own_line")
         text += _variables(needs, "bounded", "BoundedPatch")
         text += _rows(needs, line.replace("LINE", "own_line") + facing)
         text += _half_spaces(
@@ -476,10 +514,11 @@ def _certify(needs: Needs, klass: Class) -> str:
 
 def _article(needs: Needs, klass: Class) -> str:
     """The paper's own sequences, a row at a time."""
+    half_space = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start + k", "half_space")
     row = (
         "    var lines: Lines;\n"
         "    for (var k = 0u; k < solid.plane_count; k++) {\n"
-        "      let half_space = half_spaces[solid.plane_start + k];\n"
+        f"{half_space}"
         "      lines[k] = Line(linear(half_space.c, at), linear(half_space.b, at));\n"
         "    }\n"
     )
@@ -509,24 +548,26 @@ def _article(needs: Needs, klass: Class) -> str:
     if needs.leaving:
         arguments += ["found.left", "found.exit_position"]
     if needs.oriented:
-        row += _article_slope(klass)
+        row += _article_slope(needs, klass)
         arguments.append("slope")
     arguments += ["certificate_ROW"] * needs.certified
     return _rows(needs, row + f"    nearest_ROW = keep({', '.join(arguments)});\n")
 
 
-def _article_slope(klass: Class) -> str:
+def _article_slope(needs: Needs, klass: Class) -> str:
     """The normal of the surface found: the article method knows it only at the end."""
     if klass is Class.PATCH:
-        own = _PLANE_NORMAL.replace("half_space", "half_spaces[solid.plane_start]")
+        own = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own")
+        normal = _PLANE_NORMAL.replace("half_space", "own")
         turned = _vector("select(normal.AXIS, -normal.AXIS, lines[0].b > f4(0.0))")
-        return f"    let normal = {own};\n    let slope = {turned};\n"
+        return f"{own}    let normal = {normal};\n    let slope = {turned};\n"
     first = _GRADIENT if klass in CURVED else "Vector(f4(0.0), f4(0.0), f4(0.0))"
     turned = _vector("select(slope.AXIS, normal.AXIS, found.surface == i4(i32(k) + 1))")
+    half_space = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start + k", "half_space")
     return (
         f"    var slope = {first};\n"
         "    for (var k = 0u; k < solid.plane_count; k++) {\n"
-        "      let half_space = half_spaces[solid.plane_start + k];\n"
+        f"{half_space}"
         f"      let normal = {_PLANE_NORMAL};\n"
         f"      slope = {turned};\n"
         "    }\n"
@@ -587,23 +628,31 @@ def _kernel(needs: Needs) -> str:
     loops = "".join(
         f"  for (var entry = tile_starts[list + {slot}u]; entry < tile_starts[list + {slot + 1}u];"
         " entry++) {\n"
-        "    let solid = solids[tile_solids[entry]];\n"
+        f"{_fetch(needs, SOLID, 'solids', 'tile_solids[entry]', 'solid')}"
         "    let x = i - i4(solid.center_x);\n"
         "    let y = j - solid.center_y;\n"
         f"{_visit(needs, klass)}"
         "  }\n"
         for slot, klass in enumerate(needs.classes)
     )
+    across = TILE // BLOCK_WIDTH
+    parameters = (
+        "@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) local: u32"
+    )
+    lane = ""
+    if needs.cooperative:
+        parameters += ", @builtin(subgroup_invocation_id) invocation: u32"
+        lane = f"  let lane = invocation % {GROUP}u;\n"
     clear = "    nearest_ROW = nothing();\n"
     finish = "    finish(nearest_ROW, i, j + ROW, place + ROWu * frame.row_quads);\n"
     return (
         "// One workgroup renders one tile, one invocation a block of it.\n"
-        f"@compute @workgroup_size({TILE // BLOCK_WIDTH}, {TILE // needs.rows})\n"
-        "fn render(@builtin(workgroup_id) tile: vec3<u32>,"
-        " @builtin(local_invocation_id) local: vec3<u32>) {\n"
+        f"@compute @workgroup_size({across * (TILE // needs.rows)})\n"
+        f"fn render({parameters}) {{\n"
+        f"{lane}"
         f"  let list = (tile.y * frame.tiles_x + tile.x) * {len(needs.classes)}u;\n"
-        "  let column = tile.x * TILE + local.x * BLOCK_WIDTH;\n"
-        f"  let row = tile.y * TILE + local.y * {needs.rows}u;\n"
+        f"  let column = tile.x * TILE + local % {across}u * BLOCK_WIDTH;\n"
+        f"  let row = tile.y * TILE + local / {across}u * {needs.rows}u;\n"
         "  let place = row * frame.row_quads + column / BLOCK_WIDTH;\n"
         "  let i = i4(i32(column)) + i4(0, 1, 2, 3);\n"
         "  let j = frame.first_row + i32(row);\n"

@@ -18,7 +18,9 @@ from halfstep.source import Needs
 
 SIZE = (160, 120)
 # A thousand solids cost the twin more than pixels do.
-SMALL = {"crowd": (64, 48)}
+SMALL = {"crowd": (40, 30)}
+# Bounds of the error have a kernel of their own.
+PLAIN = set(SOURCES) - {"error"}
 METHODS = ("visible", "article")
 
 # What a slip of the pen would make of the kernel: each must be seen in a frame.
@@ -70,10 +72,9 @@ def differences(frame: Frame, expected: Frame) -> dict[str, int]:
 @pytest.mark.parametrize("scene", bundled_scenes())
 @pytest.mark.usefixtures("device")
 def test_a_bundled_scene(scene: str) -> None:
-    size = SMALL.get(scene, SIZE)
-    frame = render(scene, "gpu", size=size)
-    assert differences(frame, render(scene, "numpy", size=size)) == {}
-    assert set(frame.outputs) == set(SOURCES)
+    options = {"size": SMALL.get(scene, SIZE), "outputs": PLAIN}
+    frame = render(scene, "gpu", **options)
+    assert differences(frame, render(scene, "numpy", **options)) == {}
     assert (frame.solid >= 0).any()
 
 
@@ -81,7 +82,7 @@ def test_a_bundled_scene(scene: str) -> None:
 @pytest.mark.usefixtures("device")
 def test_a_bundled_scene_by_the_article(scene: str) -> None:
     # Shading is the same code for both methods, and every number of lights compiles anew.
-    outputs = set(SOURCES) - ({"image", "color"} if scene != "figure" else set())
+    outputs = PLAIN - {"image", "color"}
     options = {"size": SMALL.get(scene, SIZE), "method": "article", "outputs": outputs}
     frame = render(scene, "gpu", **options)
     assert differences(frame, render(scene, "numpy", **options)) == {}
@@ -89,11 +90,33 @@ def test_a_bundled_scene_by_the_article(scene: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "scene", ["figure", "gallery", "one_sphere", "edge_eye_inside_cylinder", "edge_near_plane"]
+)
+@pytest.mark.usefixtures("device")
+def test_error_bounds(scene: str, method: str) -> None:
+    options = {"size": SIZE, "method": method, "outputs": ["surface", "error"]}
+    frame = render(scene, "gpu", **options)
+    assert differences(frame, render(scene, "numpy", **options)) == {}
+    assert np.isfinite(frame.error).any()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.usefixtures("device")
+def test_everything_at_once(method: str) -> None:
+    options = {"size": SIZE, "method": method}
+    frame = render("figure", "gpu", **options)
+    assert set(frame.outputs) == set(SOURCES)
+    assert differences(frame, render("figure", "numpy", **options)) == {}
+
+
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("steps", [1, 2, 17, 24, 30])
 @pytest.mark.parametrize("scene", ["figure", "edge_eye_inside_cylinder", "one_plane"])
 @pytest.mark.usefixtures("device")
 def test_any_number_of_steps(scene: str, steps: int, method: str) -> None:
-    options = {"size": SIZE, "method": method, "steps": steps}
+    outputs = set(SOURCES) - {"image", "color"}
+    options = {"size": SIZE, "method": method, "steps": steps, "outputs": outputs}
     frame = render(scene, "gpu", **options)
     assert differences(frame, render(scene, "numpy", **options)) == {}
     assert set(np.unique(frame.steps)) <= {0, steps}

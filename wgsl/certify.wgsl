@@ -131,7 +131,7 @@ fn curve_bound(form: BoundedForm, run: Run, last_step: f32) -> f4 {
   let off_slope = ROOM * ((2.0 * form.error_a + form.error_g)
     + run.slope * EPSILON * (4.0 * size_a + size_g));
   let least = form.discriminant - form.error_d;
-  let rest = least - ROOM * (4.0 * (size_a + form.error_a) * off);
+  let rest = least - 4.0 * ((size_a + form.error_a) * off);
   let some = rest > ROOM * (off_slope * off_slope);
   let roots = select(f4(1.0), sqrt(max(least, f4(0.0))) + sqrt(max(rest, f4(0.0))), some);
   return select(f4(UNBOUNDED), last_step + ROOM * (2.0 * off / roots), some);

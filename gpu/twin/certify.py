@@ -198,7 +198,7 @@ def curve_bound(form: BoundedForm, run: Run, last_step: np.float32) -> F32:
         (2 * form.error_a + form.error_g) + run.slope * EPSILON * (4 * size_a + size_g)
     )
     least = form.discriminant - form.error_d
-    rest = least - ROOM * (4 * (size_a + form.error_a) * off)
+    rest = least - 4 * ((size_a + form.error_a) * off)
     some = rest > ROOM * (off_slope * off_slope)
     zero = np.float32(0)
     roots = np.where(

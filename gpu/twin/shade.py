@@ -23,7 +23,7 @@ SHININESS_BITS = 11
 class Light(NamedTuple):
     """A light of the frame."""
 
-    vector: F32  # (4,), direction to_light it (w = 0) or position relative to the eye (w = 1)
+    vector: F32  # (4,), direction towards it (w = 0) or position relative to the eye (w = 1)
     color: F32  # (4,), linear RGB
 
 
@@ -56,7 +56,7 @@ def shade(
 ) -> Vector:
     """Linear colour of a point seen from the eye; ``point`` is relative to the eye.
 
-    The normal is turned to_light the viewer, so that the inside of an opened solid is lit too.
+    The normal is turned towards the viewer, so that the inside of an opened solid is lit too.
     """
     turned = dot_product(normal, to_eye) < 0
     sign = np.where(turned, np.float32(-1), np.float32(1))
