@@ -1,15 +1,16 @@
 """Shader text, composed from the stages that a frame needs and nothing else.
 
-Stage functions are plain WGSL files beside each other in ``halfstep.wgsl``.  This module chooses
-the files and writes the kernel that joins them: for every class of solids present one loop over
-the tile's list, in which each solid is fetched once and tried on a block of pixels.  The rows of
-the block are written out, with ROW in a name or a number standing for the row: arrays indexed by
-a loop cost a compiler more and the device most.
+Stage functions are plain WGSL files beside each other in ``halfstep.wgsl``.  This module writes the
+kernel that joins them and takes from the files what the kernel reaches: for every class of solids
+present one loop over the tile's list, in which each solid is fetched once and tried on a block of
+pixels.  The rows of the block are written out, with ROW in a name or a number standing for the
+row: arrays indexed by a loop cost a compiler more and the device most.
 """
 
 from __future__ import annotations
 
 import functools
+import re
 from dataclasses import dataclass
 from importlib.resources import files
 
@@ -87,35 +88,73 @@ def stage(name: str) -> str:
 
 
 def stage_names(needs: Needs) -> list[str]:
-    """The files a shader is made of, in order."""
-    names = ["lanes", "polynomial_exact" if needs.exact else "polynomial", "layout"]
-    if needs.method == "visible" or needs.certified:
-        names += ["piece"]
-    if needs.method == "visible":
-        names += ["root", "halve_incremental" if needs.exact else "halve"]
-    if Class.PATCH in needs.classes or needs.method == "article":
-        names.append("patch")
-    if needs.method == "article":
-        names.append("article")
-    names.append("nearest")
-    if needs.certified:
-        names.append("certify")
-    if needs.oriented:
-        names += ["normal", "ray"]
-    if needs.shaded:
-        names.append("shade")
-    if "image" in needs.outputs:
-        names.append("encode")
-    return names
+    """The files that a shader may take code from, in order."""
+    return [
+        "lanes",
+        "polynomial_exact" if needs.exact else "polynomial",
+        "layout",
+        "piece",
+        "root",
+        "patch",
+        "halve_incremental" if needs.exact else "halve",
+        "article",
+        "nearest",
+        "certify",
+        "normal",
+        "ray",
+        "shade",
+        "encode",
+    ]
 
 
 def compose(needs: Needs) -> str:
     """The whole shader; its entry point is ``render``."""
-    parts = [_bindings(needs)]
-    parts += [stage(name) for name in stage_names(needs)]
-    parts += [_nearest(needs), _keep(needs)]
-    parts += [_finish(needs), _kernel(needs)]
-    return "\n".join(parts)
+    kernel = "\n".join(
+        [_bindings(needs), _nearest(needs), _keep(needs), _finish(needs), _kernel(needs)]
+    )
+    library = [item for name in stage_names(needs) for item in definitions(stage(name))]
+    return "\n".join([*_reached(library, kernel), kernel])
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A function, struct, constant or alias of a stage file, with the comment above it."""
+
+    name: str  # of a function with a bracket, so that no member is taken for it
+    text: str
+    words: frozenset[str]  # identifiers in its code, and those of calls with their bracket
+
+
+_DEFINITION = re.compile(
+    r"^(?://.*\n)*(?:(fn|struct) (\w+)[\s\S]*?^\}|(?:const|alias) (\w+)[^;]*;)\n", re.MULTILINE
+)
+
+
+@functools.cache
+def definitions(text: str) -> tuple[Definition, ...]:
+    """What a stage file defines, in order."""
+    return tuple(
+        Definition(f"{name}(" if kind == "fn" else name or constant, match[0], _words(match[0]))
+        for match in _DEFINITION.finditer(text)
+        for kind, name, constant in [match.groups()]
+    )
+
+
+def _words(text: str) -> frozenset[str]:
+    words = re.findall(r"\b[A-Za-z_]\w*\(?", re.sub(r"//.*", "", text))
+    return frozenset(words) | {word.rstrip("(") for word in words}
+
+
+def _reached(library: list[Definition], kernel: str) -> list[str]:
+    """The texts of the definitions that the kernel needs, directly or not, in order."""
+    by_name = {item.name: item for item in library}
+    reached: set[str] = set()
+    wanted = _words(kernel) & by_name.keys()
+    while wanted:
+        reached |= wanted
+        wanted = {word for name in wanted for word in by_name[name].words} & by_name.keys()
+        wanted -= reached
+    return [item.text for item in library if item.name in reached]
 
 
 def binding_numbers(needs: Needs) -> list[int]:

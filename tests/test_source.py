@@ -69,6 +69,11 @@ def needs(scene: Scene, outputs: frozenset[str] = ALL) -> Needs:
     return needs_of(packed_frame(small), scene.accuracy.method, outputs)
 
 
+def code(text: str) -> str:
+    """The text without its comments."""
+    return re.sub(r"//.*", "", text)
+
+
 def calls(text: str) -> list[str]:
     """The functions that the entry point calls."""
     return re.findall(r"\b(\w+)\(", text[text.index("@compute") :])
@@ -88,9 +93,19 @@ def test_a_kernel_calls_what_its_solids_need(name: str, method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("klass", [Class.QUADRIC, Class.POLYHEDRON, Class.PATCH])
 def test_code_of_a_method_is_there_for_it_alone(klass: Class, method: str) -> None:
-    names = stage_names(replace(NEEDS, classes=(klass,), method=method))
-    assert ("article" in names) == (method == "article")
-    assert ("halve" in names) == ("root" in names) == (method == "visible")
+    text = compose(replace(NEEDS, classes=(klass,), method=method))
+    assert ("fn visible_point(" in text or "fn article_patch(" in text) == (method == "article")
+    assert ("fn halve(" in text) == ("struct Root" in text) == (method == "visible")
+
+
+def test_a_shader_holds_code_of_its_own_solids_alone() -> None:
+    """Nothing of a polyhedron, a plane or a quadric in a shader without one."""
+    sphere = code(compose(replace(NEEDS, classes=(Class.ELLIPSOID,))))
+    box = code(compose(replace(NEEDS, classes=(Class.POLYHEDRON,))))
+    for word in ("Piece", "clip(", "polyhedron", "quadric_entry", "Patch", "linear(", "FLAG_"):
+        assert word not in sphere, word
+    for word in ("quadratic", "ellipsoid", "quadric_entry", "gradient(", "Patch", "discriminant"):
+        assert word not in box, word
 
 
 @pytest.mark.parametrize("name", SOURCES)
