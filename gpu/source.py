@@ -149,11 +149,11 @@ def _reached(library: list[Definition], kernel: str) -> list[str]:
     """The texts of the definitions that the kernel needs, directly or not, in order."""
     by_name = {item.name: item for item in library}
     reached: set[str] = set()
-    wanted = _words(kernel) & by_name.keys()
+    wanted = by_name.keys() & _words(kernel)
     while wanted:
         reached |= wanted
-        wanted = {word for name in wanted for word in by_name[name].words} & by_name.keys()
-        wanted -= reached
+        words = {word for name in wanted for word in by_name[name].words}
+        wanted = (by_name.keys() & words) - reached
     return [item.text for item in library if item.name in reached]
 
 
@@ -335,6 +335,7 @@ def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> s
     if not needs.cooperative:
         return f"    let {name} = {array}[{index}];\n"
     dtype = record.dtype(np.int64 if needs.exact else np.float32)
+    places = dict(dtype.fields or {})
     words = dtype.itemsize // 4
     text = f"    let {name}_place = ({index}) * {words}u + lane;\n"
     for first in range(0, words, GROUP):
@@ -351,7 +352,7 @@ def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> s
 
     members = []
     for field in record.fields:
-        place = (dtype.fields or {})[field.name][1] // 4
+        place = places[field.name][1] // 4
         type_, size = field.type, 1
         if type_ == "Coefficient":
             type_, size = ("i64", 2) if needs.exact else ("f32", 1)

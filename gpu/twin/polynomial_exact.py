@@ -54,5 +54,6 @@ def quadratic_error(k: I64, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as
 
 def linear_error(k: I64, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as in float32
     """Bound of the error of ``linear``."""
-    monomials = (1 + np.abs(at.y.astype(np.float32))) + np.abs(at.x.astype(np.float32))
+    x, y = np.abs(at.x.astype(np.float32)), np.abs(at.y.astype(np.float32))
+    monomials: F32 = (1 + y) + x
     return ROUNDING * np.abs(value) + HALF_UNIT * monomials
