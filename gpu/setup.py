@@ -32,6 +32,9 @@ FLATNESS = 2.0**-4
 # Base planes are closed: a surface that lies in one is seen.  In units of u.
 BASE_PLANE_SLACK = 2.0**-20
 BASE_PLANE_ROUNDING = 2.0**-44
+# A plane that passes closer in front of the eye is moved this far from it, next to the largest
+# value of its form: in float32 rays would start behind it and miss it.
+EYE_CLEARANCE = 2.0**-20
 # Terms below this, next to 1, count as rounding; without them products of values are not
 # subnormal, which devices may flush.
 NEGLIGIBLE = 2.0**-40
@@ -163,7 +166,9 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         has_quadric, _nearest_curved(matrix, eye, eye_value, directions, offsets), np.inf
     )
     # The bounds of a patch are never seen themselves.
-    seen = ~geometry.is_patch[ix][owner] | (np.arange(len(owner)) == plane_start[owner])
+    of_patch = geometry.is_patch[ix][owner]
+    seen = ~of_patch | (np.arange(len(owner)) == plane_start[owner])
+    moved = np.where(seen & starts_at_eye[owner], _eye_clearance(eye_height * scale, of_patch), 0.0)
     slope = _largest_linear(np.einsum("ni,nci->nc", rows[:, :3], directions[owner]), offsets[owner])
     nearest_flat = np.full(len(ix), np.inf)
     reached = np.abs(eye_height) / np.maximum(slope, np.finfo(float).tiny)
@@ -200,9 +205,11 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         plane_start=plane_start,
         plane_count=count,
         plane=plane,
-        plane_c=_significant(plane_c * scale[:, None], monomials[owner, :3]),
+        plane_c=_significant(
+            plane_c * scale[:, None] + moved[:, None] * [1.0, 0.0, 0.0], monomials[owner, :3]
+        ),
         plane_b=_significant(plane_b * scale[:, None], monomials[owner, :3]),
-        plane_host_error=plane_size * scale * depth_error[owner] + 3 * NEGLIGIBLE,
+        plane_host_error=plane_size * scale * depth_error[owner] + 3 * NEGLIGIBLE + np.abs(moved),
     )
 
 
@@ -270,6 +277,16 @@ def _half_space_forms(rows: Floats, points: Floats, steps: Floats) -> tuple[Floa
     c = np.einsum("ni,nci->nc", rows[:, :3], points)
     c[:, 0] += rows[:, 3]
     return c, np.einsum("ni,nci->nc", rows[:, :3], steps)
+
+
+def _eye_clearance(height: Floats, of_patch: Bools) -> Floats:
+    """What takes a plane's value at the eye to ``EYE_CLEARANCE`` if the eye is outside of it.
+
+    A patch has two outsides.  An eye inside needs nothing: there the ray starts in any case.
+    """
+    outside = (height > 0) | (of_patch & (height < 0))
+    missing = np.maximum(EYE_CLEARANCE - np.abs(height), 0.0)
+    return np.where(outside, np.copysign(missing, height), 0.0)
 
 
 def _largest_linear(form: Floats, offsets: Floats) -> Floats:

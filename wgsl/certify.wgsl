@@ -34,12 +34,13 @@ struct Certificate {
   bound: f4,
 }
 
-// A piece with the error of the pairs at its ends, and whether the order of its planes is certain.
+// A piece with the error of the pairs at its ends, and what is certain of its planes.
 struct BoundedPiece {
   piece: Piece,
   error_in: f4,
   error_out: f4,
-  sure: b4,
+  sure: b4,  // their order
+  empty: b4,  // one of them excludes the whole interval
 }
 
 // The interval of the solid; base planes that cut it are only as exact as their slack.
@@ -49,6 +50,7 @@ fn bounded_interval(near_u: f32, far_u: f32, near_cut: bool) -> BoundedPiece {
     f4(select(0.0, BASE_PLANE_ERROR, near_cut)),
     f4(select(0.0, BASE_PLANE_ERROR, far_u != 1.0)),
     b4(true),
+    b4(false),
   );
 }
 
@@ -66,20 +68,29 @@ fn bounded_clip(old: BoundedPiece, c: f4, b: f4, error_c: f4, error_b: f4, numbe
     + 3.0 * EPSILON * (abs(c * old.piece.b_out) + abs(old.piece.c_out * b)));
   let apart = (abs(b) > error_b)
     & select(abs(exit_gap) > exit_error, abs(entry_gap) > entry_error, b < f4(0.0));
-  // Inside for every u of the interval: whatever the sign of b, the plane plays no part.
-  let idle = (c + abs(b)) + (ROOM * (error_c + error_b) + 8.0 * EPSILON * size) < f4(0.0);
+  // Inside for every u of the interval: whatever the sign of b, the plane plays no part.  Outside
+  // for every u: whatever that sign, nothing remains.
+  let spread = abs(b) + (ROOM * (error_c + error_b) + 8.0 * EPSILON * size);
+  let idle = c + spread < f4(0.0);
   let error = error_c + error_b;
   return BoundedPiece(
     piece,
     select(old.error_in, error, piece.id_in == i4(number)),
     select(old.error_out, error, piece.id_out == i4(number)),
     old.sure & (apart | idle),
+    old.empty | (c - spread > f4(0.0)),
   );
 }
 
 // As `from_the_eye`.
 fn bounded_from_the_eye(old: BoundedPiece, near_u: f32) -> BoundedPiece {
-  return BoundedPiece(from_the_eye(old.piece, near_u), f4(0.0), old.error_out, old.sure);
+  return BoundedPiece(
+    from_the_eye(old.piece, near_u),
+    f4(0.0),
+    old.error_out,
+    old.sure,
+    old.empty,
+  );
 }
 
 // Whether it is certain that the piece is entered before it is left, or not.
@@ -179,7 +190,7 @@ fn certify_polyhedron(ends: BoundedPiece, inside: b4, eye_sure: bool, last_step:
   let some = remains(piece);
   let lost = some & !inside & (piece.id_in == i4(0));
   return Certificate(
-    ends.sure & surely_ordered(ends) & !lost & (b4(eye_sure) | !inside),
+    (ends.empty & !some) | (ends.sure & surely_ordered(ends) & !lost & (b4(eye_sure) | !inside)),
     some & (number > i4(0)),
     number,
     inside,
@@ -232,7 +243,7 @@ fn certify_quadric(form: BoundedForm, ends: BoundedPiece, from_eye: b4, eye_outs
     | (on_entry & ordered)
     | (starts_inside & sure_crossing & ordered);
   return Certificate(
-    ends.sure & ((ordered & !some) | (sure_start & certain)),
+    (ends.empty & !some) | (ends.sure & ((ordered & !some) | (sure_start & certain))),
     some & seen,
     select(select(i4(0), piece.id_out, on_exit), piece.id_in, on_entry),
     starts_inside,

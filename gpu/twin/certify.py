@@ -29,6 +29,10 @@ needs |F'| < E', excluded by R > E'².  The halvings therefore end within
 
 *Planes.*  c + b u with errors e of both: |u - u*| <= 2^-n + (e + 3.1 ε (|b| + |c|)) / (|b| - e).
 
+A plane that excludes the whole interval by more than its errors leaves nothing, whatever the sign
+of its b; one that includes it by as much plays no part.  A plane that passes the eye closer than
+float32 can tell is moved by the set-up (``setup.EYE_CLEARANCE``), and the move counts as its error.
+
 Every bound is taken ROOM times larger, which covers its own rounding and that of devices that
 contract a*b + c or take square roots and quotients less exactly than IEEE arithmetic.
 """
@@ -77,12 +81,13 @@ class Certificate(NamedTuple):
 
 
 class BoundedPiece(NamedTuple):
-    """A piece, the errors of the pairs at its ends, and whether its planes' order is certain."""
+    """A piece, the errors of the pairs at its ends, and what is certain of its planes."""
 
     piece: Piece
     error_in: F32
     error_out: F32
-    sure: Bools
+    sure: Bools  # their order
+    empty: Bools  # one of them excludes the whole interval
 
 
 def bounded_interval(
@@ -95,6 +100,7 @@ def bounded_interval(
         zero + (BASE_PLANE_ERROR if near_cut else np.float32(0)),
         zero + (BASE_PLANE_ERROR if far_u != 1 else np.float32(0)),
         np.ones(like.shape, bool),
+        np.zeros(like.shape, bool),
     )
 
 
@@ -122,14 +128,17 @@ def bounded_clip(
     apart = (np.abs(b) > error_b) & np.where(
         b < 0, np.abs(entry_gap) > entry_error, np.abs(exit_gap) > exit_error
     )
-    # Inside for every u of the interval: whatever the sign of b, the plane plays no part.
-    idle = (c + np.abs(b)) + (ROOM * (error_c + error_b) + 8 * EPSILON * size) < 0
+    # Inside for every u of the interval: whatever the sign of b, the plane plays no part.  Outside
+    # for every u: whatever that sign, nothing remains.
+    spread = np.abs(b) + (ROOM * (error_c + error_b) + 8 * EPSILON * size)
+    idle = c + spread < 0
     error = error_c + error_b
     return BoundedPiece(
         piece,
         np.where(piece.id_in == number, error, old.error_in),
         np.where(piece.id_out == number, error, old.error_out),
         old.sure & (apart | idle),
+        old.empty | (c - spread > 0),
     )
 
 
@@ -260,7 +269,7 @@ def certify_polyhedron(
     some = remains(piece)
     lost = some & ~inside & (piece.id_in == 0)
     return Certificate(
-        ends.sure & surely_ordered(ends) & ~lost & (eye_sure | ~inside),
+        (ends.empty & ~some) | (ends.sure & surely_ordered(ends) & ~lost & (eye_sure | ~inside)),
         some & (number > 0),
         number,
         inside,
@@ -330,7 +339,7 @@ def certify_quadric(
         | (starts_inside & sure_crossing & ordered)
     )
     return Certificate(
-        ends.sure & ((ordered & ~some) | (sure_start & certain)),
+        (ends.empty & ~some) | (ends.sure & ((ordered & ~some) | (sure_start & certain))),
         some & seen,
         np.where(on_entry, piece.id_in, np.where(on_exit, piece.id_out, 0)),
         starts_inside,

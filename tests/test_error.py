@@ -1,0 +1,239 @@
+"""`Frame.error` holds: no pixel is further off, and nothing that is certain of a hit is wrong."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from halfstep import camera as cameras
+from halfstep import geometry
+from halfstep import pack as packing
+from halfstep import setup as setups
+from halfstep.device import Adapter
+from halfstep.run_gpu import Device
+from halfstep.scene import Camera, Scene
+from halfstep.twin import certify, polynomial
+from tests import soundness
+from tests.scenes_random import KINDS
+from tests.soundness import (
+    EXACT_STEPS,
+    FAMILIES,
+    FLOAT_STEPS,
+    Case,
+    Report,
+    Shot,
+    Tally,
+    judge,
+    survey,
+)
+
+Floats = NDArray[np.float64]
+
+
+def test_no_pixel_is_further_off_than_its_error(seed: int) -> None:
+    report = survey(1_000_000, seed, None)
+    everything, visible = report.total(), report.total("visible")
+    assert everything.faults == []
+    assert everything.hits > 0.2 * everything.judged > 400_000
+    assert visible.certain_hits > 300_000
+    assert everything.certain_misses > 300_000
+
+
+@pytest.mark.parametrize("family", ["ordinary", "near", "near_cut"])
+def test_ordinary_pixels_are_certain_and_their_bound_is_tight(family: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    report = Report()
+    for kind in KINDS * 4:
+        report.add(Case(family, kind, FAMILIES[family](rng, kind)), [(12, "visible")], None)
+    tally = report.total()
+    assert tally.faults == []
+    assert tally.hits > 10_000
+    assert tally.certified_hits >= 0.98
+    assert tally.certified_misses >= 0.98
+    if family == "ordinary":
+        assert 1 <= report.median(12) <= 4
+
+
+# ------------------------------------------------------------------------------ found once
+
+
+def _scene(solid: dict[str, Any], camera: dict[str, Any], **tables: Any) -> Scene:
+    solids = [{"color": [1.0, 1.0, 1.0], **solid}]
+    return Scene.from_dict({"format": 1, "camera": camera, "solid": solids, **tables})
+
+
+def _shifted_ball(shift: float) -> Scene:
+    """A unit ball about the world's origin, written about a point ``shift`` away from it."""
+    center = shift * np.array([0.48, -0.6, 0.64])
+    one = float(center @ center) - 1
+    solid = {
+        "kind": "quadric",
+        "coefficients": [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, *(-2 * center).tolist(), one],
+        "origin": (-center).tolist(),
+    }
+    camera = {"center": [0.7, -4.0, 0.3], "look_at": [0.0, 0.0, 0.0], "fov_degrees": 35.0}
+    return _scene(solid, camera)
+
+
+def _up_along_the_view() -> Scene:
+    """A ball smaller than a pixel in the corner of a picture whose `up` is 1e-7 from the view."""
+    forward = np.array([0.48, -0.6, 0.64])
+    up = forward + 1e-7 * np.array([0.6, 0.8, 0.1])
+    camera = {
+        "center": [0.0, 0.0, 0.0],
+        "look_at": forward.tolist(),
+        "up": up.tolist(),
+        "fov_degrees": 70.0,
+    }
+    ball = {"kind": "sphere", "radius": 1.0, "origin": [0.0, 0.0, 0.0]}
+    eye = cameras.view(_scene(ball, camera).camera, soundness.SIZE)
+    ray = eye.directions(np.array(0), np.array(0))
+    return _scene(ball | {"origin": (1e6 * ray + 0.5 * eye.camera_from_world[0]).tolist()}, camera)
+
+
+def _judged(scene: Scene, size: tuple[int, int] = soundness.SIZE) -> Tally:
+    shot, tally = Shot(scene, size), Tally()
+    truth = shot.oracle().trace()
+    for steps, method in ((12, "visible"), (24, "visible"), (12, "article")):
+        judge(shot.render(steps, method), truth, tally, f"{method} n {steps}")
+    assert tally.hits > 0
+    return tally
+
+
+def _rounded_right(camera: Camera) -> Floats:
+    """What `camera._right` was: a cross product in floating point."""
+    forward = np.subtract(camera.look_at, camera.center)
+    right = np.cross(forward / np.linalg.norm(forward), camera.up)
+    return np.asarray(right / np.linalg.norm(right))
+
+
+@pytest.mark.parametrize("planted", [False, True])
+def test_terms_of_a_quadric_that_cancel_are_counted(
+    planted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if planted:
+        monkeypatch.setattr(setups, "_quadric_rounding", lambda matrix, _: np.zeros(len(matrix)))
+    tally = _judged(_shifted_ball(1e6))
+    assert bool(tally.faults) == planted
+    assert tally.certified_hits > 0.9
+
+
+@pytest.mark.parametrize("planted", [False, True])
+def test_an_ellipsoid_far_from_its_origin_is_not_cut_off(
+    planted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    square = 1168.9357123648854
+    linear = [-1302570557.0469582, -1323845267.3564124, -301716571.02579886]
+    ball = {
+        "kind": "quadric",
+        "coefficients": [square, square, square, 0.0, 0.0, 0.0, *linear, 757160808710506.8],
+        "origin": [-557163.9319785362, -566260.5605711677, -129055.73158767074],
+    }
+    camera = {
+        "center": [-3.0787769248028147, 0.4542596713294202, 0.35170553233876684],
+        "look_at": [-3.0446383930488436, 0.39769747967264873, 0.3801901999799438],
+        "up": [0.5325875434742989, -0.3577980078127549, -0.22329559977220623],
+        "fov_degrees": 31.77781304184715,
+    }
+    if planted:
+        monkeypatch.setattr(geometry, "LEVEL_ROUNDING", 0.0)
+    assert bool(_judged(_scene(ball, camera), (256, 192)).faults) == planted
+
+
+@pytest.mark.parametrize("planted", [False, True])
+def test_the_view_is_exact_however_up_points(
+    planted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = _up_along_the_view()
+    if planted:
+        monkeypatch.setattr(cameras, "_right", _rounded_right)
+    assert bool(_judged(scene).faults) == planted
+
+
+# ------------------------------------------------------------------------------ planted faults
+
+
+END_SIGNS = certify.end_signs
+
+
+def _zero(*arguments: Any) -> Any:
+    return np.zeros_like(arguments[-1])
+
+
+def _no_rounding(form: Any, _run: Any, last_step: np.float32) -> Any:
+    return np.full(form.a.shape, last_step)
+
+
+def _sure_signs(form: Any, c: Any, b: Any, error: Any) -> Any:
+    signs = END_SIGNS(form, c, b, error)
+    sure = np.ones(signs.value.shape, bool)
+    return signs._replace(sure_value=sure, sure_slope=sure)
+
+
+def _sure_order(ends: Any) -> Any:
+    return np.ones(ends.error_in.shape, bool)
+
+
+def _any_surface(certificate: Any, hit: Any, _surface: Any) -> Any:
+    return certificate.sure & (certificate.hit == hit)
+
+
+# Module, function, what a forgotten term makes of it; scenes, method and steps that show it.
+FAULTS = [
+    (polynomial, "linear_error", _zero, "near_cut", "visible", (20, 24, 30)),
+    (polynomial, "quadratic_error", _zero, "near", "visible", (20, 24, 30)),
+    (certify, "curve_bound", _no_rounding, "ordinary", "visible", EXACT_STEPS),
+    (certify, "end_signs", _sure_signs, "magnified", "visible", FLOAT_STEPS),
+    (certify, "surely_ordered", _sure_order, "magnified", "visible", FLOAT_STEPS),
+    (certify, "confirms", _any_surface, "ordinary", "article", (1, 2, 3, 4)),
+]
+
+
+@pytest.mark.parametrize(("module", "name", "fault", "family", "method", "steps"), FAULTS)
+def test_a_forgotten_term_is_a_violation(
+    module: Any,
+    name: str,
+    fault: Any,
+    family: str,
+    method: str,
+    steps: tuple[int, ...],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # In float32 at any number of steps, where the forms' rounding is the larger part of an error.
+    monkeypatch.setattr(packing, "FLOAT_STEPS", 30)
+    faults = []
+    for planted in (False, True):
+        if planted:
+            monkeypatch.setattr(module, name, fault)
+        rng, report = np.random.default_rng(1998), Report()
+        for kind in KINDS + KINDS[:5]:
+            frames = [(int(rng.choice(steps)), method)]
+            report.add(Case(family, kind, FAMILIES[family](rng, kind)), frames, None)
+        assert report.total().hits > 1000
+        faults.append(bool(report.total().faults))
+    assert faults == [False, True]
+
+
+# ------------------------------------------------------------------------------ the shader
+
+
+@pytest.mark.parametrize("method", ["visible", "article"])
+@pytest.mark.parametrize("steps", [12, 24])
+def test_the_shader_computes_the_same_bound(
+    method: str, steps: int, adapter: Adapter, rng: np.random.Generator
+) -> None:
+    device = Device(adapter)
+    finite = 0
+    for count, kind in enumerate(KINDS * 2):
+        family = ("near_cut", "magnified", "ordinary", "far")[count % 4]
+        shot = Shot(FAMILIES[family](rng, kind), (70, 40))
+        ours = shot.render(steps, method, device)
+        expected = shot.render(steps, method)
+        for name, values in expected.items():
+            assert ours[name].tobytes() == values.tobytes(), (count, kind, family, name)
+        finite += int((np.isfinite(expected["error"]) & (expected["solid"] >= 0)).sum())
+    device.close()
+    assert finite > 10_000
