@@ -60,19 +60,13 @@ def _parser() -> argparse.ArgumentParser:
 
     render = commands.add_parser("render", help="render a scene to an image file")
     render.set_defaults(run=_render)
-    render.add_argument("scene", metavar="SCENE", help="a scene file, or a name `scenes` lists")
+    _add_scene(render)
     render.add_argument(
         "-o", "--output", metavar="FILE", required=True, help="image file; its ending is .png"
     )
-    render.add_argument("--size", metavar="WxH", type=_size, help="pixels, as 640x480")
     accuracy = render.add_mutually_exclusive_group()
     accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
-    accuracy.add_argument(
-        "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"
-    )
-    accuracy.add_argument(
-        "--tolerance", metavar="X", type=float, help="depth error allowed, in scene units"
-    )
+    _add_tolerances(accuracy)
     render.add_argument(
         "--format", choices=("float32", "fixed32"), dest="number_format", help="number format"
     )
@@ -80,15 +74,6 @@ def _parser() -> argparse.ArgumentParser:
         "--method", choices=("visible", "article"), help="joint logic first, or the paper's own"
     )
     render.add_argument("--samples", metavar="K", type=int, help="KxK samples in each pixel")
-    render.add_argument(
-        "--backend",
-        choices=("auto", "gpu", "numpy"),
-        default="auto",
-        help="auto: a Vulkan adapter if there is one, else NumPy",
-    )
-    render.add_argument(
-        "--adapter", metavar="NAME|INDEX", help="part of an adapter's name, or its number"
-    )
     render.add_argument("--json", action="store_true", help="describe the result on stdout")
 
     _add_tune(commands)
@@ -106,10 +91,35 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _add_scene(command: argparse.ArgumentParser) -> None:
+    """What every command that renders a scene takes."""
+    command.add_argument("scene", metavar="SCENE", help="a scene file, or a name `scenes` lists")
+    command.add_argument("--size", metavar="WxH", type=_size, help="pixels, as 640x480")
+    command.add_argument(
+        "--backend",
+        choices=("auto", "gpu", "numpy"),
+        default="auto",
+        help="auto: a Vulkan adapter if there is one, else NumPy",
+    )
+    command.add_argument(
+        "--adapter", metavar="NAME|INDEX", help="part of an adapter's name, or its number"
+    )
+
+
+def _add_tolerances(accuracy: Any) -> None:
+    """The two ways to state a tolerance; ``accuracy`` is a group of options of a command."""
+    accuracy.add_argument(
+        "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"
+    )
+    accuracy.add_argument(
+        "--tolerance", metavar="X", type=float, help="depth error allowed, in scene units"
+    )
+
+
 def _add_tune(commands: Any) -> None:
     tune = commands.add_parser("tune", help="measure what accuracy costs, and recommend steps")
     tune.set_defaults(run=_tune)
-    tune.add_argument("scene", metavar="SCENE", help="a scene file, or a name `scenes` lists")
+    _add_scene(tune)
     tune.add_argument(
         "-o",
         "--output",
@@ -117,27 +127,12 @@ def _add_tune(commands: Any) -> None:
         required=True,
         help="folder for tune.csv, tune.json, tune.png and error.png",
     )
-    tune.add_argument("--size", metavar="WxH", type=_size, help="pixels, as 640x480")
     tune.add_argument(
         "--steps", metavar="A:B[:S]", type=_steps, help="numbers of halvings from A to B by S"
     )
     accuracy = tune.add_mutually_exclusive_group()
-    accuracy.add_argument(
-        "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"
-    )
-    accuracy.add_argument(
-        "--tolerance", metavar="X", type=float, help="depth error allowed, in scene units"
-    )
+    _add_tolerances(accuracy)
     tune.add_argument("--method", choices=("visible", "article"), help="by default both")
-    tune.add_argument(
-        "--backend",
-        choices=("auto", "gpu", "numpy"),
-        default="auto",
-        help="auto: a Vulkan adapter if there is one, else NumPy",
-    )
-    tune.add_argument(
-        "--adapter", metavar="NAME|INDEX", help="part of an adapter's name, or its number"
-    )
     tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
 
 
