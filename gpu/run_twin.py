@@ -27,9 +27,9 @@ from halfstep.twin import (
     root,
     shade,
 )
+from halfstep.twin.lanes import F32
 
 Planes = dict[str, NDArray[Any]]
-F32 = NDArray[np.float32]
 # c, b and the bounds of their errors.
 BoundedLine = tuple[F32, F32, F32, F32]
 

@@ -12,13 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.patch import facing
-
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 
 START = np.int32(-1)
 

@@ -44,12 +44,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.nearest import Key, before, count_key
 from halfstep.twin.piece import Piece, clip, from_the_eye, remains, whole_interval
-
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 
 EPSILON = np.float32(2.0**-24)
 ROOM = np.float32(1.03)

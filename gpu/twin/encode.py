@@ -8,12 +8,9 @@ more than one such place.  ``pack.srgb_table`` makes it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.twin.lanes import F32, U32
 from halfstep.twin.normal import Vector
-
-F32 = NDArray[np.float32]
-U32 = NDArray[np.uint32]
 
 CELLS = np.float32(4096)
 FRACTIONS = np.float32(2.0**23)

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.twin.lanes import I32
 from halfstep.twin.root import Root
-
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
 
 
 def halve(root: Root, steps: int) -> I32:

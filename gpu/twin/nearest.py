@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-I32 = NDArray[np.int32]
-U32 = NDArray[np.uint32]
-Bools = NDArray[np.bool_]
+from halfstep.twin.lanes import I32, U32, Bools
 
 
 class Key(NamedTuple):

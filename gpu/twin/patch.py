@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-F32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+from halfstep.twin.lanes import F32, Bools
 
 
 class Patch(NamedTuple):

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
+from halfstep.twin.lanes import F32, I32
 
 # A rounding, 2^-24, with room for those of the bounds themselves.
 ROUNDING = np.float32(2.0**-24 * (1 + 2.0**-6))

@@ -9,11 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
-I64 = NDArray[np.int64]
+from halfstep.twin.lanes import F32, I32, I64
 
 UNIT = np.float32(2.0**-60)
 # A rounding of the value and of a coefficient, with room for those of the bounds themselves.

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.twin.lanes import F32
 from halfstep.twin.normal import Vector
-
-F32 = NDArray[np.float32]
 
 
 def ray_direction(frame: np.void, i: F32, j: F32) -> Vector:

@@ -10,13 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.piece import Piece, remains
-
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 
 
 class Root(NamedTuple):

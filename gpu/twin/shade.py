@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.twin.lanes import F32, U32
 from halfstep.twin.normal import Vector, dot_product, normalized, scaled
-
-F32 = NDArray[np.float32]
-U32 = NDArray[np.uint32]
 
 # Highlights below this are as good as none; keeping them away from subnormal numbers, which
 # devices may flush, keeps their bits the same.
