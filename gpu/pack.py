@@ -79,11 +79,11 @@ class Packed:
     half_spaces: Records
     key_bits: int  # depth key = t 2^key_bits
     lights: Records
-
-    @property
-    def present(self) -> tuple[Class, ...]:
-        """The classes of the frame in order."""
-        return tuple(Class(int(c)) for c in np.unique(self.classes))
+    # What a shader depends on is taken from the scene where it can be, so that a solid that leaves
+    # the picture does not ask for another one.
+    present: tuple[Class, ...]  # classes that the scene's solids have, in this frame or otherwise
+    highlights: bool  # some material shines
+    most_half_spaces: int  # of a solid
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -110,9 +110,9 @@ def pack(
     scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: NDArray[np.int64]
 ) -> Packed:
     """Records of the frame ``setup`` with ``steps`` (V,) halvings for each solid."""
-    classes = _classes(geometry, setup)
+    classes, usual = _classes(geometry, setup), _usual_classes(geometry)
     if scene.accuracy.method == "article":
-        classes = _ARTICLE_CLASS[classes]
+        classes, usual = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[usual]
     order = np.argsort(classes, kind="stable")
     exact = bool((steps > FLOAT_STEPS).any())
     coefficient = np.int64 if exact else np.float32
@@ -177,6 +177,9 @@ def pack(
         half_spaces=half_spaces,
         key_bits=key_bits,
         lights=_lights(scene, setup),
+        present=tuple(Class(int(c)) for c in np.union1d(classes, usual)),
+        highlights=bool((tables.specular > 0).any()),
+        most_half_spaces=int(geometry.plane_count.max()),
     )
 
 
@@ -202,6 +205,13 @@ def _classes(geometry: Geometry, setup: Setup) -> NDArray[np.int64]:
         ],
         Class.POLYHEDRON_INSIDE,
     )
+
+
+def _usual_classes(geometry: Geometry) -> NDArray[np.int64]:
+    """The class of each solid that can be seen at all, from outside and between the base planes."""
+    kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
+    classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
+    return np.select(kinds, classes, Class.POLYHEDRON)[~geometry.is_empty]
 
 
 def _fixed_point_scale(largest: Floats) -> Floats:

@@ -190,7 +190,7 @@ def needs_of(
     packed: Packed, method: str, outputs: frozenset[str], *, cooperative: bool = False
 ) -> Needs:
     """What the shader of a frame must hold."""
-    lines = int(packed.solids["plane_count"].max(initial=0)) if method == "article" else 0
+    lines = packed.most_half_spaces if method == "article" else 0
     return Needs(
         classes=packed.present,
         outputs=outputs,
@@ -198,7 +198,7 @@ def needs_of(
         exact=packed.exact,
         lights=len(packed.lights),
         point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
-        highlights=bool((packed.solids["specular"] > 0).any()),
+        highlights=packed.highlights,
         cooperative=cooperative,
         max_lines=(lines // LINES_GRANULE + 1) * LINES_GRANULE,
     )

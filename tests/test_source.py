@@ -148,6 +148,14 @@ def test_names_of_a_scene_do_not_reach_the_shader(tmp_path: Path) -> None:
         assert "xyzzy" not in shaders[1]
 
 
+def test_a_solid_out_of_sight_asks_for_no_other_shader() -> None:
+    """Turning the camera compiles nothing: one shader serves a scene."""
+    scene = load("gallery")
+    center = scene.camera.center
+    away = {"look_at": [center[0] + 1.0, center[1] - 9.0, center[2] + 2.0]}
+    assert needs(with_overrides(scene, camera=away), ALL) == needs(scene, ALL)
+
+
 def combinations() -> Iterator[Needs]:
     """Every class with every method, coefficients and output, and all classes together."""
     article_classes = (Class.QUADRIC, Class.POLYHEDRON, Class.PATCH)
