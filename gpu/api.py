@@ -16,7 +16,16 @@ from halfstep import geometry as geometries
 from halfstep.accuracy import USEFUL_STEPS, steps_for
 from halfstep.device import choose_adapter, is_requested
 from halfstep.errors import AdapterError, UsageError
-from halfstep.frame import AVERAGED, SOURCES, Array, Frame, arrays_of, check_outputs, device_outputs
+from halfstep.frame import (
+    AVERAGED,
+    SOURCES,
+    Array,
+    Frame,
+    arrays_of,
+    check_outputs,
+    device_outputs,
+    steps_by_solid,
+)
 from halfstep.layout import TILE
 from halfstep.pack import Packed, pack, srgb_table, surfaces
 from halfstep.scene import Camera, Scene, with_overrides
@@ -160,10 +169,13 @@ class Renderer:
         plain = [name for name in self._outputs if name not in averaged]
         arrays: dict[str, Array] = {}
         times: list[float] = []
+        steps: list[int] = []
         for names, factor in ((plain, 1), (averaged, samples)):
             if not names:
                 continue
             packed = self._pack(scene, factor)
+            # Of the pixel centres, which come first: `solid` is always among them.
+            steps = steps or steps_by_solid(packed, self._tables)[:-1].tolist()
             bands = []
             for band, milliseconds in self._bands(scene, packed, names, factor):
                 bands.append(band)
@@ -171,7 +183,7 @@ class Renderer:
                     times.append(milliseconds)
             arrays |= {name: np.concatenate([band[name] for band in bands]) for name in names}
         arrays = {name: arrays[name] for name in self._outputs}
-        return Frame(arrays, self._info(scene, packed, times, begin))
+        return Frame(arrays, self._info(scene, steps, times, begin))
 
     def _pack(self, scene: Scene, samples: int) -> Packed:
         """Records of a frame with ``samples`` x ``samples`` pixels for each of the picture."""
@@ -228,10 +240,8 @@ class Renderer:
             yield arrays, milliseconds
 
     def _info(
-        self, scene: Scene, packed: Packed, times: list[float], begin: float
+        self, scene: Scene, steps: list[int], times: list[float], begin: float
     ) -> dict[str, Any]:
-        steps = np.zeros(len(scene.solids), np.int64)
-        steps[packed.setup.solid[packed.order]] = packed.solids["steps"]
         info: dict[str, Any] = {"adapter": "numpy", "driver": f"NumPy {np.__version__}"}
         if self._device is not None:
             summary = self._device.adapter.summary
@@ -241,7 +251,7 @@ class Renderer:
         return info | {
             "number_format": scene.accuracy.number_format,
             "method": scene.accuracy.method,
-            "steps": steps.tolist(),
+            "steps": steps,
             "wall_ms": (time.perf_counter() - begin) * 1e3,
             "scene_sha256": scene.sha256,
             "version": __version__,

@@ -136,10 +136,21 @@ def arrays_of(
         elif name == "error":
             arrays[name] = _error(planes, hit, packed, tables)
         elif name == "steps":
-            steps = np.zeros(tables.solid.max() + 2, np.int32)
-            steps[setup.solid[packed.order]] = packed.solids["steps"]
-            arrays[name] = steps[tables.solid[number]]
+            arrays[name] = steps_by_solid(packed, tables)[tables.solid[number]]
     return arrays
+
+
+def steps_by_solid(packed: Packed, tables: Surfaces) -> NDArray[np.int32]:
+    """Halvings (K + 1,) of the scene's solids, 0 of one that is not seen, and a last 0 for none."""
+    seen = packed.setup.solid[packed.order]
+    return _by_solid(tables, seen, packed.solids["steps"].astype(np.int32))
+
+
+def _by_solid(tables: Surfaces, solids: NDArray[np.int64], values: Array) -> Array:
+    """Values of some of the scene's K solids as (K + 1,): 0 for the others, and at -1 for none."""
+    table = np.zeros(len(tables.first) + 1, values.dtype)
+    table[solids] = values
+    return table
 
 
 def _fraction(
@@ -160,10 +171,8 @@ def _error(
     whole interval lies behind.
     """
     setup = packed.setup
-    # By the scene's solids, with a last entry for none.
-    half, rounding = (np.zeros(tables.solid.max() + 2) for _ in range(2))
-    half[setup.solid] = 2.0 ** -(setup.level + 1.0)
-    rounding[setup.solid] = setup.depth_error
+    half = _by_solid(tables, setup.solid, 2.0 ** -(setup.level + 1.0))
+    rounding = _by_solid(tables, setup.solid, setup.depth_error)
     solid = tables.solid[planes["surface"]]
     unit = 2.0**-packed.key_bits
     t = planes["key"].astype(np.float64) * unit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -281,6 +282,7 @@ def tile_lists(
     return starts, owner[by_group].astype(np.uint32)
 
 
+@functools.cache
 def srgb_table() -> U32:
     """Table of ``encode.wgsl``: level in 8 bits, place of the next one in 24; 4097 are read."""
     edges = (np.arange(1, 256) - 0.5) / 255
@@ -291,4 +293,11 @@ def srgb_table() -> U32:
     following = np.append(place, np.inf)[level] - cells
     fraction = np.ceil(np.minimum(following, 1.0) * 2.0**23).astype(np.uint32)
     fraction[following >= 1] = 2**24 - 1
-    return (level.astype(np.uint32) | fraction << np.uint32(8)).astype(np.uint32)
+    table = (level.astype(np.uint32) | fraction << np.uint32(8)).astype(np.uint32)
+    table.setflags(write=False)  # every caller has this one
+    return table
+
+
+def joined_key(high: U32, low: U32) -> NDArray[np.uint64]:
+    """Depth keys from their two words."""
+    return (high.astype(np.uint64) << np.uint64(32)) | low

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from halfstep.device import Adapter, device_errors, open_device
 from halfstep.errors import AdapterError
 from halfstep.layout import BLOCK_WIDTH, TILE
-from halfstep.pack import FLOAT_STEPS, Packed, frame_record, srgb_table, tile_lists
+from halfstep.pack import FLOAT_STEPS, Packed, frame_record, joined_key, srgb_table, tile_lists
 from halfstep.scene import Scene
 from halfstep.source import GROUP, Needs, binding_numbers, compose, plane_offsets
 
@@ -227,17 +227,12 @@ def _planes(
         if name in ("surface", "image"):
             planes[name] = np.ascontiguousarray(grid[first])
         elif name in ("key", "exit"):
-            planes[name] = _joined(grid[first : first + 2])
+            planes[name] = joined_key(*grid[first : first + 2])
         elif name == "error":
-            planes["low"] = _joined(grid[first : first + 2])
-            planes["doubt"] = _joined(grid[first + 2 : first + 4])
+            planes["low"] = joined_key(*grid[first : first + 2])
+            planes["doubt"] = joined_key(*grid[first + 2 : first + 4])
             planes["bound"] = np.ascontiguousarray(grid[first + 4].view(np.float32))
         else:
             components = grid[first : first + 3].view(np.float32)
             planes[name] = np.ascontiguousarray(np.moveaxis(components, 0, -1))
     return planes
-
-
-def _joined(words: NDArray[np.uint32]) -> NDArray[np.uint64]:
-    """Keys from their high and low words (2, …)."""
-    return (words[0].astype(np.uint64) << np.uint64(32)) | words[1]

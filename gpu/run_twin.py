@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.layout import TILE, Flag
-from halfstep.pack import Class, Packed, frame_record, srgb_table
+from halfstep.pack import Class, Packed, frame_record, joined_key, srgb_table
 from halfstep.scene import Scene
 from halfstep.twin import (
     article,
@@ -285,11 +285,11 @@ class Band:
         """The requested outputs of all pixels."""
         planes: Planes = {"surface": self.surface}
         if "key" in self.outputs:
-            planes["key"] = _joined(self.key)
+            planes["key"] = joined_key(*self.key)
         if "exit" in self.outputs:
-            planes["exit"] = _joined(self.leaves)
+            planes["exit"] = joined_key(*self.leaves)
         if "error" in self.outputs:
-            planes["low"], planes["doubt"] = _joined(self.low), _joined(self.doubt)
+            planes["low"], planes["doubt"] = joined_key(*self.low), joined_key(*self.doubt)
             planes["bound"] = self.bound
         if not self.outputs & {"image", "color", "normal"}:
             return planes
@@ -327,10 +327,6 @@ class Band:
 def _replaced(old: normal.Vector, new: F32, where: NDArray[np.bool_]) -> normal.Vector:
     """``old`` with the constant vector ``new`` in some pixels."""
     return normal.Vector(*(np.where(where, new[axis], old[axis]) for axis in range(3)))
-
-
-def _joined(key: nearest.Key) -> NDArray[np.uint64]:
-    return (key.high.astype(np.uint64) << np.uint64(32)) | key.low
 
 
 def render_band(

@@ -83,6 +83,17 @@ def test_size_is_width_and_height(backend: str) -> None:
         assert frame.position.shape == (size[1], size[0], 3)
 
 
+def test_info_tells_the_steps_of_the_arrays_with_samples_too(backend: str) -> None:
+    scene = halfstep.load("figure")
+    frame = halfstep.render(
+        scene, size=(48, 36), samples=3, outputs=("image", "steps"), backend=backend
+    )
+    told = np.array(frame.info["steps"])
+    hit = frame.solid >= 0
+    assert len(told) == len(scene.solids)
+    np.testing.assert_array_equal(frame.steps[hit], told[frame.solid[hit]])
+
+
 @pytest.mark.parametrize("steps", [1, 5, 16, 17, 22, 30])
 def test_every_solid_gets_the_steps_asked_for(backend: str, steps: int) -> None:
     frame = render(steps=steps, outputs=("steps", "depth"), backend=backend)

@@ -86,15 +86,15 @@ def test_a_camera_inside_a_sphere_sees_it_everywhere(backend: str) -> None:
     assert np.array_equal(frame.depth, frame.depth_exit)
 
 
+def _tube(half_length: float) -> Table:
+    """A cylinder along the world's y."""
+    ends = {"z_min": -half_length, "z_max": half_length}
+    return {"kind": "cylinder", "radius": 0.5, "axis": [0, 1, 0], **ends}
+
+
 def test_down_the_bore(backend: str) -> None:
     """Along the axis of a tube the middle ray never meets its wall, but its end."""
-    tube: Table = {
-        "kind": "cylinder",
-        "radius": 0.5,
-        "axis": [0, 1, 0],
-        "z_min": -4.0,
-        "z_max": 4.0,
-    }
+    tube = _tube(4.0)
     inside = _scene(tube, center=(0.0, -3.0, 0.0))
     frame = _frame(inside, backend)
     assert _judged(inside, frame).hits == SIZE[0] * SIZE[1]
@@ -161,13 +161,7 @@ def test_a_ray_along_an_asymptote(backend: str) -> None:
 
 def test_a_ray_along_a_generator_of_a_cylinder(backend: str) -> None:
     """A = 0 for every ray along the axis: F is a constant, negative, zero or positive."""
-    tube: Table = {
-        "kind": "cylinder",
-        "radius": 0.5,
-        "axis": [0, 1, 0],
-        "z_min": -1.0,
-        "z_max": 1.0,
-    }
+    tube = _tube(1.0)
     for offset, surface in ((0.25, 1), (0.75, -1)):
         scene = _scene(tube, center=(offset, -8.0, 0.0), look_at=(offset, 0.0, 0.0))
         frame = _frame(scene, backend)

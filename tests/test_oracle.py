@@ -15,23 +15,11 @@ import pytest
 
 from halfstep.scene import Scene, Solid
 from tests.oracle import ESCALATE, MP, Double, DoubleDouble, Extended, Floats, Oracle, Trace
+from tests.scenes_random import KINDS
 
 Table = dict[str, Any]
 
 SIZE = (32, 24)
-KINDS = (
-    "sphere",
-    "ellipsoid",
-    "cylinder",
-    "cone",
-    "hyperboloid_one_sheet",
-    "hyperboloid_two_sheets",
-    "paraboloid",
-    "quadric",
-    "box",
-    "polyhedron",
-    "plane",
-)
 
 
 def _scene(
