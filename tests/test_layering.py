@@ -12,9 +12,8 @@ import pytest
 
 SOURCES = Path(__file__).parents[1] / "gpu"
 
-# Each module imports only modules above it; shader text and scenes are data. The modules of twin/
-# are one layer and may share functions, as their shaders do; `test_the_twin_has_no_cycle` orders
-# them.
+# Each module imports only modules above it; shader text and scenes are data. The modules of a
+# folder are one layer; `test_no_folder_has_a_cycle` orders them.
 ORDER = (
     "wgsl",
     "scenes",
@@ -79,6 +78,12 @@ def _ours(origin: str, name: str) -> Iterator[tuple[str, str]]:
         yield ".".join(path) or "__init__", name
 
 
+def folder(module: str) -> str:
+    """The folder that ``module`` lies in or, for a package, is; "" for the top."""
+    path = module.split(".")
+    return path[0] if len(path) > 1 or SOURCES.joinpath(module).is_dir() else ""
+
+
 def layer(module: str) -> int:
     return ORDER.index(module.split(".")[0])
 
@@ -92,16 +97,18 @@ def test_imports_go_one_way(module: str) -> None:
     for target, name in imports(module):
         if (target, name) == VERSION:
             continue
-        together = target.startswith("twin") and module.startswith("twin")
+        together = folder(target) == folder(module) != ""
         assert together or layer(target) < layer(module), f"{module} imports {target}"
 
 
-def test_the_twin_has_no_cycle() -> None:
+@pytest.mark.parametrize("name", ["twin", "cli"])
+def test_no_folder_has_a_cycle(name: str) -> None:
     below = {
-        module: {target for target, _ in imports(module) if target.startswith("twin.")}
+        module: {target for target, _ in imports(module) if target.startswith(f"{name}.")}
         for module in modules()
-        if module.startswith("twin.")
+        if module.startswith(f"{name}.")
     }
+    assert below
     while below:
         free = [module for module, targets in below.items() if not targets & below.keys()]
         assert free, f"these import one another: {sorted(below)}"

@@ -1,0 +1,61 @@
+"""The command `halfstep`: arguments in, files and exit codes out.
+
+Results for machines go to stdout, messages for people to stderr. Exit codes: 0 done, 1 failed,
+2 usage or scene error, 3 no suitable adapter, 4 device lost or driver failure, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+
+from halfstep import __version__
+from halfstep.cli import doctor, render, scenes, schema, tune
+from halfstep.cli.output import say
+from halfstep.errors import HalfstepError
+
+EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
+# In the order of the help; each module adds its command to a parser.
+COMMANDS = (render, tune, doctor, scenes, schema)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command with ``argv``, by default the process's arguments; the exit code."""
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as exit_:
+        return int(exit_.code or 0)
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
+            code: int = arguments.run(arguments)
+        sys.stdout.flush()
+    except HalfstepError as error:
+        say(str(error))
+        return error.exit_code
+    except MemoryError:
+        say("not enough memory for this picture")
+        return HalfstepError.exit_code
+    except KeyboardInterrupt:
+        say("interrupted")
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The reader of stdout has gone; the interpreter's own flush at exit must not fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return HalfstepError.exit_code
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="halfstep",
+        description="Images of second-order surfaces and polyhedra, by n halvings per ray.",
+    )
+    parser.add_argument("--version", action="version", version=f"halfstep {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        command.add(commands)
+    return parser

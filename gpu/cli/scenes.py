@@ -1,0 +1,29 @@
+"""`halfstep scenes`: the bundled scenes."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from halfstep.cli.output import print_json
+
+
+def add(commands: Any) -> None:
+    """Add the command to a parser's commands."""
+    scenes = commands.add_parser("scenes", help="list the bundled scenes")
+    scenes.set_defaults(run=run)
+    scenes.add_argument("--json", action="store_true", help="the same for machines")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """List them; the exit code."""
+    from halfstep.scene import bundled_scenes
+
+    titles = bundled_scenes()
+    if arguments.json:
+        print_json([{"name": name, "title": title} for name, title in titles.items()])
+        return 0
+    width = max(map(len, titles), default=0)
+    for name, title in titles.items():
+        print(f"{name:{width}}  {title}".rstrip())
+    return 0

@@ -1,0 +1,78 @@
+"""`halfstep tune`: what accuracy costs in a scene."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from typing import Any
+
+from halfstep.cli.options import add_scene, add_tolerances
+from halfstep.cli.output import print_json, progress_bar, say
+
+
+def add(commands: Any) -> None:
+    """Add the command to a parser's commands."""
+    tune = commands.add_parser("tune", help="measure what accuracy costs, and recommend steps")
+    tune.set_defaults(run=run)
+    add_scene(tune)
+    tune.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        required=True,
+        help="folder for tune.csv, tune.json, tune.png and error.png",
+    )
+    tune.add_argument(
+        "--steps", metavar="A:B[:S]", type=_steps, help="numbers of halvings from A to B by S"
+    )
+    accuracy = tune.add_mutually_exclusive_group()
+    add_tolerances(accuracy)
+    tune.add_argument("--method", choices=("visible", "article"), help="by default both")
+    tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
+
+
+def _steps(text: str) -> range:
+    """Numbers A, A + S, … up to B of ``A:B:S``; whether they are allowed is the scene's to say."""
+    match = re.fullmatch(r"(\d+)(?::(\d+)(?::(\d+))?)?", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not A:B or A:B:S, as 8:20:2")
+    first, last, stride = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
+    if last < first or stride < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} has no number from A up to B by S")
+    # Beyond a few thousand none is allowed, and a list of them would fill the memory.
+    return range(first, min(last, first + 9999) + 1, stride)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure; the exit code."""
+    from halfstep.image import check_output_folder
+    from halfstep.plot import scale_of, write
+    from halfstep.scene import load
+    from halfstep.tune import METHODS, STEPS, tune
+
+    check_output_folder(arguments.output)
+    with progress_bar("measuring") as progress:
+        report = tune(
+            load(arguments.scene),
+            size=arguments.size,
+            steps=arguments.steps or STEPS,
+            tolerance_pixels=arguments.tolerance_pixels,
+            tolerance=arguments.tolerance,
+            methods=(arguments.method,) if arguments.method else METHODS,
+            backend=arguments.backend,
+            adapter=arguments.adapter,
+            progress=progress,
+        )
+    names = write(report, arguments.output)
+    if arguments.json:
+        print_json(report.as_dict())
+    else:
+        print(report.as_table())
+    low, high = scale_of(report)
+    say(
+        f"{arguments.output}: {', '.join(names)}; the colours of error.png are errors of {low:g} "
+        f"to {high:g} pixel widths"
+    )
+    if "tune.png" not in names:
+        say("tune.png needs Matplotlib: pip install 'halfstep[plot]'")
+    return 0
