@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.formats import format_for
 from halfstep.scene import Scene
 from halfstep.setup import Setup
 
-# Halvings beyond this no longer pay in float32: its rounding is as large as the cell.
-USEFUL_STEPS = 22
 # Share of a tolerance that is left to rounding.
 ROUNDING_SHARE = 2.0**-4
 
@@ -26,8 +25,9 @@ class Steps:
     """Halvings of each visible solid, and what the number format cannot reach."""
 
     count: NDArray[np.int64]  # (V,)
-    short: NDArray[np.bool_]  # (V,), the tolerance wants more than USEFUL_STEPS
+    short: NDArray[np.bool_]  # (V,), the tolerance wants more than ``useful``
     reached: NDArray[np.float64]  # (V,), depth error that is met, in scene units
+    useful: int  # halvings beyond this no longer pay in the number format
 
 
 def steps_for(scene: Scene, setup: Setup, samples: int = 1) -> Steps:
@@ -36,6 +36,7 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1) -> Steps:
     ``samples``: how many pixels of ``setup`` make the width of a pixel of the picture.
     """
     accuracy = scene.accuracy
+    useful = format_for(accuracy, 0).useful_steps
     if accuracy.steps is not None:
         count = np.full(setup.count, accuracy.steps)
         short = np.zeros(setup.count, bool)
@@ -47,6 +48,7 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1) -> Steps:
             tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * setup.nearest
         share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
         wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
-        short = wanted > USEFUL_STEPS
-        count = np.clip(wanted, 1, USEFUL_STEPS).astype(np.int64)
-    return Steps(count, short, setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE))
+        short = wanted > useful
+        count = np.clip(wanted, 1, useful).astype(np.int64)
+    reached = setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE)
+    return Steps(count, short, reached, useful)

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from halfstep import __version__, run_twin
 from halfstep import camera as cameras
 from halfstep import geometry as geometries
-from halfstep.accuracy import USEFUL_STEPS, steps_for
+from halfstep.accuracy import Steps, steps_for
 from halfstep.device import choose_adapter, is_requested
 from halfstep.errors import AdapterError, UsageError
+from halfstep.formats import format_for
 from halfstep.frame import (
     AVERAGED,
     SOURCES,
@@ -28,7 +29,7 @@ from halfstep.frame import (
 )
 from halfstep.layout import TILE
 from halfstep.pack import Packed, pack, srgb_table, surfaces
-from halfstep.scene import Camera, Scene, with_overrides
+from halfstep.scene import Accuracy, Camera, Scene, with_overrides
 from halfstep.setup import setup
 from halfstep.twin import encode
 from halfstep.twin.normal import Vector
@@ -59,7 +60,7 @@ def render(
         steps: halvings of every ray and solid, 1…30.
         tolerance_pixels: largest depth error in widths of a pixel at that depth.
         tolerance: largest depth error in scene units.
-        number_format: "float32".
+        number_format: "float32" or "fixed32".
         method: "visible", the joint logic first, or "article", the paper's own sequences.
         samples: k for k x k samples in each pixel of image and color, 1…8.
         outputs: names of Frame arrays; by default all of them.
@@ -126,15 +127,10 @@ class Renderer:
             camera=camera,
         )
         self._outputs = check_outputs(outputs)
-        number_format = self._scene.accuracy.number_format
-        if number_format != "float32":
-            raise UsageError(
-                f"accuracy.number_format: {number_format} is not available yet; use float32"
-            )
         self._geometry = geometries.build(self._scene)
         self._volume = geometries.volume_box(self._scene, self._geometry)
         self._tables = surfaces(self._scene, self._geometry)
-        self._device = _device(backend, adapter)
+        self._device = _device(backend, adapter, self._scene.accuracy)
         self._told: set[int] = set()
         self._closed = False
 
@@ -192,14 +188,13 @@ class Renderer:
         near, far = cameras.base_planes(view, *self._volume)
         constants = setup(self._geometry, view, near, far)
         steps = steps_for(scene, constants, samples)
-        self._tell_short(scene, constants.solid[steps.short], steps.reached[steps.short])
+        self._tell_short(scene, constants.solid, steps)
         return pack(scene, self._geometry, self._tables, constants, steps.count)
 
-    def _tell_short(
-        self, scene: Scene, solids: NDArray[np.int64], reached: NDArray[np.float64]
-    ) -> None:
-        """Say once of the solids whose tolerance float32 cannot meet what they get instead."""
-        errors = dict(zip(solids.tolist(), reached.tolist(), strict=True))
+    def _tell_short(self, scene: Scene, solids: NDArray[np.int64], steps: Steps) -> None:
+        """Say once of the solids whose tolerance the format cannot meet what they get instead."""
+        short = solids[steps.short].tolist()
+        errors = dict(zip(short, steps.reached[steps.short].tolist(), strict=True))
         new = [ix for ix in errors if ix not in self._told]
         if not new:
             return
@@ -207,7 +202,7 @@ class Renderer:
         told = [f"{_name_of(scene, ix)} (depth error at most {errors[ix]:.2g})" for ix in new[:3]]
         more = f" and {len(new) - 3} more solids" if len(new) > 3 else ""
         warnings.warn(
-            f"the tolerance needs more than {USEFUL_STEPS} steps for {', '.join(told)}{more}",
+            f"the tolerance needs more than {steps.useful} steps for {', '.join(told)}{more}",
             stacklevel=4,
         )
 
@@ -263,7 +258,7 @@ def _name_of(scene: Scene, ix: int) -> str:
     return f"solid[{ix}]" if name is None else repr(name)
 
 
-def _device(backend: str, adapter: str | int | None) -> Any:
+def _device(backend: str, adapter: str | int | None, accuracy: Accuracy) -> Any:
     """The device of a backend, None for the twin."""
     if backend not in BACKENDS:
         raise UsageError(f"backend: {backend!r} is not one of {', '.join(BACKENDS)}")
@@ -272,7 +267,7 @@ def _device(backend: str, adapter: str | int | None) -> Any:
     from halfstep.run_gpu import Device
 
     try:
-        return Device(choose_adapter(adapter))
+        return Device(choose_adapter(adapter), format_for(accuracy, accuracy.steps or 0))
     except AdapterError as error:
         if backend == "gpu" or is_requested(adapter):
             raise

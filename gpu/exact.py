@@ -109,22 +109,21 @@ def _sight(solids: Geometry, constants: Setup, row: int, at: Any) -> root.Root:
     base_planes = constants.near_u[row], constants.far_u[row]
     first = constants.plane_start[row]
     numbers = range(first, first + constants.plane_count[row])
-    lines: list[tuple[Values, Values]] = [
-        (
+    lines = [
+        piece.Line(
             polynomial.linear(constants.plane_c[n], at),
             polynomial.linear(constants.plane_b[n], at),
         )
         for n in numbers
     ]
     if solids.is_patch[ix]:
-        (plane_c, plane_b), *bounds = lines
-        plane = patch.facing(plane_c, plane_b, *base_planes)
-        for c, b in bounds:
-            plane = patch.bound(plane, c, b)
-        return root.patch_entry(plane.hit, plane.c, plane.b)
+        plane = patch.facing(lines[0], *base_planes)
+        for line in lines[1:]:
+            plane = patch.bound(plane, line)
+        return root.patch_entry(plane)
     part = piece.whole_interval(at.x, *base_planes)
-    for number, (c, b) in enumerate(lines, start=1):
-        part = piece.clip(part, c, b, number)
+    for number, line in enumerate(lines, start=1):
+        part = piece.clip(part, line, number)
     eye_inside = bool(constants.eye_inside[row])
     if eye_inside:
         part = piece.from_the_eye(part, base_planes[0])
@@ -134,15 +133,15 @@ def _sight(solids: Geometry, constants: Setup, row: int, at: Any) -> root.Root:
         inside |= begins
     if not solids.has_quadric[ix]:
         return root.choose(inside, root.polyhedron_entry(part), root.polyhedron_exit(part))
-    forms: list[Values] = [constants.a[row], constants.g[row], constants.c[row]]
-    a, g, c = (polynomial.quadratic(form, at) for form in forms)
-    outside = root.outside_at_entry(a, g, c, part)
+    coefficients: list[Values] = [constants.a[row], constants.g[row], constants.c[row]]
+    form = root.Form(*(polynomial.quadratic(k, at) for k in coefficients))
+    outside = root.outside_at_entry(form, part)
     if constants.starts_at_eye[row]:
         outside = np.where(begins, constants.eye_outside_quadric[row], outside)
     if not eye_inside:
         inside &= ~outside
-    entry = root.quadric_entry(a, g, c, part, outside)
-    return root.choose(inside, entry, root.quadric_exit(a, g, c, part, ~outside))
+    entry = root.quadric_entry(form, part, outside)
+    return root.choose(inside, entry, root.quadric_exit(form, part, ~outside))
 
 
 def crossing(seen: root.Root) -> Floats:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from halfstep.formats import FLOAT32, Format
+
 # A workgroup renders one tile, an invocation one block: rows of four neighbouring pixels.
 TILE = 32
 BLOCK_WIDTH = 4
@@ -45,19 +47,20 @@ class Record:
     meaning: str
     fields: tuple[Field, ...]
 
-    def dtype(
-        self, coefficient: type[np.float32] | type[np.int64] = np.float32
-    ) -> np.dtype[np.void]:
-        """The dtype, with ``coefficient`` as the type of the forms' coefficients."""
+    def dtype(self, number_format: Format = FLOAT32) -> np.dtype[np.void]:
+        """The dtype of the record in a number format."""
+        numbers: dict[str, type[np.generic]] = {
+            "Coefficient": number_format.coefficient,
+            "Value": number_format.value,
+        }
         formats: list[np.dtype[np.generic] | tuple[np.dtype[np.generic], tuple[int, ...]]] = []
         offsets: list[int] = []
         end = alignment = 0
         for field in self.fields:
-            scalar, width, align = _TYPES[field.type] or (
-                coefficient,
-                1,
-                np.dtype(coefficient).itemsize,
-            )
+            scalar, width = numbers.get(field.type), 1
+            if scalar is None:
+                scalar, width = _TYPES[field.type]
+            align = np.dtype(scalar).itemsize * width
             alignment = max(alignment, align)
             offset = -(-end // align) * align
             shape = (field.count,) * (field.count > 1) + (width,) * (width > 1)
@@ -83,13 +86,12 @@ class Record:
         return "\n".join([*lines, "}"])
 
 
-# WGSL type -> (NumPy scalar, components, alignment); the type of coefficients is a parameter.
-_TYPES: dict[str, tuple[type[np.generic], int, int] | None] = {
-    "Coefficient": None,
-    "f32": (np.float32, 1, 4),
-    "i32": (np.int32, 1, 4),
-    "u32": (np.uint32, 1, 4),
-    "vec4<f32>": (np.float32, 4, 16),
+# WGSL type -> (NumPy scalar, components); Coefficient and Value depend on the number format.
+_TYPES: dict[str, tuple[type[np.generic], int]] = {
+    "f32": (np.float32, 1),
+    "i32": (np.int32, 1),
+    "u32": (np.uint32, 1),
+    "vec4<f32>": (np.float32, 4),
 }
 
 FRAME = Record(
@@ -115,12 +117,14 @@ SOLID = Record(
         Field("a", "Coefficient", 6, "A as coefficients of 1, x, y, x², xy, y²"),
         Field("g", "Coefficient", 6, "G"),
         Field("c", "Coefficient", 6, "C"),
-        Field("host_error", "f32", 1, "error of A, G and C from the set-up"),
+        Field("host_error", "f32", 1, "error of A, G and C from the set-up, in their units"),
         Field("gradient", "f32", 18, "half the gradient of F, world: [1, u][1, x, y][axis]"),
         Field("center_x", "i32", 1, "pixel where x = 0"),
         Field("center_y", "i32", 1, "pixel where y = 0"),
-        Field("near_u", "f32", 1, "u of the near base plane, -1 where it does not cut the solid"),
-        Field("far_u", "f32", 1, "u of the far base plane, 1 where it does not cut the solid"),
+        Field(
+            "near_u", "Value", 1, "u of the near base plane, -ONE where it does not cut the solid"
+        ),
+        Field("far_u", "Value", 1, "u of the far base plane, ONE where it does not cut the solid"),
         Field("depth_middle", "f32", 1, "planar depth at u = 0"),
         Field("depth_half", "f32", 1, "depth = depth_middle + u depth_half"),
         Field("last_step", "f32", 1, "2^-n"),
@@ -146,7 +150,7 @@ HALF_SPACE = Record(
         Field("c", "Coefficient", 3, "coefficients of 1, x, y"),
         Field("b", "Coefficient", 3, "the same"),
         Field("normal", "f32", 3, "outward unit normal, world"),
-        Field("host_error", "f32", 1, "error of c and b from the set-up"),
+        Field("host_error", "f32", 1, "error of c and b from the set-up, in their units"),
     ),
 )
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep import layout
+from halfstep.formats import Format, format_for
 from halfstep.geometry import Geometry
 from halfstep.layout import Flag
 from halfstep.scene import Scene
@@ -19,8 +20,6 @@ Floats = NDArray[np.float64]
 Records = NDArray[np.void]
 U32 = NDArray[np.uint32]
 
-# Above this many steps the forms are evaluated in integers (BASEPLANE.md section 2).
-FLOAT_STEPS = 16
 # Bits of a depth key below the last step of the solid with the smallest steps.
 KEY_SPARE_BITS = 6
 # Fraction bits of integer coefficients.
@@ -75,7 +74,7 @@ class Packed:
     setup: Setup
     order: NDArray[np.int64]  # (V,), row of each solid in ``setup``
     classes: NDArray[np.int64]  # (V,)
-    exact: bool  # coefficients are integers
+    format: Format
     solids: Records
     half_spaces: Records
     key_bits: int  # depth key = t 2^key_bits
@@ -115,28 +114,28 @@ def pack(
     if scene.accuracy.method == "article":
         classes, usual = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[usual]
     order = np.argsort(classes, kind="stable")
-    exact = bool((steps > FLOAT_STEPS).any())
-    coefficient = np.int64 if exact else np.float32
+    number_format = format_for(scene.accuracy, int(steps.max(initial=0)))
     longest = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
     # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
     spare = min(KEY_SPARE_BITS, 63 - longest, 30 - int(steps.max(initial=1)))
     key_bits = longest + spare
 
-    solids = np.zeros(setup.count, layout.SOLID.dtype(coefficient))
+    solids = np.zeros(setup.count, layout.SOLID.dtype(number_format))
     offsets = monomials_of(setup.offsets + layout.TILE)  # tiles reach beyond rectangles
     quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
     host_error = setup.host_error
-    if exact:
+    if number_format.integer:
         sums = [(np.abs(form) * offsets).sum(axis=1) for form in quadratic.values()]
         unit = _fixed_point_scale(np.max(sums, axis=0))
         quadratic = {name: np.rint(form * unit) for name, form in quadratic.items()}
-        host_error = host_error * unit[:, 0] * 2.0**-FRACTION_BITS
+        host_error = host_error * unit[:, 0]
     for name, form in quadratic.items():
         solids[name] = form
     solids["host_error"] = host_error
     solids["gradient"] = setup.gradient.reshape(-1, 18)
     solids["center_x"], solids["center_y"] = setup.center.T
-    solids["near_u"], solids["far_u"] = setup.near_u, setup.far_u
+    solids["near_u"] = _value(setup.near_u, number_format)
+    solids["far_u"] = _value(setup.far_u, number_format)
     solids["depth_middle"], solids["depth_half"] = setup.depth_middle, setup.depth_half
     solids["last_step"], solids["steps"] = np.exp2(-steps), steps
     start = (setup.start * 2.0**key_bits).astype(np.uint64)
@@ -157,15 +156,15 @@ def pack(
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]
 
-    half_spaces = np.zeros(len(setup.plane), layout.HALF_SPACE.dtype(coefficient))
+    half_spaces = np.zeros(len(setup.plane), layout.HALF_SPACE.dtype(number_format))
     plane_c, plane_b = setup.plane_c, setup.plane_b
     plane_host_error = setup.plane_host_error
-    if exact:
+    if number_format.integer:
         owner = np.repeat(np.arange(setup.count), setup.plane_count)
         sums = [(np.abs(form) * offsets[owner, :3]).sum(axis=1) for form in (plane_c, plane_b)]
         unit = _fixed_point_scale(np.max(sums, axis=0))
         plane_c, plane_b = np.rint(plane_c * unit), np.rint(plane_b * unit)
-        plane_host_error = plane_host_error * unit[:, 0] * 2.0**-FRACTION_BITS
+        plane_host_error = plane_host_error * unit[:, 0]
     half_spaces["c"], half_spaces["b"] = plane_c, plane_b
     half_spaces["normal"] = tables.normal[setup.plane]
     half_spaces["host_error"] = plane_host_error
@@ -173,7 +172,7 @@ def pack(
         setup=setup,
         order=order,
         classes=classes[order],
-        exact=exact,
+        format=number_format,
         solids=solids[order],
         half_spaces=half_spaces,
         key_bits=key_bits,
@@ -213,6 +212,11 @@ def _usual_classes(geometry: Geometry) -> NDArray[np.int64]:
     kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
     classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
     return np.select(kinds, classes, Class.POLYHEDRON)[~geometry.is_empty]
+
+
+def _value(u: Floats, number_format: Format) -> Floats:
+    """Places on a ray as values of the format; the type they are stored in rounds them."""
+    return u if number_format.value is np.float32 else np.rint(u * number_format.one)
 
 
 def _fixed_point_scale(largest: Floats) -> Floats:

@@ -35,11 +35,22 @@ _DECADES = 4
 _LEGEND_WIDTH = 460
 _LEGEND_HEIGHT = 76
 
-_COLORS = {"visible": "#0b5fa5", "article": "#c4500a"}
-# Hollow squares leave dots in the same place to be seen.
-_MARKERS: dict[str, dict[str, Any]] = {
-    "visible": {"marker": "o", "markersize": 4, "zorder": 3},
-    "article": {"marker": "s", "markersize": 7, "markerfacecolor": "none"},
+# Hollow squares and diamonds leave dots in the same place to be seen.
+_STYLES: dict[tuple[str, str], dict[str, Any]] = {
+    ("visible", "float32"): {"color": "#0b5fa5", "marker": "o", "markersize": 4, "zorder": 3},
+    ("visible", "fixed32"): {"color": "#12866b", "marker": "^", "markersize": 4, "zorder": 3},
+    ("article", "float32"): {
+        "color": "#c4500a",
+        "marker": "s",
+        "markersize": 7,
+        "markerfacecolor": "none",
+    },
+    ("article", "fixed32"): {
+        "color": "#9a4fa3",
+        "marker": "D",
+        "markersize": 7,
+        "markerfacecolor": "none",
+    },
 }
 
 
@@ -86,8 +97,7 @@ def curves(report: Report) -> bytes:
     _draw_trade(figure.add_subplot(grid[:, 1]), report)
     image = report.scene.image
     figure.suptitle(
-        f"{_plain(report.scene.name)}, {image.width} × {image.height}: "
-        f"{_plain(report.adapter)}, {report.recommended.number_format}"
+        f"{_plain(report.scene.name)}, {image.width} × {image.height}: {_plain(report.adapter)}"
     )
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata={"Software": None})
@@ -97,18 +107,13 @@ def curves(report: Report) -> bytes:
 def _draw_errors(axes: Axes, report: Report) -> None:
     accuracy = report.scene.accuracy
     pixels = accuracy.tolerance_pixels is not None
-    for name, rows in _by_method(report).items():
-        n = [row.steps for row in rows]
-        style: dict[str, Any] = {"color": _COLORS[name], "linewidth": 1.4}
-        axes.plot(
-            n,
-            [error_of(row, accuracy) for row in rows],
-            label=f"{name}: largest error",
-            **_MARKERS[name],
-            **style,
-        )
+    for setting, rows in _by_setting(report).items():
+        n, style = [row.steps for row in rows], _STYLES[setting]
+        errors = [error_of(row, accuracy) for row in rows]
+        axes.plot(n, errors, linewidth=1.4, label=f"{_name(setting)}: largest error", **style)
         bound = [row.max_bound_pixels if pixels else row.max_error_bound for row in rows]
-        axes.plot(n, bound, linestyle=":", label=f"{name}: guaranteed bound", **style)
+        label = f"{_name(setting)}: guaranteed bound"
+        axes.plot(n, bound, linestyle=":", linewidth=1.4, color=style["color"], label=label)
     limit = limit_of(accuracy)
     axes.axhline(limit, color="0.25", linestyle="--", linewidth=1, label=f"tolerance {limit:g}")
     _ring(axes, report.recommended.steps, error_of(report.recommended, accuracy))
@@ -118,15 +123,9 @@ def _draw_errors(axes: Axes, report: Report) -> None:
 
 
 def _draw_times(axes: Axes, report: Report) -> None:
-    for name, rows in _by_method(report).items():
-        axes.plot(
-            [row.steps for row in rows],
-            [_time(row) for row in rows],
-            color=_COLORS[name],
-            linewidth=1.4,
-            label=name,
-            **_MARKERS[name],
-        )
+    for setting, rows in _by_setting(report).items():
+        n, times = [row.steps for row in rows], [_time(row) for row in rows]
+        axes.plot(n, times, linewidth=1.4, label=_name(setting), **_STYLES[setting])
     solids = [n for n in report.automatic_steps if n]
     if solids:
         axes.axhline(
@@ -144,15 +143,9 @@ def _draw_times(axes: Axes, report: Report) -> None:
 
 def _draw_trade(axes: Axes, report: Report) -> None:
     accuracy = report.scene.accuracy
-    for name, rows in _by_method(report).items():
-        axes.plot(
-            [_time(row) for row in rows],
-            [error_of(row, accuracy) for row in rows],
-            color=_COLORS[name],
-            linestyle="none",
-            label=name,
-            **_MARKERS[name],
-        )
+    for setting, rows in _by_setting(report).items():
+        times, errors = [_time(row) for row in rows], [error_of(row, accuracy) for row in rows]
+        axes.plot(times, errors, linestyle="none", label=_name(setting), **_STYLES[setting])
     front = pareto([(_time(row), error_of(row, accuracy)) for row in report.rows])
     rows = [report.rows[k] for k in front]
     axes.step(
@@ -211,11 +204,15 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     return front
 
 
-def _by_method(report: Report) -> dict[str, list[Row]]:
-    rows: dict[str, list[Row]] = {}
+def _by_setting(report: Report) -> dict[tuple[str, str], list[Row]]:
+    rows: dict[tuple[str, str], list[Row]] = {}
     for row in report.rows:
-        rows.setdefault(row.method, []).append(row)
+        rows.setdefault((row.method, row.number_format), []).append(row)
     return rows
+
+
+def _name(setting: tuple[str, str]) -> str:
+    return ", ".join(setting)
 
 
 def _time(row: Row) -> float:
@@ -262,7 +259,7 @@ def _finish(axes: Axes) -> None:
     axes.legend(
         fontsize=8,
         frameon=False,
-        ncols=3,
+        ncols=2,
         loc="lower left",
         bbox_to_anchor=(0, 1),
         borderaxespad=0.2,

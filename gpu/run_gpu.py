@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from halfstep.device import Adapter, device_errors, open_device
 from halfstep.errors import AdapterError
+from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.layout import BLOCK_WIDTH, TILE
-from halfstep.pack import FLOAT_STEPS, Packed, frame_record, joined_key, srgb_table, tile_lists
+from halfstep.pack import Packed, frame_record, joined_key, srgb_table, tile_lists
 from halfstep.scene import Scene
 from halfstep.source import GROUP, Needs, binding_numbers, compose, plane_offsets
 
@@ -28,13 +29,15 @@ _UNIFORM = {0, 6, 7}
 class Device:
     """A device with its pipelines and buffers, kept from frame to frame."""
 
-    def __init__(self, adapter: Adapter) -> None:
+    def __init__(self, adapter: Adapter, number_format: Format = FLOAT32) -> None:
         """Open ``adapter``, with 64-bit integers in shaders where it has them.
 
         Raises:
+            AdapterError: it cannot work in ``number_format``.
             DeviceError: the driver refuses.
         """
         self.adapter = adapter
+        self.check_format(number_format)
         self._device = open_device(adapter, features={INT64, SUBGROUP} & adapter.handle.features)
         # Measured: worth a factor of two where a processor plays the device.
         self._cooperative = (
@@ -54,6 +57,21 @@ class Device:
             buffer.destroy()
         self._buffers.clear()
         self._device.destroy()
+
+    def check_format(self, number_format: Format) -> None:
+        """See whether the device can work in a number format.
+
+        Raises:
+            AdapterError: it needs 64-bit integers and the device has none.
+        """
+        if number_format.integer and INT64 not in self.adapter.handle.features:
+            needed_by = f"more than {FLOAT_STEPS} steps need; use fewer"
+            if number_format is FIXED32:
+                needed_by = "fixed32 needs; use float32"
+            raise AdapterError(
+                f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which "
+                f"{needed_by}, or the backend numpy"
+            )
 
     def band_rows(self, width: int, outputs: frozenset[str]) -> int:
         """Picture rows of a band whose frame buffer fits the device, a multiple of the tile."""
@@ -77,11 +95,7 @@ class Device:
             AdapterError: the frame needs 64-bit integers and the device has none.
             DeviceError: the device is lost or out of memory.
         """
-        if packed.exact and INT64 not in self._device.features:
-            raise AdapterError(
-                f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which more "
-                f"than {FLOAT_STEPS} steps need; use fewer, or the backend numpy"
-            )
+        self.check_format(packed.format)
         needs = needs_of(packed, method, outputs, cooperative=self._cooperative)
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
@@ -195,7 +209,7 @@ def needs_of(
         classes=packed.present,
         outputs=outputs,
         method=method,
-        exact=packed.exact,
+        format=packed.format,
         lights=len(packed.lights),
         point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
         highlights=packed.highlights,

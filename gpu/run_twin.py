@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -15,23 +16,19 @@ from halfstep.twin import (
     article,
     certify,
     encode,
-    halve,
-    halve_incremental,
     nearest,
     normal,
     patch,
     piece,
     polynomial,
-    polynomial_exact,
     ray,
     root,
     shade,
 )
 from halfstep.twin.lanes import F32
+from halfstep.twin.piece import Line
 
 Planes = dict[str, NDArray[Any]]
-# c, b and the bounds of their errors.
-BoundedLine = tuple[F32, F32, F32, F32]
 
 _FAR = np.uint32(0xFFFFFFFF)
 
@@ -61,8 +58,9 @@ class Band:
         self.packed = packed
         self.first_row, self.method, self.outputs = first_row, method, outputs
         self.frame = frame_record(scene, packed.setup, first_row, rows)[0]
-        self.forms: ModuleType = polynomial_exact if packed.exact else polynomial
-        self.halve = halve_incremental.halve if packed.exact else halve.halve
+        number_format = packed.format
+        self.polynomial, self.forms = _stage(number_format.polynomial), _stage(number_format.forms)
+        self.halve = _stage(number_format.halve).halve
         shape = self.shape = (rows, packed.setup.view.width)
         self.key = nearest.Key(np.full(shape, _FAR), np.full(shape, _FAR))
         self.leaves = nearest.Key(np.full(shape, _FAR), np.full(shape, _FAR))
@@ -88,11 +86,8 @@ class Band:
         y, x = np.mgrid[top:bottom, left:right].astype(np.int32)
         x -= solid["center_x"]
         y += np.int32(self.first_row) - solid["center_y"]
-        at = self.forms.offset(x, y)
-        lines = [
-            article.Line(self.forms.linear(row["c"], at), self.forms.linear(row["b"], at))
-            for row in self._half_spaces(solid)
-        ]
+        at = self.polynomial.offset(x, y)
+        lines = [self.forms.line_at(row["c"], row["b"], at) for row in self._half_spaces(solid)]
         found: Sight | article.Found
         if self.method == "article":
             found = self._article(solid, klass, at, lines)
@@ -121,19 +116,18 @@ class Band:
         return self.packed.half_spaces[start : start + int(solid["plane_count"])]
 
     def _visible(
-        self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[article.Line]
+        self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[Line]
     ) -> Sight:
         """The joint logic first, then one sequence (and one more for the exit)."""
         steps = int(solid["steps"])
         if klass is Class.PATCH:
-            (plane_c, plane_b), *bounds = lines
-            plane = patch.facing(plane_c, plane_b, solid["near_u"], solid["far_u"])
-            for line in bounds:
-                plane = patch.bound(plane, line.c, line.b)
-            seen = leaving = root.patch_entry(plane.hit, plane.c, plane.b)
+            plane = patch.facing(lines[0], solid["near_u"], solid["far_u"])
+            for line in lines[1:]:
+                plane = patch.bound(plane, line)
+            seen = leaving = root.patch_entry(plane)
         elif klass is Class.ELLIPSOID:
-            forms = [self.forms.quadratic(solid[name], at) for name in "agc"]
-            seen, leaving = root.ellipsoid_entry(*forms), root.ellipsoid_exit(*forms)
+            form = self._form(solid, at)
+            seen, leaving = root.ellipsoid_entry(form), root.ellipsoid_exit(form)
         else:
             seen, leaving = self._cut(solid, klass, at, lines)
         position = self.halve(seen, steps)
@@ -141,13 +135,13 @@ class Band:
         return Sight(seen.hit, seen.surface, position, leaving.hit, exit_position)
 
     def _cut(
-        self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[article.Line]
+        self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[Line]
     ) -> tuple[root.Root, root.Root]:
         """Visible root and exit of a solid with half-spaces or base planes across it."""
         flags = Flag(int(solid["flags"]))
         part = piece.whole_interval(at.x + 0 * at.y, solid["near_u"], solid["far_u"])
         for number, line in enumerate(lines, start=1):
-            part = piece.clip(part, line.c, line.b, number)
+            part = piece.clip(part, line, number)
         if flags & Flag.EYE_INSIDE:
             part = piece.from_the_eye(part, solid["near_u"])
         opened = np.full(part.id_in.shape, bool(flags & Flag.EYE_INSIDE))
@@ -156,16 +150,16 @@ class Band:
             inside = opened | at_near
             leaving = root.polyhedron_exit(part)
             return root.choose(inside, root.polyhedron_entry(part), leaving), leaving
-        a, g, c = (self.forms.quadratic(solid[name], at) for name in "agc")
-        outside = root.outside_at_entry(a, g, c, part)
+        form = self._form(solid, at)
+        outside = root.outside_at_entry(form, part)
         if flags & Flag.STARTS_AT_EYE:
             outside = np.where(part.id_in == 0, bool(flags & Flag.EYE_OUTSIDE_QUADRIC), outside)
         inside = opened | (at_near & ~outside)
-        leaving = root.quadric_exit(a, g, c, part, ~outside)
-        return root.choose(inside, root.quadric_entry(a, g, c, part, outside), leaving), leaving
+        leaving = root.quadric_exit(form, part, ~outside)
+        return root.choose(inside, root.quadric_entry(form, part, outside), leaving), leaving
 
     def _article(
-        self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[article.Line]
+        self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[Line]
     ) -> article.Found:
         """The paper's own sequences."""
         flags, steps = Flag(int(solid["flags"])), int(solid["steps"])
@@ -175,11 +169,11 @@ class Band:
             return article.article_patch(lines, *base_planes, steps)
         if klass in (Class.POLYHEDRON, Class.POLYHEDRON_INSIDE):
             return article.article_polyhedron(lines, *base_planes, eye_inside, steps)
-        a, g, c = (self.forms.quadratic(solid[name], at) for name in "agc")
-        outside = (a - g) + c > 0
+        form = self._form(solid, at)
+        outside = (form.a - form.g) + form.c > 0
         if flags & Flag.STARTS_AT_EYE:
-            outside = np.full(a.shape, bool(flags & Flag.EYE_OUTSIDE_QUADRIC))
-        return article.article_quadric(a, g, c, outside, lines, *base_planes, eye_inside, steps)
+            outside = np.full(form.a.shape, bool(flags & Flag.EYE_OUTSIDE_QUADRIC))
+        return article.article_quadric(form, outside, lines, *base_planes, eye_inside, steps)
 
     def _keep(
         self,
@@ -236,8 +230,9 @@ class Band:
         flags = Flag(int(solid["flags"]))
         near_u, far_u, last_step = solid["near_u"], solid["far_u"], solid["last_step"]
         near_cut = bool(flags & Flag.NEAR_CUT)
-        direct = self.method == "article" or not self.packed.exact
-        run = certify.DIRECT if direct else certify.INCREMENTAL
+        number_format = self.packed.format
+        article = self.method == "article"
+        run = getattr(certify, number_format.article_run if article else number_format.run)
         lines = [self._bounded_line(row, at) for row in self._half_spaces(solid)]
         if klass is Class.PATCH:
             plane = certify.bounded_facing(*lines[0], near_u, far_u, near_cut)
@@ -267,19 +262,21 @@ class Band:
             last_step,
         )
 
-    def _bounded_line(self, row: np.void, at: polynomial.Offset) -> BoundedLine:
-        """A half-space along the rays, c and b, and the bounds of their errors."""
-        c, b = self.forms.linear(row["c"], at), self.forms.linear(row["b"], at)
-        error_c = self.forms.linear_error(row["c"], at, c) + row["host_error"]
-        return c, b, error_c, self.forms.linear_error(row["b"], at, b) + row["host_error"]
+    def _form(self, solid: np.void, at: polynomial.Offset) -> root.Form:
+        """F along the rays."""
+        form: root.Form = self.forms.form_at(*(solid[name] for name in "agc"), at)
+        return form
+
+    def _bounded_line(self, row: np.void, at: polynomial.Offset) -> tuple[Line, certify.LineErrors]:
+        """A half-space along the rays and its errors."""
+        errors = self.forms.line_errors(row["c"], row["b"], at, row["host_error"])
+        return self.forms.line_at(row["c"], row["b"], at), errors
 
     def _bounded_form(self, solid: np.void, at: polynomial.Offset) -> certify.BoundedForm:
-        values = [self.forms.quadratic(solid[name], at) for name in "agc"]
-        errors = [
-            self.forms.quadratic_error(solid[name], at, value) + solid["host_error"]
-            for name, value in zip("agc", values, strict=True)
-        ]
-        return certify.bounded_form(*values, *errors)
+        """F along the rays with its errors."""
+        coefficients = (solid[name] for name in "agc")
+        errors = self.forms.form_errors(*coefficients, at, solid["host_error"])
+        return certify.bounded_form(self._form(solid, at), errors)
 
     def finish(self) -> Planes:
         """The requested outputs of all pixels."""
@@ -322,6 +319,11 @@ class Band:
         lights = [shade.Light(row["vector"], row["color"]) for row in self.packed.lights]
         point = normal.scaled(direction, self.depth)
         return shade.shade(unit, to_eye, point, finish, self.frame["ambient"], lights)
+
+
+def _stage(name: str) -> ModuleType:
+    """A twin module that exists once for each number format."""
+    return import_module(f"halfstep.twin.{name}")
 
 
 def _replaced(old: normal.Vector, new: F32, where: NDArray[np.bool_]) -> normal.Vector:

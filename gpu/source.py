@@ -16,6 +16,7 @@ from importlib.resources import files
 
 import numpy as np
 
+from halfstep.formats import Format
 from halfstep.layout import BLOCK_WIDTH, HALF_SPACE, SOLID, TILE, Record
 from halfstep.pack import SRGB_ENTRIES, Class
 
@@ -38,7 +39,7 @@ class Needs:
     classes: tuple[Class, ...]
     outputs: frozenset[str]  # of OUTPUT_WORDS; "surface" is always there
     method: str  # "visible" or "article"
-    exact: bool  # forms in 64-bit integers, incremental halvings
+    format: Format
     lights: int
     point_lights: bool
     highlights: bool
@@ -91,12 +92,11 @@ def stage_names(needs: Needs) -> list[str]:
     """The files that a shader may take code from, in order."""
     return [
         "lanes",
-        "polynomial_exact" if needs.exact else "polynomial",
+        *needs.format.stages,
         "layout",
         "piece",
         "root",
         "patch",
-        "halve_incremental" if needs.exact else "halve",
         "article",
         "nearest",
         "certify",
@@ -286,15 +286,13 @@ _STARTS_AT_EYE = "b4((solid.flags & FLAG_STARTS_AT_EYE) != 0u)"
 _EYE_INSIDE = "((solid.flags & FLAG_EYE_INSIDE) != 0u)"
 _NEAR_CUT = "b4((solid.flags & FLAG_NEAR_CUT) != 0u)"
 
-_FORMS = """\
-    let a = quadratic(solid.a, at);
-    let g = quadratic(solid.g, at);
-    let c = quadratic(solid.c, at);
-"""
+_LINE = "line_at(half_space.c, half_space.b, at)"
+_LINE_ERRORS = "line_errors(half_space.c, half_space.b, at, half_space.host_error)"
+_FORM = "    let form = form_at(solid.a, solid.g, solid.c, at);\n"
 # At the eye the sign of F is known from the host; elsewhere it is that of F at the entry.
 _OUTSIDE = f"""\
     let from_eye = (piece.id_in == i4(0)) & {_STARTS_AT_EYE};
-    let outside = select(outside_at_entry(a, g, c, piece), {_EYE_OUTSIDE}, from_eye);
+    let outside = select(outside_at_entry(form, piece), {_EYE_OUTSIDE}, from_eye);
 """
 
 
@@ -312,9 +310,7 @@ def _sight(needs: Needs, klass: Class) -> str:
     if klass is Class.PATCH:
         return _visible_patch(needs)
     if klass is Class.ELLIPSOID:
-        return _rows(
-            needs, _FORMS + _seen(needs, "ellipsoid_entry(a, g, c)", "ellipsoid_exit(a, g, c)")
-        )
+        return _rows(needs, _FORM + _seen(needs, "ellipsoid_entry(form)", "ellipsoid_exit(form)"))
     return _visible_cut(needs, klass)
 
 
@@ -334,7 +330,7 @@ def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> s
     """A statement that fetches a record of a storage array."""
     if not needs.cooperative:
         return f"    let {name} = {array}[{index}];\n"
-    dtype = record.dtype(np.int64 if needs.exact else np.float32)
+    dtype = record.dtype(needs.format)
     places = dict(dtype.fields or {})
     words = dtype.itemsize // 4
     text = f"    let {name}_place = ({index}) * {words}u + lane;\n"
@@ -353,14 +349,21 @@ def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> s
     members = []
     for field in record.fields:
         place = places[field.name][1] // 4
-        type_, size = field.type, 1
-        if type_ == "Coefficient":
-            type_, size = ("i64", 2) if needs.exact else ("f32", 1)
+        type_, size = _scalar(needs.format, field.type), 1
+        if type_ == "i64":
+            size = 2
         values = ", ".join(scalar(type_, place + size * k) for k in range(field.count))
         members.append(
             f"array<{field.type}, {field.count}>({values})" if field.count > 1 else values
         )
     return text + f"    let {name} = {record.name}({', '.join(members)});\n"
+
+
+def _scalar(number_format: Format, type_: str) -> str:
+    """The WGSL type of a member of a record."""
+    names = {np.float32: "f32", np.int32: "i32", np.int64: "i64"}
+    numbers = {"Coefficient": number_format.coefficient, "Value": number_format.value}
+    return names[numbers[type_]] if type_ in numbers else type_
 
 
 def _half_spaces(needs: Needs, first: int, body: str) -> str:
@@ -407,18 +410,16 @@ def _visible_patch(needs: Needs) -> str:
         + _variables(needs, "patch", "Patch")
         + _rows(
             needs,
-            "    patch_ROW = facing(linear(own.c, at), linear(own.b, at), solid.near_u,"
-            " solid.far_u);\n",
+            "    patch_ROW = facing(line_at(own.c, own.b, at), solid.near_u, solid.far_u);\n",
         )
         + _half_spaces(
             needs,
             1,
-            "      patch_ROW = bound(patch_ROW, linear(half_space.c, at),"
-            " linear(half_space.b, at));\n",
+            f"      patch_ROW = bound(patch_ROW, {_LINE});\n",
         )
         + _rows(
             needs,
-            _seen(needs, "patch_entry(patch_ROW.hit, patch_ROW.c, patch_ROW.b)", "root", turned),
+            _seen(needs, "patch_entry(patch_ROW)", "root", turned),
         )
     )
 
@@ -431,11 +432,7 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
     ends = ["in", *["out"] * opened] if needs.oriented else []
     text += "".join(_variables(needs, f"normal_{end}", "Vector") for end in ends)
     text += _rows(needs, "    piece_ROW = whole_interval(solid.near_u, solid.far_u);\n")
-    clip = (
-        "      let piece = clip(piece_ROW, linear(half_space.c, at), linear(half_space.b, at),"
-        " i32(k) + 1);\n"
-        "      piece_ROW = piece;\n"
-    )
+    clip = f"      let piece = clip(piece_ROW, {_LINE}, i32(k) + 1);\n      piece_ROW = piece;\n"
     for end in ends:
         turned = _vector(
             f"select(normal_{end}_ROW.AXIS, normal.AXIS, piece.id_{end} == i4(i32(k) + 1))"
@@ -452,11 +449,11 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
             f"    if {_EYE_INSIDE} {{\n      piece = from_the_eye(clipped, solid.near_u);\n    }}\n"
         )
     if curved:
-        row += _FORMS + _OUTSIDE
+        row += _FORM + _OUTSIDE
     entry, leaving = "polyhedron_entry(piece)", "polyhedron_exit(piece)"
     if curved:
-        entry = "quadric_entry(a, g, c, piece, outside)"
-        leaving = "quadric_exit(a, g, c, piece, !outside)"
+        entry = "quadric_entry(form, piece, outside)"
+        leaving = "quadric_exit(form, piece, !outside)"
     flat = "normal_in_ROW"
     if opened:
         at_near = f"{_NEAR_CUT} & (piece.id_in == i4(0))" + " & !outside" * curved
@@ -475,39 +472,27 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
     return text + _rows(needs, row + seen)
 
 
-_LINE_ERRORS = (
-    "linear_error(LINE.c, at, c) + LINE.host_error, linear_error(LINE.b, at, b) + LINE.host_error"
-)
-
-
 def _certify(needs: Needs, klass: Class) -> str:
     """Statements that give every row what is certain of it."""
     text = _variables(needs, "certificate", "Certificate")
     near_cut, last_step = "(solid.flags & FLAG_NEAR_CUT) != 0u", "solid.last_step"
-    direct = needs.method == "article" or not needs.exact
-    run = "DIRECT" if direct else "INCREMENTAL"
-    line = "      let c = linear(LINE.c, at);\n      let b = linear(LINE.b, at);\n"
-    half_space = line.replace("LINE", "half_space")
-    errors = _LINE_ERRORS.replace("LINE", "half_space")
-    form = "".join(
-        f"    let {name} = quadratic(solid.{name}, at);\n"
-        f"    let error_{name} = quadratic_error(solid.{name}, at, {name}) + solid.host_error;\n"
-        for name in "agc"
+    run = needs.format.article_run if needs.method == "article" else needs.format.run
+    form = (
+        "    let form = bounded_form(form_at(solid.a, solid.g, solid.c, at),"
+        " form_errors(solid.a, solid.g, solid.c, at, solid.host_error));\n"
     )
-    form += "    let form = bounded_form(a, g, c, error_a, error_g, error_c);\n"
     if klass is Class.PATCH:
-        own_errors = _LINE_ERRORS.replace("LINE", "own_line")
+        own = f"{_LINE}, {_LINE_ERRORS}".replace("half_space", "own_line")
         facing = (
-            f"      bounded_ROW = bounded_facing(c, b, {own_errors}, solid.near_u, solid.far_u,"
-            f" {near_cut});\n"
+            f"      bounded_ROW = bounded_facing({own}, solid.near_u, solid.far_u, {near_cut});\n"
         )
         text += _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own_line")
         text += _variables(needs, "bounded", "BoundedPatch")
-        text += _rows(needs, line.replace("LINE", "own_line") + facing)
+        text += _rows(needs, facing)
         text += _half_spaces(
             needs,
             1,
-            half_space + f"      bounded_ROW = bounded_bound(bounded_ROW, c, b, {errors});\n",
+            f"      bounded_ROW = bounded_bound(bounded_ROW, {_LINE}, {_LINE_ERRORS});\n",
         )
         return text + _rows(
             needs,
@@ -527,8 +512,7 @@ def _certify(needs: Needs, klass: Class) -> str:
     text += _half_spaces(
         needs,
         0,
-        half_space
-        + f"      bounded_ROW = bounded_clip(bounded_ROW, c, b, {errors}, i32(k) + 1);\n",
+        f"      bounded_ROW = bounded_clip(bounded_ROW, {_LINE}, {_LINE_ERRORS}, i32(k) + 1);\n",
     )
     eye_sure = "(solid.flags & FLAG_EYE_SURE) != 0u"
     row = (
@@ -559,17 +543,18 @@ def _article(needs: Needs, klass: Class) -> str:
         "    var lines: Lines;\n"
         "    for (var k = 0u; k < solid.plane_count; k++) {\n"
         f"{half_space}"
-        "      lines[k] = Line(linear(half_space.c, at), linear(half_space.b, at));\n"
+        f"      lines[k] = {_LINE};\n"
         "    }\n"
     )
     base_planes = "&lines, solid.plane_count, solid.near_u, solid.far_u"
     if klass is Class.PATCH:
         row += f"    let found = article_patch({base_planes}, solid.steps);\n"
     elif klass in CURVED:
-        row += _FORMS
+        row += _FORM
         row += (
-            f"    let outside = select((a - g) + c > f4(0.0), {_EYE_OUTSIDE}, {_STARTS_AT_EYE});\n"
-            f"    let found = article_quadric(a, g, c, outside, {base_planes}, {_EYE_INSIDE},"
+            "    let first = (form.a - form.g) + form.c;\n"
+            f"    let outside = select(first > v4(0), {_EYE_OUTSIDE}, {_STARTS_AT_EYE});\n"
+            f"    let found = article_quadric(form, outside, {base_planes}, {_EYE_INSIDE},"
             " solid.steps, solid.last_step);\n"
         )
     else:
@@ -599,7 +584,7 @@ def _article_slope(needs: Needs, klass: Class) -> str:
     if klass is Class.PATCH:
         own = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own")
         normal = _PLANE_NORMAL.replace("half_space", "own")
-        turned = _vector("select(normal.AXIS, -normal.AXIS, lines[0].b > f4(0.0))")
+        turned = _vector("select(normal.AXIS, -normal.AXIS, lines[0].b > v4(0))")
         return f"{own}    let normal = {normal};\n    let slope = {turned};\n"
     first = _GRADIENT if klass in CURVED else "Vector(f4(0.0), f4(0.0), f4(0.0))"
     turned = _vector("select(slope.AXIS, normal.AXIS, found.surface == i4(i32(k) + 1))")

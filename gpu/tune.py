@@ -22,12 +22,12 @@ from halfstep import __version__
 from halfstep.api import Renderer
 from halfstep.errors import UsageError
 from halfstep.exact import Exact, exact
+from halfstep.formats import format_for
 from halfstep.frame import Frame, check_outputs
-from halfstep.pack import FLOAT_STEPS
 from halfstep.scene import Accuracy, Scene, with_overrides
 
 METHODS = ("visible", "article")
-FORMATS = ("float32",)
+FORMATS = ("float32", "fixed32")
 STEPS = range(4, 25)
 REPEATS = 5
 # The tolerance of a scene that states a number of steps instead.
@@ -370,7 +370,7 @@ class _Bench(Renderer):
         """``Frame.info`` of the image of every setting, as many times; each its turn."""
         # The first frame of a shader compiles it.
         shaders = {
-            (row.number_format, row.method, row.steps > FLOAT_STEPS): setting
+            (format_for(setting.accuracy, row.steps), row.method): setting
             for row, setting in zip(rows, settings, strict=True)
         }
         for setting in shaders.values():

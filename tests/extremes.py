@@ -5,7 +5,8 @@
 Pixels that show another solid or surface than the oracle sees there and a thousandth of a pixel
 around (`tests.judge`; a tenth where the eye lies on the surface) are *wrong*, or *flagged* where
 `error` says so.  Errors are those of the other pixels that are certain, in cells, 2^-n of a solid's
-depth interval: half of one at best.  *Certain* are the hits with a finite `error`.
+depth interval: half of one at best.  *Certain* are the hits with a finite `error`.  The columns are
+those of float32, then those of fixed32.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ Floats = NDArray[np.float64]
 
 SIZE = (65, 49)
 STEPS = 16
+FORMATS = ("float32", "fixed32")
 OUTPUTS = ("solid", "surface", "depth", "depth_exit", "error")
 _ALL_KINDS = (*KINDS, "sphere")
 
@@ -58,11 +60,10 @@ class Row:
         """Share of the hits that are certain."""
         return self.certain / self.verdict.hits
 
-    def markdown(self) -> str:
-        """A line of the table."""
-        counts = (f"{n:,}" for n in (self.verdict.rays, self.verdict.wrong, self.flagged))
-        cells = *counts, f"{self.most:.3g}" if self.certain else "–"
-        return f"| {self.extreme} | {self.range} | {' | '.join(cells)} | {self.certified:.2%} |"
+    def cells(self) -> list[str]:
+        """What a line of the table says of a number format."""
+        most = f"{self.most:.3g}" if self.certain else "–"
+        return [str(self.verdict.wrong), f"{self.flagged:,}", most, f"{self.certified:.2%}"]
 
 
 # ------------------------------------------------------------------------------ scenes
@@ -227,12 +228,21 @@ def extremes() -> Iterator[tuple[str, str, list[View]]]:
 # ------------------------------------------------------------------------------ judgement
 
 
-def judge(extreme: str, range_: str, views: list[View], backend: str) -> Row:
+def judge(
+    extreme: str, range_: str, views: list[View], backend: str, number_format: str = "float32"
+) -> Row:
     """Render and judge all views of an extreme."""
     row = Row(extreme, range_, Verdict())
     for number, (scene, steps, delta) in enumerate(views):
         truth_of = Judge(scene, SIZE, delta)
-        frame = halfstep.render(scene, size=SIZE, steps=steps, backend=backend, outputs=OUTPUTS)
+        frame = halfstep.render(
+            scene,
+            size=SIZE,
+            steps=steps,
+            number_format=number_format,
+            backend=backend,
+            outputs=OUTPUTS,
+        )
         truth = truth_of.truth
         hit, certain = truth.solid >= 0, np.isfinite(frame.error)
         # Judged twice: as it is, and with the truth wherever `error` makes no promise.
@@ -261,15 +271,20 @@ def judge(extreme: str, range_: str, views: list[View], backend: str) -> Row:
 
 def main() -> int:
     """Print the table; 1 if anything in it is wrong."""
-    sys.stdout.write("| extreme | range | pixels | wrong | flagged | max error | certain |\n")
-    sys.stdout.write("|---|---|---:|---:|---:|---:|---:|\n")
+    columns = " wrong | flagged | largest error | certain |" * len(FORMATS)
+    sys.stdout.write(f"| extreme | range | pixels |{columns}\n")
+    sys.stdout.write("|---|---|--:|" + "--:|" * 4 * len(FORMATS) + "\n")
     faults = 0
-    for extreme in extremes():
-        row = judge(*extreme, backend="numpy")
-        sys.stdout.write(row.markdown() + "\n")
-        faults += row.verdict.wrong + row.violations
-        if row.verdict.wrong:
-            sys.stderr.write("\n".join(row.verdict.faults) + "\n")
+    for name, range_, views in extremes():
+        rows = [judge(name, range_, views, "numpy", form) for form in FORMATS]
+        cells = [cell for row in rows for cell in row.cells()]
+        pixels = f"{rows[0].verdict.rays:,}"
+        sys.stdout.write(f"| {' | '.join([name, range_, pixels, *cells])} |\n")
+        sys.stdout.flush()
+        for row in rows:
+            faults += row.verdict.wrong + row.violations
+            if row.verdict.wrong:
+                sys.stderr.write("\n".join(row.verdict.faults) + "\n")
     return int(faults > 0)
 
 

@@ -19,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.device import Adapter, open_device
+from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.pack import SRGB_ENTRIES, srgb_table
 from halfstep.source import stage
+from halfstep.twin import certify, patch, piece, root
 
 Array = NDArray[Any]
 # Arguments by the place they go to, as ``piece.c_in``: (rows, ...) each.
@@ -45,7 +47,6 @@ _STORED: dict[str, tuple[str, type[np.generic], tuple[int, ...], int, str]] = {
     "bool": ("u32", np.uint32, (), 4, "({} != 0u)"),
     "i64": ("i64", np.int64, (), 8, "{}"),
     "vec4<i64>": ("vec4<i64>", np.int64, (4,), 32, "{}"),
-    "lines": (f"array<vec4<f32>, {LINES}>", np.float32, (LINES, 4), 16, "{}"),
 }
 # WGSL type of a component of a result -> its words.
 _WORDS = {
@@ -92,8 +93,9 @@ class Function:
 
 @dataclass(frozen=True)
 class Module:
-    """Stage files that can stand together in one shader, and what they share with a kernel."""
+    """Stage files that stand together in a shader of a number format."""
 
+    format: Format
     files: tuple[str, ...]
     # Functions that read a variable of the frame: name -> the variable's members, with types.
     frame: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -120,19 +122,33 @@ class Module:
             if result != "u32"
         ]
 
+    def resolved(self, type_: str) -> str:
+        """A type without the names that mean another one in each number format."""
+        integer = self.format.integer
+        fixed = self.format is FIXED32
+        names = {
+            "Coefficient": "i64" if integer else "f32",
+            "Value": "i32" if fixed else "f32",
+            "v4": "i4" if fixed else "f4",
+            "w4": "vec4<i64>" if fixed else "f4",
+        }
+        return re.sub(r"\w+", lambda word: names.get(word[0], word[0]), type_)
+
     def structures(self) -> dict[str, list[tuple[str, str]]]:
         """Members of every structure, with their types."""
         found = _STRUCT.findall(self.text())
         return {name: _MEMBER.findall(re.sub(r"//.*", "", body)) for name, body in found}
 
 
-# A frame has either file of each pair.
-FLOAT = Module(
-    (
-        *("lanes", "polynomial", "layout", "piece", "root", "halve", "patch", "article"),
-        *("nearest", "certify", "normal", "ray", "shade", "encode"),
-    ),
-    {
+def _module(number_format: Format, *files: str, frame: Any = None) -> Module:
+    shared = "layout", "piece", "root", "patch", "article", "nearest", "certify"
+    return Module(number_format, ("lanes", *number_format.stages, *shared, *files), frame or {})
+
+
+FLOAT = _module(
+    FLOAT32,
+    *("normal", "ray", "shade", "encode"),
+    frame={
         "ray_direction": {f"frame.{name}": "f4" for name in ("first_ray", "right", "down")},
         "shade": {
             "frame.ambient": "f4",
@@ -140,7 +156,8 @@ FLOAT = Module(
         },
     },
 )
-EXACT = Module(("lanes", "polynomial_exact", "layout", "piece", "root", "halve_incremental"))
+EXACT = _module(FLOAT32_EXACT)
+FIXED = _module(FIXED32)
 
 
 def leaves(module: Module, function: Function) -> dict[str, str]:
@@ -170,13 +187,15 @@ def _leaves(
 
 
 def _stored(module: Module, type_: str) -> tuple[str, type[np.generic], tuple[int, ...], int, str]:
-    if match := re.fullmatch(r"array<(\w+), (\d+)>", type_):
-        element = match[1]
-        if element == "Coefficient":
-            element = "i64" if "polynomial_exact" in module.files else "f32"
-        _, scalar, _, alignment, value = _STORED[element]
+    if type_ == "lines":
+        element, scalar, shape, alignment, value = _STORED[module.resolved("v4")]
+        return f"array<{element}, {LINES}>", scalar, (LINES, *shape), alignment, value
+    resolved = module.resolved(type_)
+    if match := re.fullmatch(r"array<(\w+), (\d+)>", resolved):
+        _, scalar, _, alignment, value = _STORED[match[1]]
+        # Arrays of a type and of its alias are not the same to the compiler.
         return type_, scalar, (int(match[2]),), alignment, value
-    return _STORED[type_]
+    return _STORED[resolved]
 
 
 def _member(place: str) -> str:
@@ -216,7 +235,11 @@ def _layout(module: Module, function: Function) -> tuple[list[str], np.dtype[np.
 def _words(module: Module, function: Function) -> list[tuple[str, str]]:
     """The result's words as expressions with ``{}`` for a component, which, and their types."""
     members = _leaves(module.structures(), "result", function.result)
-    return [(word.replace("{}", place), t) for place, t in members for word in _WORDS[t]]
+    return [
+        (word.replace("{}", place), t)
+        for place, t in members
+        for word in _WORDS[module.resolved(t)]
+    ]
 
 
 def kernel(module: Module, function: Function) -> str:
@@ -304,10 +327,11 @@ class Runner:
 
 def twin(module: Module, function: Function, arguments: Arguments) -> NDArray[np.uint32]:
     """What the twin makes of the arguments, as the words that `Runner.run` returns."""
-    types = [type_ for _, type_ in _leaves(module.structures(), "result", function.result)]
+    members = _leaves(module.structures(), "result", function.result)
+    types = [module.resolved(type_) for _, type_ in members]
     count = len(next(iter(arguments.values())))
     words = np.full((count, len(_words(module, function)), 4), UNTOUCHED, np.uint32)
-    plain = _plain(function)
+    plain = _plain(module, function)
     keys = np.stack([np.zeros(count), *(arguments[place].astype(np.float64) for place in plain)])
     for key in np.unique(keys, axis=1).T:
         chosen = (keys == key[:, None]).all(axis=0)
@@ -324,11 +348,15 @@ def twin(module: Module, function: Function, arguments: Arguments) -> NDArray[np
     return words
 
 
-def _plain(function: Function) -> list[str]:
+def _plain(module: Module, function: Function) -> list[str]:
     """The arguments that the twin takes as plain numbers."""
     names = (*_PLAIN, "far_u") if function.file == "certify" else _PLAIN
     scalars = ("i32", "u32", "f32", "bool")
-    return [place for place, type_ in function.parameters if place in names and type_ in scalars]
+    return [
+        place
+        for place, type_ in function.parameters
+        if place in names and module.resolved(type_) in scalars
+    ]
 
 
 def _split(value: Array) -> list[NDArray[np.uint32]]:
@@ -349,22 +377,24 @@ def _call(module: Module, function: Function, rows: Mapping[str, Any]) -> Any:
     """The twin's function of the same name; vectors are (rows, 4) there, numbers (rows, 1)."""
     twin_module = import_module(f"halfstep.twin.{function.file}")
     structures = module.structures()
-    plain = _plain(function)
+    plain = _plain(module, function)
 
     def value(place: str, type_: str) -> Any:
         if type_ == "ptr<function, Lines>":
-            line = twin_module.Line
+            line = piece.Line
             c, b = rows[f"{place}.c"], rows[f"{place}.b"]
             return [line(c[:, k], b[:, k]) for k in range(rows.get("count", LINES))]
         if type_ in structures:
             members = (value(f"{place}.{name}", member) for name, member in structures[type_])
-            return getattr(twin_module, type_)(*members)
+            return _structure(twin_module, type_)(*members)
         if place in plain:
             number = rows[place]
+            if type_ == "Value":
+                return module.format.value(number)
             return {"bool": bool, "f32": np.float32}.get(type_, int)(number)
         if type_ == "b4":
             return rows[place] != 0
-        if type_ in ("f4", "i4", "u4", "vec4<i64>"):
+        if module.resolved(type_) in ("f4", "i4", "u4", "vec4<i64>"):
             return rows[place]
         return np.moveaxis(rows[place], 0, -1)[..., None]
 
@@ -375,7 +405,7 @@ def _call(module: Module, function: Function, rows: Mapping[str, Any]) -> Any:
     }
     call: Callable[..., Any] = getattr(twin_module, function.name)
     adapted: Callable[..., Any] = _ADAPTED.get(function.file, _as_it_is)
-    return adapted(call, arguments, frame, twin_module)
+    return adapted(call, arguments, frame, twin_module, module)
 
 
 # Where the twin's arguments differ from the shader's.
@@ -385,14 +415,27 @@ def _as_it_is(call: Callable[..., Any], arguments: dict[str, Any], *_: Any) -> A
     return call(*arguments.values())
 
 
-def _article(call: Callable[..., Any], arguments: dict[str, Any], *_: Any) -> Any:
+def _structure(module: Any, name: str) -> Any:
+    """A structure of the twin, from the module that needs it or from the one that declares it."""
+    owners = (module, piece, root, certify, patch)
+    return next(getattr(owner, name) for owner in owners if hasattr(owner, name))
+
+
+def _article(
+    call: Callable[..., Any], arguments: dict[str, Any], _: Any, __: Any, module: Module
+) -> Any:
     """The twin's list of lines knows its length; 2^-n needs no argument."""
     lines = "lines" in arguments
     left_out = ("last_step", *["count"] * lines)
-    return call(*(value for name, value in arguments.items() if name not in left_out))
+    given = [value for name, value in arguments.items() if name not in left_out]
+    if call.__name__ == "grid_point":
+        given.append(module.format.value(0))
+    return call(*given)
 
 
-def _nearest(call: Callable[..., Any], arguments: dict[str, Any], _: Any, module: Any) -> Any:
+def _nearest(
+    call: Callable[..., Any], arguments: dict[str, Any], _: Any, module: Any, *__: Any
+) -> Any:
     """The start of an interval is one key."""
     if "start_high" in arguments:
         high, low = arguments.pop("start_high"), arguments.pop("start_low")
@@ -408,13 +451,15 @@ def _interval(call: Callable[..., Any], arguments: dict[str, Any], *_: Any) -> A
     return call(*arguments.values())
 
 
-def _ray(call: Callable[..., Any], arguments: dict[str, Any], frame: dict[str, Any], _: Any) -> Any:
+def _ray(
+    call: Callable[..., Any], arguments: dict[str, Any], frame: dict[str, Any], *_: Any
+) -> Any:
     members = {place.removeprefix("frame."): value for place, value in frame.items()}
     return call(members, *arguments.values())
 
 
 def _shade(
-    call: Callable[..., Any], arguments: dict[str, Any], frame: dict[str, Any], _: Any
+    call: Callable[..., Any], arguments: dict[str, Any], frame: dict[str, Any], *_: Any
 ) -> Any:
     """The frame's lights are arguments."""
     if not frame:
@@ -431,6 +476,8 @@ def _encode(call: Callable[..., Any], arguments: dict[str, Any], *_: Any) -> Any
 
 
 _ADAPTED: dict[str, Callable[..., Any]] = {
+    "arithmetic": _article,
+    "arithmetic_fixed": _article,
     "article": _article,
     "nearest": _nearest,
     "piece": _interval,

@@ -171,7 +171,18 @@ class Judge:
 
     def _grazing(self, i: NDArray[np.intp], j: NDArray[np.intp], depth: Floats) -> Floats:
         """`FLOOR` in scene units over the cosine between ray and normal, at points of the truth."""
-        length, cosine = self._length_of(self.truth.solid[j, i]), np.zeros(i.shape)
+        length = self._length_of(self.truth.solid[j, i])
+        return length * FLOOR * (1 / np.maximum(self._cosine(i, j, depth), FLOOR) - 1)
+
+    def cosine(self, i: NDArray[np.intp], j: NDArray[np.intp]) -> Floats:
+        """The cosine between ray and quadric in pixels that show one; 1 for planes."""
+        curved = self.truth.surface[j, i] == 0
+        cosine = self._cosine(i, j, self.truth.depth[j, i])
+        quadric = np.array([isinstance(solid, QuadricSolid) for solid in self.scene.solids])
+        return np.where(curved & quadric[self.truth.solid[j, i]], cosine, 1.0)
+
+    def _cosine(self, i: NDArray[np.intp], j: NDArray[np.intp], depth: Floats) -> Floats:
+        cosine = np.zeros(i.shape)
         eye = view(self.scene.camera, self.size)
         direction = eye.directions(i, j)
         for n, (ray, s) in enumerate(zip(direction, depth, strict=True)):
@@ -183,7 +194,7 @@ class Judge:
             gradient = (solid.quadric() @ [*point, 1.0])[:3] @ solid.world_from_local().T
             size = np.linalg.norm(gradient) * np.linalg.norm(ray)
             cosine[n] = abs(gradient @ ray) / size if size > 0 else 0.0
-        return length * FLOOR * (1 / np.maximum(cosine, FLOOR) - 1)
+        return cosine
 
     def _same_ids(self, trace: Trace, i: Any, j: Any) -> Bools:
         return np.asarray(

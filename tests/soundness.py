@@ -15,6 +15,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,10 +42,22 @@ OUTPUTS = ("solid", "depth", "error")
 FLOAT_STEPS = (4, 8, 12, 16)
 EXACT_STEPS = (17, 20, 24, 30)
 STEPS = FLOAT_STEPS + EXACT_STEPS
+FORMATS = ("float32", "fixed32")
+
+
+class Way(NamedTuple):
+    """How a frame is rendered."""
+
+    steps: int
+    method: str = "visible"
+    number_format: str = "float32"
+
+    def __str__(self) -> str:
+        return f"{self.method} {self.number_format} n {self.steps}"
 
 
 class Shot:
-    """A scene at one picture size, to be rendered with any steps and method, and its truth."""
+    """A scene at one picture size, to be rendered in any way, and its truth."""
 
     def __init__(self, scene: Scene, size: tuple[int, int]) -> None:
         self.scene, self.size = scene, size
@@ -62,14 +75,16 @@ class Shot:
         cut = self.scene.model_copy(update={"volume": volume})
         return Oracle(cut, self.size, (self.setup.near, self.setup.far))
 
-    def render(self, steps: int, method: str = "visible", device: Device | None = None) -> Arrays:
-        """`OUTPUTS` of a frame, from the twin where there is no device."""
-        scene = with_overrides(self.scene, steps=steps, method=method)
+    def render(
+        self, way: Way, device: Device | None = None, outputs: tuple[str, ...] = OUTPUTS
+    ) -> Arrays:
+        """Outputs of a frame, from the twin where there is no device."""
+        scene = with_overrides(self.scene, **way._asdict())
         count = steps_for(scene, self.setup).count
         packed = pack(scene, self._geometry, self._tables, self.setup, count)
-        job = (scene, packed, 0, self.size[1], method, device_outputs(OUTPUTS))
+        job = (scene, packed, 0, self.size[1], way.method, device_outputs(outputs))
         planes = run_twin.render_band(*job) if device is None else device.render_band(*job)[0]
-        return arrays_of(OUTPUTS, planes, packed, self._tables)
+        return arrays_of(outputs, planes, packed, self._tables)
 
 
 # ------------------------------------------------------------------------------ scenes
@@ -307,38 +322,44 @@ def cases(rng: Random) -> Iterator[Case]:
 
 
 class Report:
-    """Tallies by family and method, and bound over error by kind and steps."""
+    """Tallies by method, number format and family; bound over error by format, kind and steps."""
 
     def __init__(self) -> None:
-        self.tallies: dict[tuple[str, str], Tally] = defaultdict(Tally)
-        self.ratios: dict[tuple[str, int], list[Floats]] = defaultdict(list)
+        self.tallies: dict[tuple[str, str, str], Tally] = defaultdict(Tally)
+        self.ratios: dict[tuple[str, str, int], list[Floats]] = defaultdict(list)
         self.pairs = self.scenes = 0
 
-    def add(self, case: Case, frames: Iterable[tuple[int, str]], device: Device | None) -> None:
-        """Judge frames, each (steps, method), of a scene."""
+    def add(self, case: Case, frames: Iterable[Way], device: Device | None) -> None:
+        """Judge frames of a scene."""
         shot = Shot(case.scene, SIZE)
         truth = shot.oracle().trace()
         self.scenes += 1
         self.pairs += truth.solid.size * len(case.scene.solids)
-        for steps, method in frames:
-            label = f"{case.family} {case.kind} scene {self.scenes} {method} n {steps}"
-            frame = shot.render(steps, method, device)
-            ratios = judge(frame, truth, self.tallies[method, case.family], label)
-            if case.family == "ordinary" and method == "visible":
-                self.ratios[case.kind, steps].append(ratios[:: len(ratios) // 500 + 1])
+        for way in frames:
+            label = f"{case.family} {case.kind} scene {self.scenes} {way}"
+            frame = shot.render(way, device)
+            tally = self.tallies[way.method, way.number_format, case.family]
+            ratios = judge(frame, truth, tally, label)
+            if case.family == "ordinary" and way.method == "visible":
+                key = way.number_format, case.kind, way.steps
+                self.ratios[key].append(ratios[:: len(ratios) // 500 + 1])
 
-    def total(self, method: str | None = None) -> Tally:
-        """Sum of the tallies, of one method or of both."""
-        chosen = (t for (m, _), t in self.tallies.items() if method in (None, m))
+    def total(self, method: str | None = None, number_format: str | None = None) -> Tally:
+        """Sum of the tallies, of one method or of both, in one number format or in both."""
+        chosen = (
+            tally
+            for (m, f, _), tally in self.tallies.items()
+            if method in (None, m) and number_format in (None, f)
+        )
         return sum(chosen, Tally())
 
-    def median(self, steps: int, kind: str | None = None) -> float:
+    def median(self, steps: int, kind: str | None = None, number_format: str = "float32") -> float:
         """Median of bound over error in ordinary scenes, method ``visible``; NaN if there is none.
 
         It is within ordinary scenes that a cell dominates the error, up to n = 16 or so.
         """
         kinds = KINDS if kind is None else (kind,)
-        found = [ratios for k in kinds for ratios in self.ratios.get((k, steps), [])]
+        found = [r for k in kinds for r in self.ratios.get((number_format, k, steps), [])]
         values = np.concatenate([np.empty(0), *found])
         return float(np.median(values)) if values.size else np.nan
 
@@ -346,28 +367,32 @@ class Report:
         """The report in words and columns."""
         columns = "judged", "hits", "violations", "wrong"
         lines = [f"{self.pairs} ray-solid pairs in {self.scenes} scenes"]
-        for method in ("visible", "article"):
-            lines.append(f"\n{method:10}" + "".join(f"{name:>12}" for name in columns))
+        for method, number_format in product(("visible", "article"), FORMATS):
+            lines.append(f"\n{method}, {number_format}")
+            lines.append(f"{'':10}" + "".join(f"{name:>12}" for name in columns))
             lines[-1] += f"{'hits sure':>12}{'misses sure':>13}"
-            rows = [(family, t) for (m, family), t in self.tallies.items() if m == method]
-            for family, tally in [*rows, ("all", self.total(method))]:
+            of = method, number_format
+            rows = [(key[2], tally) for key, tally in self.tallies.items() if key[:2] == of]
+            for family, tally in [*rows, ("all", self.total(*of))]:
                 counts = "".join(f"{getattr(tally, column):12d}" for column in columns)
                 shares = f"{tally.certified_hits:12.3%}{tally.certified_misses:13.3%}"
                 lines.append(f"{family:10}{counts}{shares}")
-        lines.append("\nmedian of bound/error, ordinary scenes, method visible")
-        lines.append(f"{'n':24}" + "".join(f"{steps:8d}" for steps in STEPS))
-        for kind in (*KINDS, None):
-            medians = "".join(f"{self.median(steps, kind):8.2f}" for steps in STEPS)
-            lines.append(f"{kind or 'all':24}{medians}")
+        for number_format in FORMATS:
+            lines.append(f"\nmedian of bound/error, ordinary scenes, visible, {number_format}")
+            lines.append(f"{'n':24}" + "".join(f"{steps:8d}" for steps in STEPS))
+            for kind in (*KINDS, None):
+                medians = (self.median(steps, kind, number_format) for steps in STEPS)
+                lines.append(f"{kind or 'all':24}" + "".join(f"{m:8.2f}" for m in medians))
         return "\n".join(lines)
 
 
-def draw_frames(rng: Random) -> list[tuple[int, str]]:
-    """Steps and methods of the frames in which a scene is judged."""
+def draw_frames(rng: Random) -> list[Way]:
+    """The ways in which a scene is rendered to be judged."""
     return [
-        (int(rng.choice(FLOAT_STEPS)), "visible"),
-        (int(rng.choice(EXACT_STEPS)), "visible"),
-        (int(rng.choice(STEPS)), "article"),
+        Way(int(rng.choice(FLOAT_STEPS))),
+        Way(int(rng.choice(EXACT_STEPS))),
+        Way(int(rng.choice(STEPS)), number_format="fixed32"),
+        Way(int(rng.choice(STEPS)), "article", str(rng.choice(FORMATS))),
     ]
 
 

@@ -169,10 +169,6 @@ def test_options_out_of_range_are_faults(options: dict[str, Any], message: str) 
             {"outputs": ("depth", "albedo")},
             f"outputs: 'albedo' unknown; known are {', '.join(SOURCES)}",
         ),
-        (
-            {"number_format": "fixed32"},
-            "accuracy.number_format: fixed32 is not available yet; use float32",
-        ),
     ],
 )
 def test_arguments_that_cannot_be_used_are_refused(options: dict[str, Any], message: str) -> None:

@@ -44,7 +44,7 @@ def device(adapter: Adapter) -> Iterator[run_gpu.Device]:
     close = device.close
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(device, "close", lambda: None)
-        patch.setattr(run_gpu, "Device", lambda _: device)
+        patch.setattr(run_gpu, "Device", lambda *_: device)
         yield device
     close()
 

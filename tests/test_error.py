@@ -9,13 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from halfstep import camera as cameras
-from halfstep import geometry
-from halfstep import pack as packing
+from halfstep import formats, geometry
 from halfstep import setup as setups
 from halfstep.device import Adapter
 from halfstep.run_gpu import Device
 from halfstep.scene import Camera, Scene
-from halfstep.twin import certify, polynomial
+from halfstep.twin import certify, forms, forms_fixed
 from tests import soundness
 from tests.scenes_random import KINDS
 from tests.soundness import (
@@ -26,6 +25,7 @@ from tests.soundness import (
     Report,
     Shot,
     Tally,
+    Way,
     judge,
     survey,
 )
@@ -47,7 +47,11 @@ def test_ordinary_pixels_are_certain_and_their_bound_is_tight(family: str, seed:
     rng = np.random.default_rng(seed)
     report = Report()
     for kind in KINDS * 4:
-        report.add(Case(family, kind, FAMILIES[family](rng, kind)), [(12, "visible")], None)
+        report.add(
+            Case(family, kind, FAMILIES[family](rng, kind)),
+            [Way(12), Way(12, number_format="fixed32")],
+            None,
+        )
     tally = report.total()
     assert tally.faults == []
     assert tally.hits > 10_000
@@ -97,8 +101,8 @@ def _up_along_the_view() -> Scene:
 def _judged(scene: Scene, size: tuple[int, int] = soundness.SIZE) -> Tally:
     shot, tally = Shot(scene, size), Tally()
     truth = shot.oracle().trace()
-    for steps, method in ((12, "visible"), (24, "visible"), (12, "article")):
-        judge(shot.render(steps, method), truth, tally, f"{method} n {steps}")
+    for way in (Way(12), Way(24), Way(12, "article"), Way(24, number_format="fixed32")):
+        judge(shot.render(way), truth, tally, str(way))
     assert tally.hits > 0
     return tally
 
@@ -159,17 +163,25 @@ def test_the_view_is_exact_however_up_points(
 END_SIGNS = certify.end_signs
 
 
-def _zero(*arguments: Any) -> Any:
-    return np.zeros_like(arguments[-1])
+def _zero(at: Any) -> Any:
+    return np.zeros(np.broadcast_shapes(at.x.shape, at.y.shape), np.float32)
+
+
+def _no_line_errors(_c: Any, _b: Any, at: Any, _host_error: Any) -> Any:
+    return certify.LineErrors(*[_zero(at)] * 2)
+
+
+def _no_form_errors(_a: Any, _g: Any, _c: Any, at: Any, _host_error: Any) -> Any:
+    return certify.FormErrors(*[_zero(at)] * 3)
 
 
 def _no_rounding(form: Any, _run: Any, last_step: np.float32) -> Any:
-    return np.full(form.a.shape, last_step)
+    return np.full(form.discriminant.shape, last_step)
 
 
 def _sure_signs(form: Any, c: Any, b: Any, error: Any) -> Any:
     signs = END_SIGNS(form, c, b, error)
-    sure = np.ones(signs.value.shape, bool)
+    sure = np.ones(signs.outside.shape, bool)
     return signs._replace(sure_value=sure, sure_slope=sure)
 
 
@@ -181,36 +193,42 @@ def _any_surface(certificate: Any, hit: Any, _surface: Any) -> Any:
     return certificate.sure & (certificate.hit == hit)
 
 
-# Module, function, what a forgotten term makes of it; scenes, method and steps that show it.
+# Module, function, what a forgotten term makes of it; scenes, how and with which steps they are
+# rendered to show it.
+VISIBLE, ARTICLE, FIXED = Way(0), Way(0, "article"), Way(0, number_format="fixed32")
 FAULTS = [
-    (polynomial, "linear_error", _zero, "near_cut", "visible", (20, 24, 30)),
-    (polynomial, "quadratic_error", _zero, "near", "visible", (20, 24, 30)),
-    (certify, "curve_bound", _no_rounding, "ordinary", "visible", EXACT_STEPS),
-    (certify, "end_signs", _sure_signs, "magnified", "visible", FLOAT_STEPS),
-    (certify, "surely_ordered", _sure_order, "magnified", "visible", FLOAT_STEPS),
-    (certify, "confirms", _any_surface, "ordinary", "article", (1, 2, 3, 4)),
+    (forms, "line_errors", _no_line_errors, "near_cut", VISIBLE, (20, 24, 30)),
+    (forms, "form_errors", _no_form_errors, "near", VISIBLE, (20, 24, 30)),
+    (certify, "curve_bound", _no_rounding, "ordinary", VISIBLE, EXACT_STEPS),
+    (certify, "end_signs", _sure_signs, "magnified", VISIBLE, FLOAT_STEPS),
+    (certify, "surely_ordered", _sure_order, "magnified", VISIBLE, FLOAT_STEPS),
+    (certify, "confirms", _any_surface, "ordinary", ARTICLE, (1, 2, 3, 4)),
+    (forms_fixed, "line_errors", _no_line_errors, "near_cut", FIXED, (30,)),
+    (forms_fixed, "form_errors", _no_form_errors, "shifted", FIXED, (16, 30)),
+    (certify, "curve_bound", _no_rounding, "ordinary", FIXED, (30,)),
+    (certify, "end_signs", _sure_signs, "magnified", FIXED, FLOAT_STEPS),
 ]
 
 
-@pytest.mark.parametrize(("module", "name", "fault", "family", "method", "steps"), FAULTS)
+@pytest.mark.parametrize(("module", "name", "fault", "family", "way", "steps"), FAULTS)
 def test_a_forgotten_term_is_a_violation(
     module: Any,
     name: str,
     fault: Any,
     family: str,
-    method: str,
+    way: Way,
     steps: tuple[int, ...],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # In float32 at any number of steps, where the forms' rounding is the larger part of an error.
-    monkeypatch.setattr(packing, "FLOAT_STEPS", 30)
+    monkeypatch.setattr(formats, "FLOAT_STEPS", 30)
     faults = []
     for planted in (False, True):
         if planted:
             monkeypatch.setattr(module, name, fault)
         rng, report = np.random.default_rng(1998), Report()
         for kind in KINDS + KINDS[:5]:
-            frames = [(int(rng.choice(steps)), method)]
+            frames = [way._replace(steps=int(rng.choice(steps)))]
             report.add(Case(family, kind, FAMILIES[family](rng, kind)), frames, None)
         assert report.total().hits > 1000
         faults.append(bool(report.total().faults))
@@ -220,18 +238,19 @@ def test_a_forgotten_term_is_a_violation(
 # ------------------------------------------------------------------------------ the shader
 
 
+@pytest.mark.parametrize("number_format", soundness.FORMATS)
 @pytest.mark.parametrize("method", ["visible", "article"])
 @pytest.mark.parametrize("steps", [12, 24])
 def test_the_shader_computes_the_same_bound(
-    method: str, steps: int, adapter: Adapter, rng: np.random.Generator
+    number_format: str, method: str, steps: int, adapter: Adapter, rng: np.random.Generator
 ) -> None:
+    way = Way(steps, method, number_format)
     device = Device(adapter)
     finite = 0
     for count, kind in enumerate(KINDS * 2):
         family = ("near_cut", "magnified", "ordinary", "far")[count % 4]
         shot = Shot(FAMILIES[family](rng, kind), (70, 40))
-        ours = shot.render(steps, method, device)
-        expected = shot.render(steps, method)
+        ours, expected = shot.render(way, device), shot.render(way)
         for name, values in expected.items():
             assert ours[name].tobytes() == values.tobytes(), (count, kind, family, name)
         finite += int((np.isfinite(expected["error"]) & (expected["solid"] >= 0)).sum())

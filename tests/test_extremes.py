@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tests.extremes import View, extremes, judge
+from tests.extremes import FORMATS, View, extremes, judge
 
-# Where float32 tells every hit from a miss: nothing there is left to `error` to excuse.
+# Where either format tells every hit from a miss: nothing there is left to `error` to excuse.
 RESOLVED = {
     "distance / size": 0.99,
     "size": 0.99,
@@ -20,18 +20,22 @@ RESOLVED = {
     "field of view": 0.99,
     "steps": 0.99,
 }
-
+# 29 bits do not tell four rays along the cone beside its apex from its wall.
+FLAGGED = {("down the bore", "fixed32"): 4}
 
 EXTREMES = list(extremes())
 
 
+@pytest.mark.parametrize("number_format", FORMATS)
 @pytest.mark.parametrize(("extreme", "range_", "views"), EXTREMES, ids=[e[0] for e in EXTREMES])
-def test_nothing_is_silently_wrong(extreme: str, range_: str, views: list[View]) -> None:
-    row = judge(extreme, range_, views, "numpy")
+def test_nothing_is_silently_wrong(
+    extreme: str, range_: str, views: list[View], number_format: str
+) -> None:
+    row = judge(extreme, range_, views, "numpy", number_format)
     assert row.verdict.hits > 1000
     assert (row.verdict.wrong, row.violations) == (0, 0), row.verdict.faults
     if extreme in RESOLVED:
-        assert row.flagged == 0
+        assert row.flagged == FLAGGED.get((extreme, number_format), 0)
         assert row.certified >= RESOLVED[extreme]
     assert row.certified > 0.4 or extreme == "eye on a surface"
 

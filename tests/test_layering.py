@@ -21,6 +21,7 @@ ORDER = (
     "faults",
     "halfspaces",
     "scene",
+    "formats",
     "geometry",
     "camera",
     "bounds",

@@ -10,10 +10,16 @@ import pytest
 
 from halfstep import layout
 from halfstep.device import Adapter, open_device
+from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.layout import FRAME, LIGHT, RECORDS, Record
 from halfstep.source import stage
 
-COEFFICIENTS: dict[str, type[np.float32] | type[np.int64]] = {"f32": np.float32, "i64": np.int64}
+# WGSL types of coefficients and values.
+TYPES = {
+    FLOAT32: {"Coefficient": "f32", "Value": "f32"},
+    FLOAT32_EXACT: {"Coefficient": "i64", "Value": "f32"},
+    FIXED32: {"Coefficient": "i64", "Value": "i32"},
+}
 # So many records that a wrong stride shows.
 COUNT = 3
 
@@ -29,19 +35,20 @@ def test_the_file_is_the_generated_one() -> None:
     assert stage("layout") == layout.wgsl(), "run python -m halfstep.layout"
 
 
-def echo(record: Record, coefficient: str) -> tuple[str, int]:
+def echo(record: Record, number_format: Format) -> tuple[str, int]:
     """A shader that copies the scalars of every member to 64-bit integers, and how many it copies.
 
     Frames and lights are uniforms in the renderer, the other records are not.
     """
-    scalars = []
+    types, scalars = TYPES[number_format], []
     for field in record.fields:
         for k in range(field.count):
             name = f"records[ix].{field.name}" + (f"[{k}]" if field.count > 1 else "")
             parts = [f"{name}.{axis}" for axis in "xyzw"] if field.type[:3] == "vec" else [name]
-            if field.type == "Coefficient" and coefficient == "i64":
+            type_ = types.get(field.type, field.type)
+            if type_ == "i64":
                 scalars += parts
-            elif "f32" in field.type or field.type == "Coefficient":
+            elif "f32" in type_:
                 scalars += [f"i64(bitcast<i32>({part}))" for part in parts]
             else:
                 scalars += [f"i64({part})" for part in parts]
@@ -52,7 +59,8 @@ def echo(record: Record, coefficient: str) -> tuple[str, int]:
         f"  found[{len(scalars)}u * ix + {k}u] = {s};\n" for k, s in enumerate(scalars)
     )
     return (
-        f"alias Coefficient = {coefficient};\n{stage('layout')}\n"
+        f"{''.join(f'alias {name} = {type_};' for name, type_ in types.items())}\n"
+        f"{stage('layout')}\n"
         f"@group(0) @binding(0) var<{space}> records: {stored};\n"
         "@group(0) @binding(1) var<storage, read_write> found: array<i64>;\n"
         "@compute @workgroup_size(1)\n"
@@ -61,10 +69,10 @@ def echo(record: Record, coefficient: str) -> tuple[str, int]:
     ), len(scalars)
 
 
-@pytest.mark.parametrize("coefficient", COEFFICIENTS)
+@pytest.mark.parametrize("number_format", TYPES, ids=lambda form: form.forms)
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.name)
-def test_the_device_finds_every_member(record: Record, coefficient: str, device: Any) -> None:
-    dtype = record.dtype(COEFFICIENTS[coefficient])
+def test_the_device_finds_every_member(record: Record, number_format: Format, device: Any) -> None:
+    dtype = record.dtype(number_format)
     # Every word another; as float32 they are normal numbers, which no device changes.
     words = np.arange(COUNT * dtype.itemsize // 4, dtype=np.uint32) + np.float32(1).view(np.uint32)
     expected = []
@@ -73,7 +81,7 @@ def test_the_device_finds_every_member(record: Record, coefficient: str, device:
             member = np.atleast_1d(row[field.name]).ravel()
             expected += (member.view(np.int32) if member.dtype.itemsize == 4 else member).tolist()
 
-    code, scalars = echo(record, coefficient)
+    code, scalars = echo(record, number_format)
     pipeline = device.create_compute_pipeline(
         layout="auto",
         compute={"module": device.create_shader_module(code=code), "entry_point": "copy"},

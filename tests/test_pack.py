@@ -124,7 +124,7 @@ def test_depth_keys_are_exact(name: str, steps: int | None, rng: np.random.Gener
 @pytest.mark.parametrize("name", bundled_scenes())
 def test_integer_forms_do_not_overflow(name: str) -> None:
     packed = packed_frame(with_overrides(load(name), size=SIZE, steps=24))
-    assert packed.exact
+    assert packed.format.integer
     powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
     for row, record in zip(packed.order, packed.solids, strict=True):
         i0, i1, j0, j1 = packed.setup.rectangle[row].tolist()

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from halfstep.device import Adapter, open_device
+from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.frame import SOURCES, device_outputs
 from halfstep.pack import Class
 from halfstep.run_gpu import needs_of
@@ -20,6 +21,7 @@ from halfstep.source import OUTPUT_WORDS, Needs, compose, stage_names
 from tests.test_pack import SIZE, packed_frame
 
 METHODS = ("visible", "article")
+FORMATS = (FLOAT32, FLOAT32_EXACT, FIXED32)
 ALL = frozenset(OUTPUT_WORDS)
 
 QUADRICS = {Class.QUADRIC, Class.QUADRIC_INSIDE}
@@ -36,20 +38,20 @@ CALLED = {
         "whole_interval": QUADRICS | POLYHEDRA,
         "from_the_eye": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
         "choose": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
-        "quadratic": {Class.ELLIPSOID, *QUADRICS},
+        "form_at": {Class.ELLIPSOID, *QUADRICS},
     },
     "article": {
         "article_quadric": QUADRICS,
         "article_polyhedron": POLYHEDRA,
         "article_patch": {Class.PATCH},
-        "quadratic": QUADRICS,
+        "form_at": QUADRICS,
     },
 }
 NEEDS = Needs(
     classes=(Class.QUADRIC,),
     outputs=ALL,
     method="visible",
-    exact=False,
+    format=FLOAT32,
     lights=2,
     point_lights=True,
     highlights=True,
@@ -124,14 +126,30 @@ def test_code_of_an_output_is_there_for_it_alone(name: str) -> None:
     assert ("quadric_exit" in calls(text)) == exits
 
 
+@pytest.mark.parametrize("number_format", FORMATS, ids=lambda form: form.forms)
 @pytest.mark.parametrize("klass", Class)
-def test_exact_forms_are_there_for_many_steps_alone(klass: Class) -> None:
-    for method, exact in product(METHODS, (False, True)):
-        need = replace(NEEDS, classes=(klass,), method=method, exact=exact)
-        assert ("i64" in compose(need)) == exact
-        if method == "visible":
-            assert ("halve_incremental" in stage_names(need)) == exact
-            assert ("halve" in stage_names(need)) != exact
+def test_code_of_a_number_format_is_there_for_it_alone(klass: Class, number_format: Format) -> None:
+    for method in METHODS:
+        need = replace(NEEDS, classes=(klass,), method=method, format=number_format)
+        assert ("i64" in compose(need)) == number_format.integer
+        assert set(number_format.stages) <= set(stage_names(need))
+        for other in FORMATS:
+            assert not set(other.stages) - set(number_format.stages) & set(stage_names(need))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_from_pixel_to_key_fixed32_has_no_float(method: str) -> None:
+    """Every operation that decides what a ray shows, and where, is one of integers."""
+    for klass in Class:
+        outputs = frozenset({"surface", "key", "exit"})
+        need = replace(NEEDS, classes=(klass,), method=method, format=FIXED32, outputs=outputs)
+        text = code(compose(need))
+        # Members of records and 2^-n, which only float32 reads, are handed on.
+        text = re.sub(r"struct \w+ \{.*?\n\}", "", text, flags=re.DOTALL)
+        text = re.sub(r"last_step: f32|alias f4 = vec4<f32>;|const \w+: f32 = [^;]*;", "", text)
+        kernel = text.index("@compute")
+        assert not re.findall(r"\bf4\b|\bf32\b", text[:kernel]), klass
+        assert not re.findall(r"\bf4\b|\bf32\(", text[kernel:]), klass
 
 
 def test_names_of_a_scene_do_not_reach_the_shader(tmp_path: Path) -> None:
@@ -157,15 +175,15 @@ def test_a_solid_out_of_sight_asks_for_no_other_shader() -> None:
 
 
 def combinations() -> Iterator[Needs]:
-    """Every class with every method, coefficients and output, and all classes together."""
+    """Every class with every method, number format and output, and all classes together."""
     article_classes = (Class.QUADRIC, Class.POLYHEDRON, Class.PATCH)
     visible: list[tuple[Class, ...]] = [(), tuple(Class), *((klass,) for klass in Class)]
     article: list[tuple[Class, ...]] = [(), article_classes]
     article += [(klass,) for klass in article_classes]
     outputs = [ALL, *(frozenset({"surface", name}) for name in OUTPUT_WORDS)]
     for method, sets in (("visible", visible), ("article", article)):
-        for classes, exact, wanted in product(sets, (False, True), outputs):
-            yield replace(NEEDS, classes=classes, method=method, exact=exact, outputs=wanted)
+        for classes, form, wanted in product(sets, FORMATS, outputs):
+            yield replace(NEEDS, classes=classes, method=method, format=form, outputs=wanted)
     for lights, point_lights, highlights in product((0, 1, 3), (False, True), (False, True)):
         yield replace(NEEDS, lights=lights, point_lights=point_lights, highlights=highlights)
 

@@ -12,6 +12,7 @@ from halfstep.device import Adapter
 from halfstep.source import stage
 from tests.harness import (
     EXACT,
+    FIXED,
     FLOAT,
     LINES,
     Arguments,
@@ -36,15 +37,51 @@ DYADIC = np.array([0, -0.0, 1, -1, 0.5, -0.5, 0.25, -0.25, 2, -2, 0.75, 2**-20, 
 # No magnitude below this: the product of three stays normal, as `setup.NEGLIGIBLE` sees to.
 SMALLEST = -36
 
+# What works on values is tested in either number format.
+VALUES = ("piece", "root", "patch", "article", "certify")
 FUNCTIONS = [(FLOAT, function) for function in FLOAT.functions()]
 FUNCTIONS += [
     (EXACT, function)
     for function in EXACT.functions()
-    if function.file in ("polynomial_exact", "halve_incremental")
+    if function.file in ("polynomial_exact", "forms_exact", "halve_incremental")
+]
+FUNCTIONS += [
+    (FIXED, function)
+    for function in FIXED.functions()
+    if function.file in (*VALUES, "arithmetic_fixed", "forms_fixed", "halve_fixed")
 ]
 
 # A word or sign of a function, and what a slip would make of it.
 FAULTS = [
+    ("arithmetic.product", "a * b", "a + b"),
+    ("arithmetic.reduced", "return wide", "return -wide"),
+    ("arithmetic.steps_from_middle", "* last_step", "+ last_step"),
+    ("arithmetic_fixed.product", "w4(a) * w4(b)", "w4(a * b)"),
+    ("arithmetic_fixed.reduced", "0x3FFFFFFFli", "0x3FFFFFFEli"),
+    ("arithmetic_fixed.steps_from_middle", "30u", "29u"),
+    ("forms.line_at", "linear(b, at)", "linear(c, at)"),
+    ("forms.line_errors", "linear_error(b, at)", "linear_error(c, at)"),
+    ("forms.form_at", "quadratic(g, at)", "quadratic(a, at)"),
+    ("forms.form_errors", "quadratic_error(g, at)", "quadratic_error(a, at)"),
+    ("forms_exact.line_at", "linear(b, at)", "linear(c, at)"),
+    ("forms_exact.line_errors", "abs(line.b)", "abs(line.c)"),
+    ("forms_exact.form_at", "quadratic(g, at)", "quadratic(a, at)"),
+    ("forms_exact.form_errors", "abs(form.g)", "abs(form.a)"),
+    ("forms_fixed.excess_bits", "u4(32u), u4(64u)", "u4(31u), u4(64u)"),
+    ("forms_fixed.shifted", ">> u4(1u)", ">> u4(2u)"),
+    ("forms_fixed.shifted_error", "u4(127u)", "u4(126u)"),
+    (
+        "forms_fixed.line_excess",
+        "max(abs(linear(c, at)), abs(linear(b, at)))",
+        "abs(linear(c, at))",
+    ),
+    ("forms_fixed.line_at", "shifted(linear(b, at)", "shifted(linear(c, at)"),
+    ("forms_fixed.line_errors", "+ host_error", ""),
+    ("forms_fixed.form_excess", "bend + bend + bend", "bend + bend"),
+    ("forms_fixed.form_at", "shifted(quadratic(g, at)", "shifted(quadratic(a, at)"),
+    ("forms_fixed.form_errors", "+ host_error", ""),
+    ("halve_fixed.halve", "value > i4(0)", "value >= i4(0)"),
+    ("halve_fixed.halve", "i4(1i << (k - 1u))", "i4(1i)"),
     ("polynomial.offset", "f4(x)", "f4(x + 1)"),
     ("polynomial.quadratic", "k[4]", "k[3]"),
     ("polynomial.linear", "k[2]", "k[1]"),
@@ -53,64 +90,70 @@ FAULTS = [
     ("polynomial_exact.offset", "i64(y)", "i64(x.x)"),
     ("polynomial_exact.quadratic", "k[4]", "k[3]"),
     ("polynomial_exact.linear", "k[2]", "k[1]"),
-    ("polynomial_exact.quadratic_error", "-61f", "-60f"),
-    ("polynomial_exact.linear_error", "-61f", "-60f"),
+    ("polynomial_exact.quadratic_error", "-1f", "-2f"),
+    ("polynomial_exact.linear_error", "-1f", "-2f"),
     ("piece.whole_interval", "-far_u", "far_u"),
-    ("piece.clip", "c * piece.b_in <", "c * piece.b_in <="),
-    ("piece.clip", "c * piece.b_out >", "c * piece.b_out >="),
-    ("piece.clip", "b < f4(0.0)", "b <= f4(0.0)"),
+    ("piece.clip", "piece.b_in) <", "piece.b_in) <="),
+    ("piece.clip", "piece.b_out) >", "piece.b_out) >="),
+    ("piece.clip", "line.b < v4(0)", "line.b <= v4(0)"),
     ("piece.remains", "<=", "<"),
     ("piece.from_the_eye", "i4(0)", "piece.id_in"),
-    ("root.outside_at_entry", "> f4(0.0)", ">= f4(0.0)"),
-    ("root.outside_at_exit", "* piece.c_out +", "* piece.c_in +"),
-    ("root.turns_within", ">= 4.0", "> 4.0"),
-    ("root.turns_within", "slope_out >", "slope_out >="),
-    ("root.quadric_entry", "& (a < f4(0.0))", "& (a <= f4(0.0))"),
+    ("root.end_value", "product(form.g, b)", "product(form.g, c)"),
+    ("root.outside_at_entry", "> w4(0)", ">= w4(0)"),
+    ("root.outside_at_exit", "piece.c_out", "piece.c_in"),
+    ("root.has_root", ">=", ">"),
+    ("root.turns_within", "form.a > v4(0)", "form.a >= v4(0)"),
+    ("root.turns_within", "piece.b_out) >", "piece.b_out) >="),
+    ("root.quadric_entry", "& (form.a < v4(0))", "& (form.a <= v4(0))"),
     ("root.quadric_entry", "crosses | on_plane", "crosses & on_plane"),
-    ("root.quadric_exit", "& (a > f4(0.0))", "& (a < f4(0.0))"),
-    ("root.ellipsoid_entry", ">=", ">"),
-    ("root.ellipsoid_exit", "-g", "g"),
+    ("root.quadric_exit", "& (form.a > v4(0))", "& (form.a < v4(0))"),
+    ("root.ellipsoid_entry", "form.g", "-form.g"),
+    ("root.ellipsoid_exit", "-form.g", "form.g"),
     ("root.polyhedron_entry", "> i4(0)", ">= i4(0)"),
     ("root.polyhedron_exit", "-piece.c_out", "piece.c_out"),
-    ("root.patch_entry", "b, c", "c, b"),
+    ("root.patch_entry", "plane.b, plane.c", "plane.c, plane.b"),
     ("root.choose", "outer.g, inner.g", "inner.g, outer.g"),
     ("halve.halve", "slope < f4(0.0)", "slope <= f4(0.0)"),
     ("halve.halve", "k < steps", "k + 1u < steps"),
     ("halve_incremental.halve", "value > f4(0.0)", "value >= f4(0.0)"),
-    ("patch.facing", ">= f4(0.0)", "> f4(0.0)"),
+    ("patch.facing", ">= product", "> product"),
     ("patch.bound", ">=", ">"),
-    ("article.blocked_in", "line.b < f4(0.0)", "line.b <= f4(0.0)"),
-    ("article.blocked_out", "line.b >= f4(0.0)", "line.b > f4(0.0)"),
+    ("article.line_value", "line.b, u", "line.c, u"),
+    ("article.blocked_in", "line.b < v4(0)", "line.b <= v4(0)"),
+    ("article.blocked_out", "line.b >= v4(0)", "line.b > v4(0)"),
     ("article.last_entered", "i32(j) + 1", "i32(j)"),
-    ("article.first_left", "> found.value", ">= found.value"),
+    ("article.first_left", "> product(found.value", ">= product(found.value"),
     ("article.cell_of", ">> u4(1u)", ">> u4(2u)"),
     ("article.grid_point", "- i4", "+ i4"),
-    ("article.planes_in", "f4(-1.0)", "f4(1.0)"),
+    ("article.further_than", "> product", "< product"),
+    ("article.planes_in", "v4(-ONE)", "v4(ONE)"),
     ("article.planes_out", "i4(START)", "i4(cells)"),
-    ("article.value_of", "+ c", "- c"),
-    ("article.slope_of", "+ g", "- g"),
+    ("article.value_of", "+ product", "- product"),
+    ("article.slope_of", "+ product", "- product"),
     ("article.visible_point", "piece.first < piece.last", "piece.first <= piece.last"),
     ("article.article_polyhedron", "k < steps", "k + 1u < steps"),
-    ("article.article_quadric", "sign * a >=", "sign * a >"),
+    ("article.article_quadric", "form.a >= v4(0)", "form.a > v4(0)"),
     ("article.article_patch", "j = 1u", "j = 2u"),
     ("nearest.depth_key", "1i << steps", "2i << steps"),
     ("nearest.count_key", "+ carry", ""),
     ("nearest.count_key", "shift >= 32u", "shift > 32u"),
     ("nearest.before", "surface < other_surface", "surface <= other_surface"),
-    ("certify.bounded_interval", "far_u != 1.0", "far_u == 1.0"),
+    ("certify.size_of", "abs(f4(value))", "f4(value)"),
+    ("certify.surely_apart", "errors.b *", "errors.c *"),
+    ("certify.bounded_interval", "far_u != ONE", "far_u == ONE"),
     ("certify.bounded_clip", "apart | idle", "apart & idle"),
     ("certify.bounded_from_the_eye", "f4(0.0)", "old.error_in"),
     ("certify.surely_ordered", "ends.error_out *", "ends.error_in *"),
     ("certify.line_bound", "size - error", "size + error"),
-    ("certify.bounded_form", "g * g -", "g * g +"),
+    ("certify.bounded_form", "square - fourfold", "square + fourfold"),
     ("certify.curve_bound", "run.g", "run.a"),
-    ("certify.end_signs", "- form.g * b;", "+ form.g * b;"),
+    ("certify.end_signs", "- product(form.g, b);", "+ product(form.g, b);"),
     ("certify.certify_ellipsoid", ">= f4(0.0)", "> f4(0.0)"),
     ("certify.certify_polyhedron", "!lost", "lost"),
     ("certify.certify_quadric", "on_entry & ordered", "on_entry"),
     ("certify.bounded_facing", "!differs", "differs"),
     ("certify.bounded_bound", "gap < -error", "gap > -error"),
-    ("certify.certify_patch", "plane.missed |", "plane.missed &"),
+    ("certify.certify_patch", "tried.missed |", "tried.missed &"),
     ("certify.confirms", "!hit | right", "hit | right"),
     ("certify.least_key", "- borrow", ""),
     ("certify.least_key", "key.low < off.low", "key.low <= off.low"),
@@ -136,6 +179,16 @@ def numbers(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     return mixed.astype(np.float32)
 
 
+def integers(rng: np.random.Generator, shape: tuple[int, ...], bits: int) -> Array:
+    """Integers of up to ``bits`` bits, over decades, in order of the largest, and equal ones."""
+    sign = rng.choice([-1.0, 1.0], shape)
+    wide = sign * np.exp2(rng.uniform(0, bits, shape))
+    near = rng.uniform(-1, 1, shape) * 2.0**bits
+    equal = rng.choice(DYADIC[np.abs(DYADIC) <= 1], shape) * 2.0**bits
+    kind = rng.random(shape)
+    return np.rint(np.where(kind < 0.4, wide, np.where(kind < 0.65, near, equal))).astype(np.int64)
+
+
 def whole(rng: np.random.Generator, shape: tuple[int, ...], limit: Array) -> Array:
     """Integers from -limit to limit, one limit for each row."""
     limit = limit.reshape(-1, *[1] * (len(shape) - 1))
@@ -158,7 +211,10 @@ def arguments_of(module: Module, function: Function, rng: np.random.Generator) -
     for place, type_ in places.items():
         shape = (ROWS, 4) if type_ not in ("f32", "i32", "u32", "i64", "bool") else (ROWS,)
         if type_ == "lines":
-            values[place] = numbers(rng, (ROWS, LINES, 4))
+            values[place] = _values(module, "line", rng, (ROWS, LINES, 4))
+        elif type_ in ("v4", "w4", "Value"):
+            shape = (ROWS,) if type_ == "Value" else (ROWS, 4)
+            values[place] = _values(module, "wide" if type_ == "w4" else place, rng, shape)
         elif type_.startswith("array<"):
             size = int(type_.split(", ")[1].rstrip(">"))
             values[place] = numbers(rng, (ROWS, size))
@@ -172,14 +228,27 @@ def arguments_of(module: Module, function: Function, rng: np.random.Generator) -
         else:
             values[place] = rng.integers(0, 4, shape)
     for place in values:
-        special = _special(function, place, places[place], values[place], reach, rng)
+        special = _special(module, function, place, places[place], values[place], reach, rng)
         if special is not None:
             values[place] = special
-    _together(function, values, reach, rng)
+    _together(module, function, values, reach, rng)
     return cast(module, function, values)
 
 
+def _values(module: Module, place: str, rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    """Values and products of values, in the format of a module.
+
+    In integers |C|, |c|, |b| and |G| + 3 |A| have 29 bits, places on a ray 30, products 61.
+    """
+    if module is not FIXED:
+        return numbers(rng, shape)
+    name = place.split(".")[-1]
+    bits = {"wide": 61, "a": 26, "g": 28, "u": 30, "near_u": 30, "far_u": 30}
+    return integers(rng, shape, bits.get(name, 29))
+
+
 def _special(
+    module: Module,
     function: Function,
     place: str,
     type_: str,
@@ -190,7 +259,9 @@ def _special(
     """Values of an argument that means something by its name."""
     name = place.split(".")[-1]
     shape = value.shape
-    if name.startswith("error"):  # of at least one rounding
+    if "error" in place and type_ in ("f4", "f32"):  # of at least one rounding
+        if module is FIXED or function.file == "forms_exact":
+            return np.exp2(rng.uniform(-1, 24, shape))
         return np.exp2(rng.uniform(-37, -4, shape))
     block = np.repeat(np.arange(BLOCKS), BLOCK_ROWS)
     match name:
@@ -224,11 +295,17 @@ def _special(
             sign = -1 if name == "b_in" else 1
             return np.where(rng.random(shape) < 0.9, sign * np.abs(value), value)
         case "near_u":
-            return np.where(rng.random(shape) < 0.5, -1, value)
+            return np.where(rng.random(shape) < 0.5, -module.format.one, value)
         case "far_u" if function.file == "certify":
-            return np.where(block % 2, 1, np.abs(value[::BLOCK_ROWS][block]))
+            return np.where(block % 2, module.format.one, np.abs(value[::BLOCK_ROWS][block]))
         case "far_u":
-            return np.where(rng.random(shape) < 0.5, 1, value)
+            return np.where(rng.random(shape) < 0.5, module.format.one, value)
+        case "excess":
+            return rng.integers(0, 33, shape)
+        case "number" if type_ == "vec4<i64>":
+            return integers(rng, shape, 61)
+        case "size":
+            return np.abs(integers(rng, shape, 61))
         case "x" | "y" if type_ in ("i4", "i32", "i64", "vec4<i64>") or place.startswith("at."):
             return whole(rng, shape, reach)
         case "i" | "j":
@@ -242,18 +319,21 @@ def _special(
 
 
 def _together(
-    function: Function, values: Arguments, reach: Array, rng: np.random.Generator
+    module: Module, function: Function, values: Arguments, reach: Array, rng: np.random.Generator
 ) -> None:
     """Arguments that belong together: coefficients and offsets, unit vectors, equal points."""
-    if function.file == "polynomial_exact" and "k" in values:
+    polynomials = [p for p, t in function.parameters if t.startswith("array<Coefficient")]
+    if module.format.integer and polynomials:
         # Terms of each form sum to less than 2^60, as the host sees to; some are exact ties.
-        powers = np.array([0, 1, 1, 2, 2, 2][: values["k"].shape[1]])
-        largest = 2.0**57 / reach[:, None] ** powers
-        values["k"] = np.rint(rng.uniform(-1, 1, values["k"].shape) * largest).astype(np.int64)
-        values["k"][rng.random(values["k"].shape) < 0.2] = 0
-        ties = rng.random(ROWS) < 0.2
-        values["k"][ties, 1:] = 0
-        values["k"][ties, 0] = (2 * rng.integers(2**23, 2**24, ties.sum()) + 1) << 30
+        for place in polynomials:
+            powers = np.array([0, 1, 1, 2, 2, 2][: values[place].shape[1]])
+            largest = 2.0**57 / reach[:, None] ** powers
+            shape = values[place].shape
+            values[place] = np.rint(rng.uniform(-1, 1, shape) * largest).astype(np.int64)
+            values[place][rng.random(shape) < 0.2] = 0
+            ties = rng.random(ROWS) < 0.2
+            values[place][ties, 1:] = 0
+            values[place][ties, 0] = (2 * rng.integers(2**23, 2**24, ties.sum()) + 1) << 30
     elif function.name == "before":
         for place in ("high", "low"):
             same = rng.random((ROWS, 4)) < 0.5
@@ -300,7 +380,9 @@ def runner(adapter: Adapter) -> Iterator[Runner]:
 
 
 @pytest.mark.parametrize(
-    ("module", "function"), FUNCTIONS, ids=[str(function) for _, function in FUNCTIONS]
+    ("module", "function"),
+    FUNCTIONS,
+    ids=[f"{module.format.forms}-{function}" for module, function in FUNCTIONS],
 )
 def test_the_device_gives_the_bits_of_the_twin(
     module: Module, function: Function, runner: Runner, rng: np.random.Generator

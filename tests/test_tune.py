@@ -63,7 +63,11 @@ def row(**changes: Any) -> Row:
 def test_a_row_is_the_frame_against_the_oracle(report: Report) -> None:
     scene = halfstep.load("figure")
     truth = trace(scene, SIZE)
-    [measured] = [row for row in report.rows if (row.steps, row.method) == (10, "visible")]
+    [measured] = [
+        row
+        for row in report.rows
+        if (row.steps, row.method, row.number_format) == (10, "visible", "float32")
+    ]
     frame = halfstep.render(scene, size=SIZE, steps=10, backend="numpy")
     same = (frame.solid == truth.solid) & (frame.surface == truth.surface)
     right = same & (frame.solid >= 0)
@@ -85,7 +89,10 @@ def test_a_row_is_the_frame_against_the_oracle(report: Report) -> None:
 def test_every_setting_has_a_row_in_order(report: Report) -> None:
     settings = [(row.method, row.number_format, row.steps) for row in report.rows]
     assert settings == [
-        (method, "float32", n) for method in ("visible", "article") for n in range(6, 23, 4)
+        (method, number_format, n)
+        for method in ("visible", "article")
+        for number_format in ("float32", "fixed32")
+        for n in range(6, 23, 4)
     ]
     errors = [row.max_depth_error for row in report.rows[:3]]
     for coarse, fine in pairwise(errors):
@@ -111,6 +118,7 @@ def test_times_are_medians_of_interleaved_frames(monkeypatch: pytest.MonkeyPatch
         size=SIZE,
         steps=iter((8, 6, 8)),
         methods=("visible",),
+        formats=("float32",),
         backend="numpy",
         repeats=3,
     )
@@ -125,6 +133,7 @@ def test_the_device_tells_its_time(adapter: object) -> None:  # noqa: ARG001 - i
         size=SIZE,
         steps=(6, 8),
         methods=("visible",),
+        formats=("float32",),
         backend="gpu",
         repeats=1,
     )
@@ -133,6 +142,7 @@ def test_the_device_tells_its_time(adapter: object) -> None:  # noqa: ARG001 - i
         size=SIZE,
         steps=(6, 8),
         methods=("visible",),
+        formats=("float32",),
         backend="numpy",
         repeats=1,
     )
@@ -168,7 +178,7 @@ def test_progress_rises_to_one() -> None:
         progress=parts.append,
     )
     assert parts == sorted(parts)
-    assert len(parts) == 5 * 3
+    assert len(parts) == 9 * 3
     assert parts[-1] == 1.0
 
 
@@ -240,6 +250,7 @@ def test_a_tolerance_in_scene_units() -> None:
         steps=range(5, 13),
         tolerance=0.004,
         methods=("visible",),
+        formats=("float32",),
         backend="numpy",
         repeats=1,
     )
@@ -304,8 +315,8 @@ def test_the_command_writes_four_files(tmp_path: Path, capsys: pytest.CaptureFix
     table = out.splitlines()
     assert table[0] == "one_sphere, 32 x 24, on numpy"
     assert table[2].split()[0] == "steps"
-    assert [line.split()[0] for line in table[3:9]] == ["6", "8", "10"] * 2
-    assert table[9].startswith("recommended: ")
+    assert [line.split()[0] for line in table[3:15]] == ["6", "8", "10"] * 4
+    assert table[15].startswith("recommended: ")
     assert err.splitlines()[-1].startswith(f"{folder}: tune.csv, tune.json, error.png, tune.png; ")
     data = json.loads((folder / "tune.json").read_text())
     assert len((folder / "tune.csv").read_text().splitlines()) == 1 + len(data["rows"])
@@ -314,10 +325,16 @@ def test_the_command_writes_four_files(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_json_alone_is_on_stdout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command("one_sphere", "-o", tmp_path, "--json", "--method", "article") == 0
+    assert (
+        command(
+            "one_sphere", "-o", tmp_path, "--json", "--method", "article", "--format", "fixed32"
+        )
+        == 0
+    )
     out, _ = capsys.readouterr()
     data = json.loads(out)
-    assert {line["method"] for line in data["rows"]} == {"article"}
+    settings = {(line["method"], line["number_format"]) for line in data["rows"]}
+    assert settings == {("article", "fixed32")}
     assert data == json.loads((tmp_path / "tune.json").read_text())
 
 

@@ -7,12 +7,6 @@
 
 const START: i32 = -1;
 
-// A half-space along the ray: inside where c + b u <= 0.
-struct Line {
-  c: f4,
-  b: f4,
-}
-
 alias Lines = array<Line, MAX_LINES>;
 
 // The visible point and the point where the ray leaves the solid after it.
@@ -34,37 +28,43 @@ struct Cells {
 // A plane that still excludes a grid point, the one met furthest from it.
 struct Blocker {
   number: i4,  // 0 is a base plane
-  value: f4,
-  slope: f4,  // magnitude
+  value: v4,
+  slope: v4,  // magnitude
+}
+
+// c + b u, times what reduces a product.
+fn line_value(line: Line, u: v4) -> w4 {
+  return product(line.c, v4(ONE)) + product(line.b, u);
 }
 
 // Whether a plane that the ray enters excludes u; the indicator (13) of sequence I.
-fn blocked_in(lines: ptr<function, Lines>, count: u32, near_u: f32, u: f4) -> b4 {
-  var blocked = u < f4(near_u);
+fn blocked_in(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -> b4 {
+  var blocked = u < v4(near_u);
   for (var j = 0u; j < count; j++) {
     let line = (*lines)[j];
-    blocked = blocked | ((line.b < f4(0.0)) & (line.c + line.b * u > f4(0.0)));
+    blocked = blocked | ((line.b < v4(0)) & (line_value(line, u) > w4(0)));
   }
   return blocked;
 }
 
 // Whether a plane that the ray leaves excludes u; the indicator (13) of sequence O.
-fn blocked_out(lines: ptr<function, Lines>, count: u32, far_u: f32, u: f4) -> b4 {
-  var blocked = u > f4(far_u);
+fn blocked_out(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> b4 {
+  var blocked = u > v4(far_u);
   for (var j = 0u; j < count; j++) {
     let line = (*lines)[j];
-    blocked = blocked | ((line.b >= f4(0.0)) & (line.c + line.b * u > f4(0.0)));
+    blocked = blocked | ((line.b >= v4(0)) & (line_value(line, u) > w4(0)));
   }
   return blocked;
 }
 
 // Of the entered planes that exclude u, the one entered last after it.
-fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: f32, u: f4) -> Blocker {
-  var found = Blocker(i4(0), max(near_u - u, f4(0.0)), f4(1.0));
+fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -> Blocker {
+  var found = Blocker(i4(0), max(v4(near_u) - u, v4(0)), v4(ONE));
   for (var j = 0u; j < count; j++) {
     let line = (*lines)[j];
-    let f = line.c + line.b * u;
-    let further = (line.b < f4(0.0)) & (f > f4(0.0)) & (f * found.slope > found.value * -line.b);
+    let f = reduced(line_value(line, u));
+    let further = (line.b < v4(0)) & (f > v4(0))
+      & (product(f, found.slope) > product(found.value, -line.b));
     found = Blocker(
       select(found.number, i4(i32(j) + 1), further),
       select(found.value, f, further),
@@ -75,12 +75,13 @@ fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: f32, u: f4) -> 
 }
 
 // Of the left planes that exclude u, the one left first before it.
-fn first_left(lines: ptr<function, Lines>, count: u32, far_u: f32, u: f4) -> Blocker {
-  var found = Blocker(i4(0), max(u - far_u, f4(0.0)), f4(1.0));
+fn first_left(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> Blocker {
+  var found = Blocker(i4(0), max(u - v4(far_u), v4(0)), v4(ONE));
   for (var j = 0u; j < count; j++) {
     let line = (*lines)[j];
-    let f = line.c + line.b * u;
-    let further = (line.b >= f4(0.0)) & (f > f4(0.0)) & (f * found.slope > found.value * line.b);
+    let f = reduced(line_value(line, u));
+    let further = (line.b >= v4(0)) & (f > v4(0))
+      & (product(f, found.slope) > product(found.value, line.b));
     found = Blocker(
       select(found.number, i4(i32(j) + 1), further),
       select(found.value, f, further),
@@ -96,41 +97,47 @@ fn cell_of(position: i4, cells: i32) -> i4 {
 }
 
 // u of the grid point before a cell.
-fn grid_point(cell: i4, steps: u32, last_step: f32) -> f4 {
-  return f4((cell + cell) - i4(1i << steps)) * last_step;
+fn grid_point(cell: i4, steps: u32, last_step: f32) -> v4 {
+  return steps_from_middle((cell + cell) - i4(1i << steps), steps, last_step);
 }
 
 // Entry cell of all half-spaces together from the end of sequence I.
-fn planes_in(lines: ptr<function, Lines>, count: u32, near_u: f32, eye_inside: bool, position: i4, steps: u32) -> i4 {
+fn planes_in(lines: ptr<function, Lines>, count: u32, near_u: Value, eye_inside: bool, position: i4, steps: u32) -> i4 {
   let cells = 1i << steps;
   let cell = select(
     cell_of(position, cells),
     i4(cells),
-    blocked_in(lines, count, near_u, f4(1.0)),
+    blocked_in(lines, count, near_u, v4(ONE)),
   );
-  let inside = b4(eye_inside) | !blocked_in(lines, count, near_u, f4(-1.0));
+  let inside = b4(eye_inside) | !blocked_in(lines, count, near_u, v4(-ONE));
   return select(cell, i4(START), inside);
 }
 
 // Exit cell of all half-spaces together from the end of sequence O.
-fn planes_out(lines: ptr<function, Lines>, count: u32, far_u: f32, position: i4, steps: u32) -> i4 {
+fn planes_out(lines: ptr<function, Lines>, count: u32, far_u: Value, position: i4, steps: u32) -> i4 {
   let cells = 1i << steps;
   let cell = select(
     i4(cells),
     cell_of(position, cells),
-    blocked_out(lines, count, far_u, f4(1.0)),
+    blocked_out(lines, count, far_u, v4(ONE)),
   );
-  return select(cell, i4(START), blocked_out(lines, count, far_u, f4(-1.0)));
+  return select(cell, i4(START), blocked_out(lines, count, far_u, v4(-ONE)));
 }
 
-// F at u.
-fn value_of(a: f4, g: f4, c: f4, u: f4) -> f4 {
-  return (a * u + g) * u + c;
+// F at u, times what reduces a product.
+fn value_of(form: Form, u: v4) -> w4 {
+  return product(reduced(product(form.a, u)) + form.g, u) + product(form.c, v4(ONE));
 }
 
-// F' at u.
-fn slope_of(a: f4, g: f4, u: f4) -> f4 {
-  return (a + a) * u + g;
+// F' at u, times what reduces a product.
+fn slope_of(form: Form, u: v4) -> w4 {
+  return product(form.a + form.a, u) + product(form.g, v4(ONE));
+}
+
+// Whether F is met further from the excluded u than the plane is.
+fn further_than(form: Form, u: v4, plane: Blocker) -> b4 {
+  let slope = reduced(abs(slope_of(form, u)));
+  return product(reduced(value_of(form, u)), plane.slope) > product(plane.value, slope);
 }
 
 // The extra step (20)-(22): what the ray shows of the piece, and where it leaves it.
@@ -153,19 +160,19 @@ fn visible_point(piece: Cells, entered_f: b4, left_f: b4, entered: Blocker, left
 }
 
 // A polyhedron, system (5): sequences I and O.
-fn article_polyhedron(lines: ptr<function, Lines>, count: u32, near_u: f32, far_u: f32, eye_inside: bool, steps: u32, last_step: f32) -> Found {
-  var in_u = f4(0.0);
-  var out_u = f4(0.0);
+fn article_polyhedron(lines: ptr<function, Lines>, count: u32, near_u: Value, far_u: Value, eye_inside: bool, steps: u32, last_step: f32) -> Found {
+  var in_u = v4(0);
+  var out_u = v4(0);
   var in_at = i4(0);
   var out_at = i4(0);
-  var step = 1.0;
+  var step = ONE;
   for (var k = 0u; k < steps; k++) {
-    step = step * 0.5;
+    step = step / 2;
     let up = blocked_in(lines, count, near_u, in_u);
-    in_u = in_u + select(f4(-step), f4(step), up);
+    in_u = in_u + select(v4(-step), v4(step), up);
     in_at = (in_at + in_at) + select(i4(-1), i4(1), up);
     let down = blocked_out(lines, count, far_u, out_u);
-    out_u = out_u + select(f4(step), f4(-step), down);
+    out_u = out_u + select(v4(step), v4(-step), down);
     out_at = (out_at + out_at) + select(i4(1), i4(-1), down);
   }
   let piece = Cells(
@@ -184,36 +191,39 @@ fn article_polyhedron(lines: ptr<function, Lines>, count: u32, near_u: f32, far_
 
 // A quadric cut by planes, system (4): sequences P1, P2, I and O.  `outside` is the indicator
 // (9): F > 0 where the interval starts.
-fn article_quadric(a: f4, g: f4, c: f4, outside: b4, lines: ptr<function, Lines>, count: u32, near_u: f32, far_u: f32, eye_inside: bool, steps: u32, last_step: f32) -> Found {
-  let sign = select(f4(-1.0), f4(1.0), outside);
-  let convex = sign * a >= f4(0.0);
-  let ends_outside = (a + g) + c > f4(0.0);
+fn article_quadric(form: Form, outside: b4, lines: ptr<function, Lines>, count: u32, near_u: Value, far_u: Value, eye_inside: bool, steps: u32, last_step: f32) -> Found {
+  let convex = select(form.a <= v4(0), form.a >= v4(0), outside);
+  let ends_outside = (form.a + form.g) + form.c > v4(0);
   var found = ends_outside != outside;
-  var near_point = f4(0.0);
-  var far_point = f4(0.0);
-  var in_u = f4(0.0);
-  var out_u = f4(0.0);
+  var near_point = v4(0);
+  var far_point = v4(0);
+  var in_u = v4(0);
+  var out_u = v4(0);
   var near_at = i4(0);
   var far_at = i4(0);
   var in_at = i4(0);
   var out_at = i4(0);
-  var step = 1.0;
+  var step = ONE;
   for (var k = 0u; k < steps; k++) {
-    step = step * 0.5;
-    let near_same = (value_of(a, g, c, near_point) > f4(0.0)) == outside;
-    let far_same = (value_of(a, g, c, far_point) > f4(0.0)) == outside;
+    step = step / 2;
+    let near_same = (value_of(form, near_point) > w4(0)) == outside;
+    let far_same = (value_of(form, far_point) > w4(0)) == outside;
     found = found | !near_same | !far_same;
-    let near_up = near_same & (!convex | (sign * slope_of(a, g, near_point) < f4(0.0)));
-    near_point = near_point + select(f4(-step), f4(step), near_up);
+    let near_slope = slope_of(form, near_point);
+    let toward = select(near_slope > w4(0), near_slope < w4(0), outside);
+    let near_up = near_same & (!convex | toward);
+    near_point = near_point + select(v4(-step), v4(step), near_up);
     near_at = (near_at + near_at) + select(i4(-1), i4(1), near_up);
-    let far_down = convex & far_same & (sign * slope_of(a, g, far_point) >= f4(0.0));
-    far_point = far_point + select(f4(step), f4(-step), far_down);
+    let far_slope = slope_of(form, far_point);
+    let away = select(far_slope <= w4(0), far_slope >= w4(0), outside);
+    let far_down = convex & far_same & away;
+    far_point = far_point + select(v4(step), v4(-step), far_down);
     far_at = (far_at + far_at) + select(i4(1), i4(-1), far_down);
     let in_up = blocked_in(lines, count, near_u, in_u);
-    in_u = in_u + select(f4(-step), f4(step), in_up);
+    in_u = in_u + select(v4(-step), v4(step), in_up);
     in_at = (in_at + in_at) + select(i4(-1), i4(1), in_up);
     let out_down = blocked_out(lines, count, far_u, out_u);
-    out_u = out_u + select(f4(step), f4(-step), out_down);
+    out_u = out_u + select(v4(step), v4(-step), out_down);
     out_at = (out_at + out_at) + select(i4(1), i4(-1), out_down);
   }
   let cells = 1i << steps;
@@ -240,8 +250,8 @@ fn article_quadric(a: f4, g: f4, c: f4, outside: b4, lines: ptr<function, Lines>
   let entered = last_entered(lines, count, near_u, u_in);
   let left = first_left(lines, count, far_u, u_out);
   // In one cell the surface met furthest from the excluded grid point is the one that counts.
-  let f_later = value_of(a, g, c, u_in) * entered.slope > entered.value * abs(slope_of(a, g, u_in));
-  let f_earlier = value_of(a, g, c, u_out) * left.slope > left.value * abs(slope_of(a, g, u_out));
+  let f_later = further_than(form, u_in, entered);
+  let f_earlier = further_than(form, u_out, left);
   return visible_point(
     piece,
     (f_in > enter) | ((f_in == enter) & f_later),
@@ -254,21 +264,21 @@ fn article_quadric(a: f4, g: f4, c: f4, outside: b4, lines: ptr<function, Lines>
 
 // A bounded plane: (13) and (15), then the extra step (14) at the point that was found.  The
 // first line is the plane, the others are its bounds.
-fn article_patch(lines: ptr<function, Lines>, count: u32, near_u: f32, far_u: f32, steps: u32) -> Found {
-  let plane = facing((*lines)[0].c, (*lines)[0].b, near_u, far_u);
-  var u = f4(0.0);
+fn article_patch(lines: ptr<function, Lines>, count: u32, near_u: Value, far_u: Value, steps: u32) -> Found {
+  let plane = facing((*lines)[0], near_u, far_u);
+  var u = v4(0);
   var position = i4(0);
-  var step = 1.0;
+  var step = ONE;
   for (var k = 0u; k < steps; k++) {
-    step = step * 0.5;
-    let up = plane.c + plane.b * u > f4(0.0);
-    u = u + select(f4(-step), f4(step), up);
+    step = step / 2;
+    let up = line_value(Line(plane.c, plane.b), u) > w4(0);
+    u = u + select(v4(-step), v4(step), up);
     position = (position + position) + select(i4(-1), i4(1), up);
   }
   var met = plane.hit;
   for (var j = 1u; j < count; j++) {
     let line = (*lines)[j];
-    met = met & (line.c + line.b * u <= f4(0.0));
+    met = met & (line_value(line, u) <= w4(0));
   }
   return Found(met, i4(0), position, b4(false), met, position);
 }

@@ -15,15 +15,38 @@ const LARGEST_BOUND: f32 = 2.0;
 // A bound that is none.
 const UNBOUNDED: f32 = 1e20;
 
-// Roundings of a step of the halvings, times EPSILON: of F per |A| and |G|, and of the slope.
+// Roundings of the halvings: of F per |A|, |G| and |C| and of the slope, times EPSILON; of both in
+// units of a value.
 struct Run {
   a: f32,
   g: f32,
+  c: f32,
   slope: f32,
+  units: f32,
+  slope_units: f32,
 }
 
-const DIRECT = Run(5.0, 3.5, 1.0);
-const INCREMENTAL = Run(6.4, 3.0, 24.0);
+const DIRECT = Run(5.0, 3.5, 1.0, 1.0, 0.0, 0.0);
+const INCREMENTAL = Run(6.4, 3.0, 1.0, 24.0, 0.0, 0.0);
+const INTEGER = Run(0.0, 0.0, 0.0, 0.0, 2.0, 31.0);
+
+// Errors of the forms of a half-space.
+struct LineErrors {
+  c: f4,
+  b: f4,
+}
+
+// Errors of the forms of F.
+struct FormErrors {
+  a: f4,
+  g: f4,
+  c: f4,
+}
+
+// Magnitudes of values.
+fn size_of(value: v4) -> f4 {
+  return abs(f4(value));
+}
 
 // What is known of a ray and a solid, and how far the root is from the position at most, in u.
 struct Certificate {
@@ -44,46 +67,50 @@ struct BoundedPiece {
 }
 
 // The interval of the solid; base planes that cut it are only as exact as their slack.
-fn bounded_interval(near_u: f32, far_u: f32, near_cut: bool) -> BoundedPiece {
+fn bounded_interval(near_u: Value, far_u: Value, near_cut: bool) -> BoundedPiece {
   return BoundedPiece(
     whole_interval(near_u, far_u),
-    f4(select(0.0, BASE_PLANE_ERROR, near_cut)),
-    f4(select(0.0, BASE_PLANE_ERROR, far_u != 1.0)),
+    f4(select(0.0, BASE_PLANE_ERROR * f32(ONE), near_cut)),
+    f4(select(0.0, BASE_PLANE_ERROR * f32(ONE), far_u != ONE)),
     b4(true),
     b4(false),
   );
 }
 
-// As `clip`; c and b are off by at most the errors given.
-fn bounded_clip(old: BoundedPiece, c: f4, b: f4, error_c: f4, error_b: f4, number: i32) -> BoundedPiece {
-  let piece = clip(old.piece, c, b, number);
-  let size = abs(c) + abs(b);
-  let entry_gap = c * old.piece.b_in - old.piece.c_in * b;
-  let entry_error = ROOM * (error_c * abs(old.piece.b_in) + error_b * abs(old.piece.c_in)
-    + old.error_in * size
-    + 3.0 * EPSILON * (abs(c * old.piece.b_in) + abs(old.piece.c_in * b)));
-  let exit_gap = c * old.piece.b_out - old.piece.c_out * b;
-  let exit_error = ROOM * (error_c * abs(old.piece.b_out) + error_b * abs(old.piece.c_out)
-    + old.error_out * size
-    + 3.0 * EPSILON * (abs(c * old.piece.b_out) + abs(old.piece.c_out * b)));
-  let apart = (abs(b) > error_b)
-    & select(abs(exit_gap) > exit_error, abs(entry_gap) > entry_error, b < f4(0.0));
+// Whether pairs of a half-space and of an end of a piece, the latter off by at most `end_error`,
+// surely differ in order.
+fn surely_apart(line: Line, errors: LineErrors, end_c: v4, end_b: v4, end_error: f4) -> b4 {
+  let first = product(line.c, end_b);
+  let second = product(end_c, line.b);
+  let error = ROOM * ((errors.c * size_of(end_b) + errors.b * size_of(end_c))
+    + end_error * (size_of(line.c) + size_of(line.b))
+    + 3.0 * ROUNDING * (abs(f4(first)) + abs(f4(second))));
+  return abs(f4(first - second)) > error;
+}
+
+// As `clip`.
+fn bounded_clip(old: BoundedPiece, line: Line, errors: LineErrors, number: i32) -> BoundedPiece {
+  let piece = clip(old.piece, line, number);
+  let apart_in = surely_apart(line, errors, old.piece.c_in, old.piece.b_in, old.error_in);
+  let apart_out = surely_apart(line, errors, old.piece.c_out, old.piece.b_out, old.error_out);
+  let slope = size_of(line.b);
+  let apart = (slope > errors.b) & select(apart_out, apart_in, line.b < v4(0));
   // Inside for every u of the interval: whatever the sign of b, the plane plays no part.  Outside
   // for every u: whatever that sign, nothing remains.
-  let spread = abs(b) + (ROOM * (error_c + error_b) + 8.0 * EPSILON * size);
-  let idle = c + spread < f4(0.0);
-  let error = error_c + error_b;
+  let error = errors.c + errors.b;
+  let spread = slope + (ROOM * error + 8.0 * EPSILON * (size_of(line.c) + slope));
+  let idle = f4(line.c) + spread < f4(0.0);
   return BoundedPiece(
     piece,
     select(old.error_in, error, piece.id_in == i4(number)),
     select(old.error_out, error, piece.id_out == i4(number)),
     old.sure & (apart | idle),
-    old.empty | (c - spread > f4(0.0)),
+    old.empty | (f4(line.c) - spread > f4(0.0)),
   );
 }
 
 // As `from_the_eye`.
-fn bounded_from_the_eye(old: BoundedPiece, near_u: f32) -> BoundedPiece {
+fn bounded_from_the_eye(old: BoundedPiece, near_u: Value) -> BoundedPiece {
   return BoundedPiece(
     from_the_eye(old.piece, near_u),
     f4(0.0),
@@ -96,90 +123,101 @@ fn bounded_from_the_eye(old: BoundedPiece, near_u: f32) -> BoundedPiece {
 // Whether it is certain that the piece is entered before it is left, or not.
 fn surely_ordered(ends: BoundedPiece) -> b4 {
   let piece = ends.piece;
-  let gap = piece.c_in * piece.b_out - piece.c_out * piece.b_in;
-  let error = ROOM * (ends.error_in * (abs(piece.b_out) + abs(piece.c_out))
-    + ends.error_out * (abs(piece.b_in) + abs(piece.c_in))
-    + 3.0 * EPSILON * (abs(piece.c_in * piece.b_out) + abs(piece.c_out * piece.b_in)));
-  return abs(gap) > error;
+  let first = product(piece.c_in, piece.b_out);
+  let second = product(piece.c_out, piece.b_in);
+  let error = ROOM * (ends.error_in * (size_of(piece.b_out) + size_of(piece.c_out))
+    + ends.error_out * (size_of(piece.b_in) + size_of(piece.c_in))
+    + 3.0 * ROUNDING * (abs(f4(first)) + abs(f4(second))));
+  return abs(f4(first - second)) > error;
 }
 
 // Distance from the position to the root of the line c + b u, both off by at most `error`.
-fn line_bound(c: f4, b: f4, error: f4, last_step: f32) -> f4 {
-  let size = abs(b);
+fn line_bound(c: v4, b: v4, error: f4, last_step: f32) -> f4 {
+  let size = size_of(b);
   let some = size > 2.0 * error;
   let slope = select(f4(1.0), size - error, some);
-  let off = error + 3.1 * EPSILON * (size + abs(c));
+  let off = error + 3.1 * ROUNDING * (size + size_of(c));
   return select(f4(UNBOUNDED), last_step + ROOM * (off / slope), some);
 }
 
-// F = A u² + G u + C with the errors of its coefficients and of its discriminant.
+// F with the errors of its coefficients, and its discriminant with its own.
 struct BoundedForm {
-  a: f4,
-  g: f4,
-  c: f4,
-  error_a: f4,
-  error_g: f4,
-  error_c: f4,
+  form: Form,
+  errors: FormErrors,
   discriminant: f4,
   error_d: f4,
 }
 
-fn bounded_form(a: f4, g: f4, c: f4, error_a: f4, error_g: f4, error_c: f4) -> BoundedForm {
-  let size_g = abs(g);
-  let product = abs(a * c);
-  let error_d = ROOM * (((2.0 * size_g + error_g) * error_g
-    + 4.0 * (abs(a) * error_c + (abs(c) + error_c) * error_a))
-    + 3.0 * EPSILON * (size_g * size_g + 4.0 * product));
-  return BoundedForm(a, g, c, error_a, error_g, error_c, g * g - 4.0 * (a * c), error_d);
+fn bounded_form(form: Form, errors: FormErrors) -> BoundedForm {
+  let size_g = size_of(form.g);
+  let square = product(form.g, form.g);
+  let fourfold = product(form.a + form.a, form.c + form.c);
+  let error_d = ROOM * (((2.0 * size_g + errors.g) * errors.g
+    + 4.0 * (size_of(form.a) * errors.c + (size_of(form.c) + errors.c) * errors.a))
+    + 3.0 * ROUNDING * (f4(square) + abs(f4(fourfold))));
+  return BoundedForm(form, errors, f4(square - fourfold), error_d);
 }
 
 // Distance from the position to the root of F.
-fn curve_bound(form: BoundedForm, run: Run, last_step: f32) -> f4 {
-  let size_a = abs(form.a);
-  let size_g = abs(form.g);
-  let off = ROOM * ((form.error_a + form.error_g) + form.error_c
-    + EPSILON * ((abs(form.c) + run.a * size_a) + run.g * size_g));
-  let off_slope = ROOM * ((2.0 * form.error_a + form.error_g)
+fn curve_bound(bounded: BoundedForm, run: Run, last_step: f32) -> f4 {
+  let errors = bounded.errors;
+  let size_a = size_of(bounded.form.a);
+  let size_g = size_of(bounded.form.g);
+  let size_c = size_of(bounded.form.c);
+  let off = ROOM * ((((errors.a + errors.g) + errors.c) + f4(run.units))
+    + EPSILON * ((run.c * size_c + run.a * size_a) + run.g * size_g));
+  let off_slope = ROOM * (((2.0 * errors.a + errors.g) + f4(run.slope_units))
     + run.slope * EPSILON * (4.0 * size_a + size_g));
-  let least = form.discriminant - form.error_d;
-  let rest = least - 4.0 * ((size_a + form.error_a) * off);
+  let least = bounded.discriminant - bounded.error_d;
+  let rest = least - 4.0 * ((size_a + errors.a) * off);
   let some = rest > ROOM * (off_slope * off_slope);
   let roots = select(f4(1.0), sqrt(max(least, f4(0.0))) + sqrt(max(rest, f4(0.0))), some);
   return select(f4(UNBOUNDED), last_step + ROOM * (2.0 * off / roots), some);
 }
 
-// F and F' at an end (c, b) of a piece, times b² and |b|, and whether their signs are certain.
+// F and F' at an end (c, b) of a piece: signs, and whether they are certain.
 struct EndSigns {
-  value: f4,
-  slope: f4,
+  outside: b4,  // F > 0
+  falling: b4,  // F' < 0, times the sign of -b
+  rising: b4,  // F' > 0, likewise
   sure_value: b4,
   sure_slope: b4,
 }
 
-fn end_signs(form: BoundedForm, c: f4, b: f4, error: f4) -> EndSigns {
-  let size_a = abs(form.a);
-  let size_g = abs(form.g);
-  let size_b = abs(b);
-  let value = (form.a * c - form.g * b) * c + form.c * (b * b);
-  let slope = (form.a + form.a) * c - form.g * b;
-  let spread = (form.error_a + form.error_g) + form.error_c
-    + 6.0 * EPSILON * ((size_a + size_g) + abs(form.c));
-  let error_value = ROOM * ((b * b * spread + 2.0 * error * abs(slope))
-    + (4.0 * (size_a + form.error_a) * (error * error)
-    + 2.0 * error * (2.0 * form.error_a + form.error_g) * size_b));
-  let error_slope = ROOM * ((2.0 * form.error_a + form.error_g
-    + 4.0 * EPSILON * (2.0 * size_a + size_g)) * size_b + (2.0 * size_a + size_g) * error);
-  return EndSigns(value, slope, abs(value) > error_value, abs(slope) > error_slope);
+// Signs at the end (c, b), which is off by at most `error`.
+fn end_signs(bounded: BoundedForm, c: v4, b: v4, error: f4) -> EndSigns {
+  let form = bounded.form;
+  let errors = bounded.errors;
+  let size_a = size_of(form.a);
+  let size_g = size_of(form.g);
+  let size_b = size_of(b);
+  let value = end_value(form, c, b);
+  let slope = product(form.a + form.a, c) - product(form.g, b);
+  let spread = ((errors.a + errors.g) + errors.c)
+    + 6.0 * ROUNDING * ((size_a + size_g) + size_of(form.c));
+  let error_value = ROOM * (REDUCTION * ((size_b * size_b * spread + 2.0 * error * abs(f4(slope)))
+    + (4.0 * (size_a + errors.a) * (error * error)
+    + 2.0 * error * (2.0 * errors.a + errors.g) * size_b))
+    + REDUCTION_ERROR * (size_of(c) + size_b));
+  let error_slope = ROOM * ((2.0 * errors.a + errors.g
+    + 4.0 * ROUNDING * (2.0 * size_a + size_g)) * size_b + (2.0 * size_a + size_g) * error);
+  return EndSigns(
+    value > w4(0),
+    (slope < w4(0)),
+    (slope > w4(0)),
+    abs(f4(value)) > error_value,
+    abs(f4(slope)) > error_slope,
+  );
 }
 
 // An uncut ellipsoid seen from outside.
-fn certify_ellipsoid(form: BoundedForm, run: Run, last_step: f32) -> Certificate {
+fn certify_ellipsoid(bounded: BoundedForm, run: Run, last_step: f32) -> Certificate {
   return Certificate(
-    abs(form.discriminant) > form.error_d,
-    form.discriminant >= f4(0.0),
+    abs(bounded.discriminant) > bounded.error_d,
+    bounded.discriminant >= f4(0.0),
     i4(0),
     b4(false),
-    curve_bound(form, run, last_step),
+    curve_bound(bounded, run, last_step),
   );
 }
 
@@ -205,29 +243,29 @@ fn certify_polyhedron(ends: BoundedPiece, inside: b4, eye_sure: bool, last_step:
 // A quadric.  At the eye, where `from_eye`, the host knows the sign of F: `eye_outside`, and
 // whether it is certain: `eye_sure`.  `may_start_inside`: the eye or the near base plane may be
 // inside the solid.
-fn certify_quadric(form: BoundedForm, ends: BoundedPiece, from_eye: b4, eye_outside: bool, eye_sure: bool, may_start_inside: bool, run: Run, last_step: f32) -> Certificate {
+fn certify_quadric(bounded: BoundedForm, ends: BoundedPiece, from_eye: b4, eye_outside: bool, eye_sure: bool, may_start_inside: bool, run: Run, last_step: f32) -> Certificate {
   let piece = ends.piece;
-  let entry = end_signs(form, piece.c_in, piece.b_in, ends.error_in);
-  let last = end_signs(form, piece.c_out, piece.b_out, ends.error_out);
-  let outside = select(entry.value > f4(0.0), b4(eye_outside), from_eye);
+  let entry = end_signs(bounded, piece.c_in, piece.b_in, ends.error_in);
+  let last = end_signs(bounded, piece.c_out, piece.b_out, ends.error_out);
+  let outside = select(entry.outside, b4(eye_outside), from_eye);
   let sure_start = select(entry.sure_value, b4(eye_sure), from_eye);
   let some = remains(piece);
   let ordered = surely_ordered(ends);
 
   // F if the ray starts outside, else -F, may have both its roots within.
-  let sign = select(f4(-1.0), f4(1.0), outside);
-  let sure_a = abs(form.a) > form.error_a;
-  let sure_d = abs(form.discriminant) > form.error_d;
-  let bends = sign * form.a > f4(0.0);
-  let falls = sign * entry.slope < f4(0.0);
-  let rises = sign * last.slope < f4(0.0);
-  let real = form.discriminant >= f4(0.0);
+  let form = bounded.form;
+  let sure_a = size_of(form.a) > bounded.errors.a;
+  let sure_d = abs(bounded.discriminant) > bounded.error_d;
+  let bends = select((form.a < v4(0)), (form.a > v4(0)), outside);
+  let falls = select(entry.rising, entry.falling, outside);
+  let rises = select(last.rising, last.falling, outside);
+  let real = bounded.discriminant >= f4(0.0);
   let turns = bends & falls & rises & real;
   let sure_turns = turns & sure_a & entry.sure_slope & last.sure_slope & sure_d;
   let sure_straight = (sure_a & !bends) | (entry.sure_slope & !falls)
     | (last.sure_slope & !rises) | (sure_d & !real);
 
-  let differs = (last.value > f4(0.0)) != outside;
+  let differs = last.outside != outside;
   let crosses = differs | turns;
   let sure_crossing = select(
     last.sure_value & !differs & sure_straight,
@@ -249,7 +287,7 @@ fn certify_quadric(form: BoundedForm, ends: BoundedPiece, from_eye: b4, eye_outs
     starts_inside,
     select(
       select(
-        curve_bound(form, run, last_step),
+        curve_bound(bounded, run, last_step),
         line_bound(piece.c_out, piece.b_out, ends.error_out, last_step),
         on_exit,
       ),
@@ -264,58 +302,57 @@ struct BoundedPatch {
   met: b4,
   missed: b4,
   sure_slope: b4,
-  c: f4,
-  b: f4,
-  error_c: f4,
-  error_b: f4,
+  plane: Line,
+  errors: LineErrors,
 }
 
 // As `facing`; base planes that cut the patch are only as exact as their slack.
-fn bounded_facing(c: f4, b: f4, error_c: f4, error_b: f4, near_u: f32, far_u: f32, near_cut: bool) -> BoundedPatch {
-  let away = b > f4(0.0);
-  let size = abs(c) + abs(b);
-  let first = c + b * near_u;
-  let last = c + b * far_u;
-  let error = ROOM * ((error_c + 1.1 * error_b) + 3.0 * EPSILON * size);
-  let sure_first = abs(first) > error + select(0.0, BASE_PLANE_ERROR, near_cut) * abs(b);
-  let sure_last = abs(last) > error + select(0.0, BASE_PLANE_ERROR, far_u != 1.0) * abs(b);
-  let differs = (first > f4(0.0)) != (last > f4(0.0));
+fn bounded_facing(line: Line, errors: LineErrors, near_u: Value, far_u: Value, near_cut: bool) -> BoundedPatch {
+  let away = line.b > v4(0);
+  let size = size_of(line.b);
+  let scaled_c = product(line.c, v4(ONE));
+  let first = scaled_c + product(line.b, v4(near_u));
+  let last = scaled_c + product(line.b, v4(far_u));
+  let error = ROOM * ((errors.c + 1.1 * errors.b) + 3.0 * ROUNDING * (size_of(line.c) + size));
+  let near_error = error + select(0.0, BASE_PLANE_ERROR, near_cut) * size;
+  let far_error = error + select(0.0, BASE_PLANE_ERROR, far_u != ONE) * size;
+  let sure = (abs(f4(first)) > near_error * f32(ONE)) & (abs(f4(last)) > far_error * f32(ONE));
+  let differs = (first > w4(0)) != (last > w4(0));
   return BoundedPatch(
-    sure_first & sure_last & differs,
-    sure_first & sure_last & !differs,
-    abs(b) > error_b,
-    select(c, -c, away),
-    select(b, -b, away),
-    error_c,
-    error_b,
+    sure & differs,
+    sure & !differs,
+    size > errors.b,
+    Line(select(line.c, -line.c, away), select(line.b, -line.b, away)),
+    errors,
   );
 }
 
 // As `bound`.
-fn bounded_bound(old: BoundedPatch, c: f4, b: f4, error_c: f4, error_b: f4) -> BoundedPatch {
-  let gap = c * old.b - old.c * b;
-  let error = ROOM * ((error_c * abs(old.b) + old.error_b * abs(c))
-    + (old.error_c * abs(b) + error_b * abs(old.c))
-    + 3.0 * EPSILON * (abs(c * old.b) + abs(old.c * b)));
+fn bounded_bound(old: BoundedPatch, line: Line, errors: LineErrors) -> BoundedPatch {
+  let first = product(line.c, old.plane.b);
+  let second = product(old.plane.c, line.b);
+  let gap = f4(first - second);
+  let error = ROOM * ((errors.c * size_of(old.plane.b) + old.errors.b * size_of(line.c))
+    + (old.errors.c * size_of(line.b) + errors.b * size_of(old.plane.c))
+    + 3.0 * ROUNDING * (abs(f4(first)) + abs(f4(second))));
   return BoundedPatch(
     old.met & (gap > error),
     old.missed | (old.sure_slope & (gap < -error)),
     old.sure_slope,
-    old.c,
-    old.b,
-    old.error_c,
-    old.error_b,
+    old.plane,
+    old.errors,
   );
 }
 
 // A patch.
-fn certify_patch(plane: BoundedPatch, last_step: f32) -> Certificate {
+fn certify_patch(tried: BoundedPatch, last_step: f32) -> Certificate {
+  let error = tried.errors.c + tried.errors.b;
   return Certificate(
-    plane.missed | (plane.met & plane.sure_slope),
-    plane.met,
+    tried.missed | (tried.met & tried.sure_slope),
+    tried.met,
     i4(0),
     b4(false),
-    line_bound(plane.c, plane.b, plane.error_c + plane.error_b, last_step),
+    line_bound(tried.plane.c, tried.plane.b, error, last_step),
   );
 }
 

@@ -26,12 +26,12 @@ struct Solid {
   a: array<Coefficient, 6>,  // A as coefficients of 1, x, y, x², xy, y²
   g: array<Coefficient, 6>,  // G
   c: array<Coefficient, 6>,  // C
-  host_error: f32,  // error of A, G and C from the set-up
+  host_error: f32,  // error of A, G and C from the set-up, in their units
   gradient: array<f32, 18>,  // half the gradient of F, world: [1, u][1, x, y][axis]
   center_x: i32,  // pixel where x = 0
   center_y: i32,  // pixel where y = 0
-  near_u: f32,  // u of the near base plane, -1 where it does not cut the solid
-  far_u: f32,  // u of the far base plane, 1 where it does not cut the solid
+  near_u: Value,  // u of the near base plane, -ONE where it does not cut the solid
+  far_u: Value,  // u of the far base plane, ONE where it does not cut the solid
   depth_middle: f32,  // planar depth at u = 0
   depth_half: f32,  // depth = depth_middle + u depth_half
   last_step: f32,  // 2^-n
@@ -54,7 +54,7 @@ struct HalfSpace {
   c: array<Coefficient, 3>,  // coefficients of 1, x, y
   b: array<Coefficient, 3>,  // the same
   normal: array<f32, 3>,  // outward unit normal, world
-  host_error: f32,  // error of c and b from the set-up
+  host_error: f32,  // error of c and b from the set-up, in their units
 }
 
 // A light, relative to the eye.

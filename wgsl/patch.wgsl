@@ -5,20 +5,22 @@
 struct Patch {
   hit: b4,
   away: b4,
-  c: f4,
-  b: f4,
+  c: v4,
+  b: v4,
 }
 
 // The plane turned towards the viewer; met if it changes sign between the base planes.
-fn facing(c: f4, b: f4, near_u: f32, far_u: f32) -> Patch {
-  let away = b > f4(0.0);
-  let c_facing = select(c, -c, away);
-  let b_facing = select(b, -b, away);
-  let met = (c_facing + b_facing * near_u >= f4(0.0)) & (c_facing + b_facing * far_u <= f4(0.0));
-  return Patch(met & (b_facing < f4(0.0)), away, c_facing, b_facing);
+fn facing(line: Line, near_u: Value, far_u: Value) -> Patch {
+  let away = line.b > v4(0);
+  let c = select(line.c, -line.c, away);
+  let b = select(line.b, -line.b, away);
+  let scaled_c = product(c, v4(ONE));
+  let met = (scaled_c >= product(-b, v4(near_u))) & (scaled_c <= product(-b, v4(far_u)));
+  return Patch(met & (b < v4(0)), away, c, b);
 }
 
-// The patch within c + b u <= 0 at its own root: the extra step (14), without a division.
-fn bound(plane: Patch, c: f4, b: f4) -> Patch {
-  return Patch(plane.hit & (c * plane.b >= plane.c * b), plane.away, plane.c, plane.b);
+// The patch inside the half-space at its own root: the extra step (14), without a division.
+fn bound(plane: Patch, line: Line) -> Patch {
+  let met = product(line.c, plane.b) >= product(plane.c, line.b);
+  return Patch(plane.hit & met, plane.away, plane.c, plane.b);
 }

@@ -4,43 +4,49 @@
 // enters and b >= 0 where it leaves.  Which plane is entered last, left first, and whether
 // anything remains are signs of products: no division, and no cell that could swallow a thin plate.
 
+// A half-space along the ray: inside where c + b u <= 0.
+struct Line {
+  c: v4,
+  b: v4,
+}
+
 // The two ends; ids count half-spaces from 1, 0 is a base plane or the eye.
 struct Piece {
-  c_in: f4,
-  b_in: f4,
+  c_in: v4,
+  b_in: v4,
   id_in: i4,
-  c_out: f4,
-  b_out: f4,
+  c_out: v4,
+  b_out: v4,
   id_out: i4,
 }
 
 // The interval of the solid.
-fn whole_interval(near_u: f32, far_u: f32) -> Piece {
-  return Piece(f4(near_u), f4(-1.0), i4(0), f4(-far_u), f4(1.0), i4(0));
+fn whole_interval(near_u: Value, far_u: Value) -> Piece {
+  return Piece(v4(near_u), v4(-ONE), i4(0), v4(-far_u), v4(ONE), i4(0));
 }
 
-// The part of the piece inside c + b u <= 0.  A half-space parallel to the ray (b = 0) that
+// The part of the piece inside the half-space.  A half-space parallel to the ray (b = 0) that
 // excludes it leaves the pair (c > 0, 0): before everything, so nothing remains.
-fn clip(piece: Piece, c: f4, b: f4, number: i32) -> Piece {
-  let enters = b < f4(0.0);
-  let later = enters & (c * piece.b_in < piece.c_in * b);
-  let earlier = !enters & (c * piece.b_out > piece.c_out * b);
+fn clip(piece: Piece, line: Line, number: i32) -> Piece {
+  let enters = line.b < v4(0);
+  let later = enters & (product(line.c, piece.b_in) < product(piece.c_in, line.b));
+  let earlier = !enters & (product(line.c, piece.b_out) > product(piece.c_out, line.b));
   return Piece(
-    select(piece.c_in, c, later),
-    select(piece.b_in, b, later),
+    select(piece.c_in, line.c, later),
+    select(piece.b_in, line.b, later),
     select(piece.id_in, i4(number), later),
-    select(piece.c_out, c, earlier),
-    select(piece.b_out, b, earlier),
+    select(piece.c_out, line.c, earlier),
+    select(piece.b_out, line.b, earlier),
     select(piece.id_out, i4(number), earlier),
   );
 }
 
 // Whether the piece is entered before it is left.
 fn remains(piece: Piece) -> b4 {
-  return piece.c_in * piece.b_out <= piece.c_out * piece.b_in;
+  return product(piece.c_in, piece.b_out) <= product(piece.c_out, piece.b_in);
 }
 
 // The piece entered at its start whatever rounding says: the eye is inside all half-spaces.
-fn from_the_eye(piece: Piece, near_u: f32) -> Piece {
-  return Piece(f4(near_u), f4(-1.0), i4(0), piece.c_out, piece.b_out, piece.id_out);
+fn from_the_eye(piece: Piece, near_u: Value) -> Piece {
+  return Piece(v4(near_u), v4(-ONE), i4(0), piece.c_out, piece.b_out, piece.id_out);
 }

@@ -1,4 +1,4 @@
-// Coefficients and a pixel offset -> values of the forms, in float32.
+// Coefficients and a pixel offset -> values of polynomials, in float32.
 
 alias Coefficient = f32;
 
@@ -8,7 +8,7 @@ struct Offset {
   y: f32,
 }
 
-// The offset in the arithmetic of the forms; exact below 2^24.
+// The offset in the arithmetic of the coefficients; exact below 2^24.
 fn offset(x: i4, y: i32) -> Offset {
   return Offset(f4(x), f32(y));
 }
@@ -26,7 +26,7 @@ fn linear(k: array<Coefficient, 3>, at: Offset) -> f4 {
 }
 
 // Bound of the error of `quadratic`: every term passes so many roundings, its coefficient's first.
-fn quadratic_error(k: array<Coefficient, 6>, at: Offset, value: f4) -> f4 {
+fn quadratic_error(k: array<Coefficient, 6>, at: Offset) -> f4 {
   let x = abs(at.x);
   let y = abs(at.y);
   let constant = 3.0 * abs(k[0]) + y * (5.0 * abs(k[2]) + y * (6.0 * abs(k[5])));
@@ -35,7 +35,7 @@ fn quadratic_error(k: array<Coefficient, 6>, at: Offset, value: f4) -> f4 {
 }
 
 // Bound of the error of `linear`.
-fn linear_error(k: array<Coefficient, 3>, at: Offset, value: f4) -> f4 {
+fn linear_error(k: array<Coefficient, 3>, at: Offset) -> f4 {
   let constant = 3.0 * abs(k[0]) + abs(at.y) * (4.0 * abs(k[2]));
   return 0x1.04p-24f * (constant + abs(at.x) * (3.0 * abs(k[1])));
 }

@@ -4,74 +4,91 @@
 // is seen, so that one sequence of halvings finds it.  Signs of F and F' at the ends of the piece
 // are signs of products, because the ends are pairs.
 
+// F = a u² + g u + c along the ray.
+struct Form {
+  a: v4,
+  g: v4,
+  c: v4,
+}
+
 // The first + to - crossing of a v² + g v + c, v = -u if flipped.
 struct Root {
   hit: b4,
   surface: i4,  // 0 is F, half-spaces count from 1
-  a: f4,
-  g: f4,
-  c: f4,
+  a: v4,
+  g: v4,
+  c: v4,
   flipped: b4,
 }
 
-// F > 0 where the piece begins; F is taken times the square of the entry's slope.
-fn outside_at_entry(a: f4, g: f4, c: f4, piece: Piece) -> b4 {
-  let value = (a * piece.c_in - g * piece.b_in) * piece.c_in + c * (piece.b_in * piece.b_in);
-  return value > f4(0.0);
+// F at the end (c, b) of a piece, times b² and the reduction of products.
+fn end_value(form: Form, c: v4, b: v4) -> w4 {
+  let sloped = reduced(product(form.a, c) - product(form.g, b));
+  return product(sloped, c) + product(reduced(product(form.c, b)), b);
+}
+
+// F > 0 where the piece begins.
+fn outside_at_entry(form: Form, piece: Piece) -> b4 {
+  return end_value(form, piece.c_in, piece.b_in) > w4(0);
 }
 
 // F > 0 where the piece ends.
-fn outside_at_exit(a: f4, g: f4, c: f4, piece: Piece) -> b4 {
-  let value = (a * piece.c_out - g * piece.b_out) * piece.c_out + c * (piece.b_out * piece.b_out);
-  return value > f4(0.0);
+fn outside_at_exit(form: Form, piece: Piece) -> b4 {
+  return end_value(form, piece.c_out, piece.b_out) > w4(0);
+}
+
+// F has a root somewhere on the line.
+fn has_root(form: Form) -> b4 {
+  return product(form.g, form.g) >= product(form.a + form.a, form.c + form.c);
 }
 
 // For a > 0: F has both its roots between ends where it is positive, even if they coincide.
-fn turns_within(a: f4, g: f4, c: f4, piece: Piece) -> b4 {
-  let slope_in = (a + a) * piece.c_in - g * piece.b_in;
-  let slope_out = g * piece.b_out - (a + a) * piece.c_out;
-  return (a > f4(0.0)) & (slope_in < f4(0.0)) & (slope_out > f4(0.0)) & (g * g >= 4.0 * (a * c));
+fn turns_within(form: Form, piece: Piece) -> b4 {
+  let bend = form.a + form.a;
+  let falls = product(bend, piece.c_in) < product(form.g, piece.b_in);
+  let rises = product(form.g, piece.b_out) > product(bend, piece.c_out);
+  return (form.a > v4(0)) & falls & rises & has_root(form);
 }
 
 // Where a ray that starts outside the solid enters it, (18); outside: F > 0 at entry.
-fn quadric_entry(a: f4, g: f4, c: f4, piece: Piece, outside: b4) -> Root {
-  let crosses = outside & (!outside_at_exit(a, g, c, piece) | turns_within(a, g, c, piece));
+fn quadric_entry(form: Form, piece: Piece, outside: b4) -> Root {
+  let crosses = outside & (!outside_at_exit(form, piece) | turns_within(form, piece));
   let on_plane = !outside & (piece.id_in > i4(0));
-  let flipped = crosses & (a < f4(0.0));
+  let flipped = crosses & (form.a < v4(0));
   return Root(
     remains(piece) & (crosses | on_plane),
     select(i4(0), piece.id_in, on_plane),
-    select(abs(a), f4(0.0), on_plane),
-    select(g, piece.b_in, on_plane),
-    select(select(c, -c, flipped), piece.c_in, on_plane),
+    select(abs(form.a), v4(0), on_plane),
+    select(form.g, piece.b_in, on_plane),
+    select(select(form.c, -form.c, flipped), piece.c_in, on_plane),
     flipped,
   );
 }
 
 // Where a ray that is in the solid leaves it, (19); inside: F <= 0 at entry.
-fn quadric_exit(a: f4, g: f4, c: f4, piece: Piece, inside: b4) -> Root {
-  let within = inside & turns_within(-a, -g, -c, piece);
-  let crosses = outside_at_exit(a, g, c, piece) | within;
+fn quadric_exit(form: Form, piece: Piece, inside: b4) -> Root {
+  let within = inside & turns_within(Form(-form.a, -form.g, -form.c), piece);
+  let crosses = outside_at_exit(form, piece) | within;
   let on_plane = !crosses & (piece.id_out > i4(0));
-  let flipped = crosses & (a > f4(0.0));
+  let flipped = crosses & (form.a > v4(0));
   return Root(
     remains(piece) & (crosses | on_plane),
     select(i4(0), piece.id_out, on_plane),
-    select(abs(a), f4(0.0), on_plane),
-    select(-g, -piece.b_out, on_plane),
-    select(select(-c, c, flipped), -piece.c_out, on_plane),
+    select(abs(form.a), v4(0), on_plane),
+    select(-form.g, -piece.b_out, on_plane),
+    select(select(-form.c, form.c, flipped), -piece.c_out, on_plane),
     flipped,
   );
 }
 
 // Where a ray enters an uncut ellipsoid from outside: only the discriminant decides.
-fn ellipsoid_entry(a: f4, g: f4, c: f4) -> Root {
-  return Root(g * g >= 4.0 * (a * c), i4(0), a, g, c, b4(false));
+fn ellipsoid_entry(form: Form) -> Root {
+  return Root(has_root(form), i4(0), form.a, form.g, form.c, b4(false));
 }
 
 // Where a ray leaves an uncut ellipsoid it entered from outside.
-fn ellipsoid_exit(a: f4, g: f4, c: f4) -> Root {
-  return Root(g * g >= 4.0 * (a * c), i4(0), a, -g, c, b4(true));
+fn ellipsoid_exit(form: Form) -> Root {
+  return Root(has_root(form), i4(0), form.a, -form.g, form.c, b4(true));
 }
 
 // Where a ray that starts outside a polyhedron enters it: the plane entered last.
@@ -79,7 +96,7 @@ fn polyhedron_entry(piece: Piece) -> Root {
   return Root(
     remains(piece) & (piece.id_in > i4(0)),
     piece.id_in,
-    f4(0.0),
+    v4(0),
     piece.b_in,
     piece.c_in,
     b4(false),
@@ -91,7 +108,7 @@ fn polyhedron_exit(piece: Piece) -> Root {
   return Root(
     remains(piece) & (piece.id_out > i4(0)),
     piece.id_out,
-    f4(0.0),
+    v4(0),
     -piece.b_out,
     -piece.c_out,
     b4(false),
@@ -99,8 +116,8 @@ fn polyhedron_exit(piece: Piece) -> Root {
 }
 
 // Where a ray meets a patch that it passes from + to -.
-fn patch_entry(hit: b4, c: f4, b: f4) -> Root {
-  return Root(hit, i4(0), f4(0.0), b, c, b4(false));
+fn patch_entry(plane: Patch) -> Root {
+  return Root(plane.hit, i4(0), v4(0), plane.b, plane.c, b4(false));
 }
 
 // `inner` for the pixels whose ray starts inside the solid, else `outer`.

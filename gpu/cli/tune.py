@@ -28,6 +28,9 @@ def add(commands: Any) -> None:
     accuracy = tune.add_mutually_exclusive_group()
     add_tolerances(accuracy)
     tune.add_argument("--method", choices=("visible", "article"), help="by default both")
+    tune.add_argument(
+        "--format", choices=("float32", "fixed32"), dest="number_format", help="by default both"
+    )
     tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
 
 
@@ -48,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     from halfstep.image import check_output_folder
     from halfstep.plot import scale_of, write
     from halfstep.scene import load
-    from halfstep.tune import METHODS, STEPS, tune
+    from halfstep.tune import FORMATS, METHODS, STEPS, tune
 
     check_output_folder(arguments.output)
     with progress_bar("measuring") as progress:
@@ -59,6 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
             tolerance_pixels=arguments.tolerance_pixels,
             tolerance=arguments.tolerance,
             methods=(arguments.method,) if arguments.method else METHODS,
+            formats=(arguments.number_format,) if arguments.number_format else FORMATS,
             backend=arguments.backend,
             adapter=arguments.adapter,
             progress=progress,

@@ -13,17 +13,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.lanes import I32, Bools
 from halfstep.twin.patch import facing
+from halfstep.twin.piece import Line
+from halfstep.twin.root import Form
+from halfstep.twin.values import (
+    Products,
+    Value,
+    Values,
+    halved,
+    one_of,
+    product,
+    reduced,
+    steps_from_middle,
+)
 
 START = np.int32(-1)
-
-
-class Line(NamedTuple):
-    """A half-space along the ray: inside where c + b u <= 0."""
-
-    c: F32
-    b: F32
 
 
 class Found(NamedTuple):
@@ -48,48 +53,55 @@ class Blocker(NamedTuple):
     """A plane that still excludes a grid point, the one met furthest from it."""
 
     number: I32  # 0 is a base plane
-    value: F32
-    slope: F32  # magnitude
+    value: Values
+    slope: Values  # magnitude
 
 
-def blocked_in(lines: Sequence[Line], near_u: np.float32, u: F32) -> Bools:
+def line_value(line: Line, u: Values) -> Products:
+    """c + b u, times what reduces a product."""
+    return product(line.c, one_of(line.c)) + product(line.b, u)
+
+
+def blocked_in(lines: Sequence[Line], near_u: Value, u: Values) -> Bools:
     """Whether a plane that the ray enters excludes u; the indicator (13) of sequence I."""
     blocked = u < near_u
     for line in lines:
-        blocked = blocked | ((line.b < 0) & (line.c + line.b * u > 0))
+        blocked = blocked | ((line.b < 0) & (line_value(line, u) > 0))
     return blocked
 
 
-def blocked_out(lines: Sequence[Line], far_u: np.float32, u: F32) -> Bools:
+def blocked_out(lines: Sequence[Line], far_u: Value, u: Values) -> Bools:
     """Whether a plane that the ray leaves excludes u; the indicator (13) of sequence O."""
     blocked = u > far_u
     for line in lines:
-        blocked = blocked | ((line.b >= 0) & (line.c + line.b * u > 0))
+        blocked = blocked | ((line.b >= 0) & (line_value(line, u) > 0))
     return blocked
 
 
-def last_entered(lines: Sequence[Line], near_u: np.float32, u: F32) -> Blocker:
+def last_entered(lines: Sequence[Line], near_u: Value, u: Values) -> Blocker:
     """Of the entered planes that exclude u, the one entered last after it."""
     number = np.zeros(u.shape, np.int32)
-    value = np.maximum(near_u - u, np.float32(0))
-    slope = np.ones(u.shape, np.float32)
+    value = np.maximum(near_u - u, np.zeros_like(u))
+    slope = np.full(u.shape, one_of(u))
     for j, line in enumerate(lines):
-        f = line.c + line.b * u
-        further = (line.b < 0) & (f > 0) & (f * slope > value * -line.b)
+        f = reduced(line_value(line, u))
+        later = product(f, slope) > product(value, -line.b)
+        further = (line.b < 0) & (f > 0) & later
         number = np.where(further, np.int32(j + 1), number)
         value = np.where(further, f, value)
         slope = np.where(further, -line.b, slope)
     return Blocker(number, value, slope)
 
 
-def first_left(lines: Sequence[Line], far_u: np.float32, u: F32) -> Blocker:
+def first_left(lines: Sequence[Line], far_u: Value, u: Values) -> Blocker:
     """Of the left planes that exclude u, the one left first before it."""
     number = np.zeros(u.shape, np.int32)
-    value = np.maximum(u - far_u, np.float32(0))
-    slope = np.ones(u.shape, np.float32)
+    value = np.maximum(u - far_u, np.zeros_like(u))
+    slope = np.full(u.shape, one_of(u))
     for j, line in enumerate(lines):
-        f = line.c + line.b * u
-        further = (line.b >= 0) & (f > 0) & (f * slope > value * line.b)
+        f = reduced(line_value(line, u))
+        later = product(f, slope) > product(value, line.b)
+        further = (line.b >= 0) & (f > 0) & later
         number = np.where(further, np.int32(j + 1), number)
         value = np.where(further, f, value)
         slope = np.where(further, line.b, slope)
@@ -101,16 +113,16 @@ def cell_of(position: I32, cells: int) -> I32:
     return (position + np.int32(cells - 1)) >> np.int32(1)
 
 
-def grid_point(cell: I32, steps: int) -> F32:
-    """u of the grid point before a cell."""
-    return ((cell + cell) - np.int32(1 << steps)).astype(np.float32) * np.float32(0.5**steps)
+def grid_point(cell: I32, steps: int, like: Values | Value) -> Values:
+    """u of the grid point before a cell, in the format of ``like``."""
+    return steps_from_middle((cell + cell) - np.int32(1 << steps), steps, like)
 
 
 def planes_in(
-    lines: Sequence[Line], near_u: np.float32, eye_inside: bool, position: I32, steps: int
+    lines: Sequence[Line], near_u: Value, eye_inside: bool, position: I32, steps: int
 ) -> I32:
     """Entry cell of all half-spaces together from the end of sequence I."""
-    one = np.ones(position.shape, np.float32)
+    one = np.full(position.shape, one_of(near_u))
     cell = np.where(
         blocked_in(lines, near_u, one),
         np.int32(1 << steps),
@@ -120,9 +132,9 @@ def planes_in(
     return np.where(inside, START, cell)
 
 
-def planes_out(lines: Sequence[Line], far_u: np.float32, position: I32, steps: int) -> I32:
+def planes_out(lines: Sequence[Line], far_u: Value, position: I32, steps: int) -> I32:
     """Exit cell of all half-spaces together from the end of sequence O."""
-    one = np.ones(position.shape, np.float32)
+    one = np.full(position.shape, one_of(far_u))
     cell = np.where(
         blocked_out(lines, far_u, one),
         cell_of(position, 1 << steps),
@@ -131,14 +143,20 @@ def planes_out(lines: Sequence[Line], far_u: np.float32, position: I32, steps: i
     return np.where(blocked_out(lines, far_u, -one), START, cell)
 
 
-def value_of(a: F32, g: F32, c: F32, u: F32) -> F32:
-    """F at u."""
-    return (a * u + g) * u + c
+def value_of(form: Form, u: Values) -> Products:
+    """F at u, times what reduces a product."""
+    return product(reduced(product(form.a, u)) + form.g, u) + product(form.c, one_of(form.c))
 
 
-def slope_of(a: F32, g: F32, u: F32) -> F32:
-    """F' at u."""
-    return (a + a) * u + g
+def slope_of(form: Form, u: Values) -> Products:
+    """F' at u, times what reduces a product."""
+    return product(form.a + form.a, u) + product(form.g, one_of(form.g))
+
+
+def further_than(form: Form, u: Values, plane: Blocker) -> Bools:
+    """Whether F is met further from the excluded u than the plane is."""
+    slope = reduced(np.abs(slope_of(form, u)))
+    return product(reduced(value_of(form, u)), plane.slope) > product(plane.value, slope)
 
 
 def visible_point(
@@ -169,18 +187,18 @@ def visible_point(
 
 def article_polyhedron(
     lines: Sequence[Line],
-    near_u: np.float32,
-    far_u: np.float32,
+    near_u: Value,
+    far_u: Value,
     eye_inside: bool,
     steps: int,
 ) -> Found:
     """A polyhedron, system (5): sequences I and O."""
     shape = lines[0].c.shape
-    in_u, out_u = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    in_u, out_u = np.zeros(shape, near_u.dtype), np.zeros(shape, near_u.dtype)
     in_at, out_at = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
-    step = np.float32(1)
+    step = one_of(near_u)
     for _ in range(steps):
-        step = step * np.float32(0.5)
+        step = halved(step)
         up = blocked_in(lines, near_u, in_u)
         in_u = in_u + np.where(up, step, -step)
         in_at = (in_at + in_at) + np.where(up, np.int32(1), np.int32(-1))
@@ -196,20 +214,18 @@ def article_polyhedron(
         piece,
         never,
         never,
-        last_entered(lines, near_u, grid_point(piece.first, steps)),
-        first_left(lines, far_u, grid_point(piece.last + np.int32(1), steps)),
+        last_entered(lines, near_u, grid_point(piece.first, steps, near_u)),
+        first_left(lines, far_u, grid_point(piece.last + np.int32(1), steps, near_u)),
         steps,
     )
 
 
 def article_quadric(
-    a: F32,
-    g: F32,
-    c: F32,
+    form: Form,
     outside: Bools,
     lines: Sequence[Line],
-    near_u: np.float32,
-    far_u: np.float32,
+    near_u: Value,
+    far_u: Value,
     eye_inside: bool,
     steps: int,
 ) -> Found:
@@ -217,25 +233,27 @@ def article_quadric(
 
     ``outside`` is the indicator (9): F > 0 where the interval starts.
     """
-    shape = a.shape
-    sign = np.where(outside, np.float32(1), np.float32(-1))
-    convex = sign * a >= 0
-    ends_outside = (a + g) + c > 0
+    shape = form.a.shape
+    convex = np.where(outside, form.a >= 0, form.a <= 0)
+    ends_outside = (form.a + form.g) + form.c > 0
     found = ends_outside != outside
-    near_point, far_point = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    in_u, out_u = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    near_point, far_point = np.zeros(shape, near_u.dtype), np.zeros(shape, near_u.dtype)
+    in_u, out_u = np.zeros(shape, near_u.dtype), np.zeros(shape, near_u.dtype)
     near_at, far_at = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     in_at, out_at = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
-    step = np.float32(1)
+    step = one_of(near_u)
     for _ in range(steps):
-        step = step * np.float32(0.5)
-        near_same = (value_of(a, g, c, near_point) > 0) == outside
-        far_same = (value_of(a, g, c, far_point) > 0) == outside
+        step = halved(step)
+        near_same = (value_of(form, near_point) > 0) == outside
+        far_same = (value_of(form, far_point) > 0) == outside
         found = found | ~near_same | ~far_same
-        up = near_same & (~convex | (sign * slope_of(a, g, near_point) < 0))
+        near_slope, far_slope = slope_of(form, near_point), slope_of(form, far_point)
+        toward = np.where(outside, near_slope < 0, near_slope > 0)
+        up = near_same & (~convex | toward)
         near_point = near_point + np.where(up, step, -step)
         near_at = (near_at + near_at) + np.where(up, np.int32(1), np.int32(-1))
-        down = convex & far_same & (sign * slope_of(a, g, far_point) >= 0)
+        away = np.where(outside, far_slope >= 0, far_slope <= 0)
+        down = convex & far_same & away
         far_point = far_point + np.where(down, -step, step)
         far_at = (far_at + far_at) + np.where(down, np.int32(-1), np.int32(1))
         up = blocked_in(lines, near_u, in_u)
@@ -262,12 +280,11 @@ def article_quadric(
     f_out = np.where(second, cells, f_out)
     piece = Cells(np.maximum(f_in, enter), np.minimum(f_out, leave))
 
-    u_in = grid_point(piece.first, steps)
-    u_out = grid_point(piece.last + np.int32(1), steps)
+    u_in = grid_point(piece.first, steps, near_u)
+    u_out = grid_point(piece.last + np.int32(1), steps, near_u)
     entered, left = last_entered(lines, near_u, u_in), first_left(lines, far_u, u_out)
     # In one cell the surface met furthest from the excluded grid point is the one that counts.
-    f_later = value_of(a, g, c, u_in) * entered.slope > entered.value * np.abs(slope_of(a, g, u_in))
-    f_earlier = value_of(a, g, c, u_out) * left.slope > left.value * np.abs(slope_of(a, g, u_out))
+    f_later, f_earlier = further_than(form, u_in, entered), further_than(form, u_out, left)
     return visible_point(
         piece,
         (f_in > enter) | ((f_in == enter) & f_later),
@@ -278,24 +295,22 @@ def article_quadric(
     )
 
 
-def article_patch(
-    lines: Sequence[Line], near_u: np.float32, far_u: np.float32, steps: int
-) -> Found:
+def article_patch(lines: Sequence[Line], near_u: Value, far_u: Value, steps: int) -> Found:
     """A bounded plane: (13) and (15), then the extra step (14) at the point that was found.
 
     The first line is the plane, the others are its bounds.
     """
-    plane = facing(lines[0].c, lines[0].b, near_u, far_u)
-    u = np.zeros(plane.c.shape, np.float32)
+    plane = facing(lines[0], near_u, far_u)
+    u = np.zeros_like(plane.c)
     position = np.zeros(plane.c.shape, np.int32)
-    step = np.float32(1)
+    step = one_of(near_u)
     for _ in range(steps):
-        step = step * np.float32(0.5)
-        up = plane.c + plane.b * u > 0
+        step = halved(step)
+        up = line_value(Line(plane.c, plane.b), u) > 0
         u = u + np.where(up, step, -step)
         position = (position + position) + np.where(up, np.int32(1), np.int32(-1))
     met = plane.hit
     for line in lines[1:]:
-        met = met & (line.c + line.b * u <= 0)
+        met = met & (line_value(line, u) <= 0)
     none = np.zeros(plane.c.shape, np.int32)
     return Found(met, none, position, np.zeros(none.shape, bool), met, position)

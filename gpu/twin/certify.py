@@ -15,8 +15,12 @@ changed the result are not asked.
     E = E_A + E_G + E_C + ε (5|A| + 3.5|G| + |C|)        (6.4, 3, 1 if F is updated step by step)
 
 and the computed slope by at most E' = 2 E_A + E_G + ε (4|A| + |G|) (24 times the last term if
-updated).  At a root u* the slope satisfies F'(u*)² = D = G² - 4 A C.  With S = D - E_D a lower
-bound of D, F passes from E to -E within
+updated).  In integers the terms with ε vanish.  Step k rounds 2^-k A to half a unit, which the
+slope takes twice: it is off by k units after k steps, and F by the sum of (k - 1/2) 2^-k, at most
+3/2 units (for the sequences of the article, which evaluate F, one unit).
+
+At a root u* the slope satisfies F'(u*)² = D = G² - 4 A C.  With S = D - E_D a lower bound of D, F
+passes from E to -E within
 
     2 E / (sqrt(S) + sqrt(R)),   R = S - 4 (|A| + E_A) E
 
@@ -46,7 +50,9 @@ from numpy.typing import NDArray
 
 from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.nearest import Key, before, count_key
-from halfstep.twin.piece import Piece, clip, from_the_eye, remains, whole_interval
+from halfstep.twin.piece import Line, Piece, clip, from_the_eye, remains, whole_interval
+from halfstep.twin.root import Form, end_value
+from halfstep.twin.values import Value, Values, arithmetic_of, one_of, product, size_of
 
 EPSILON = np.float32(2.0**-24)
 ROOM = np.float32(1.03)
@@ -56,15 +62,37 @@ UNBOUNDED = np.float32(1e20)
 
 
 class Run(NamedTuple):
-    """Roundings of a step of the halvings, times ε: of F per |A| and |G|, and of the slope."""
+    """Roundings of the halvings.
+
+    Of F per |A|, |G| and |C| and of the slope, times ε; of both in units of a value.
+    """
 
     a: np.float32
     g: np.float32
+    c: np.float32
     slope: np.float32
+    units: np.float32
+    slope_units: np.float32
 
 
-DIRECT = Run(np.float32(5), np.float32(3.5), np.float32(1))
-INCREMENTAL = Run(np.float32(6.4), np.float32(3), np.float32(24))
+DIRECT = Run(*map(np.float32, (5, 3.5, 1, 1, 0, 0)))
+INCREMENTAL = Run(*map(np.float32, (6.4, 3, 1, 24, 0, 0)))
+INTEGER = Run(*map(np.float32, (0, 0, 0, 0, 2, 31)))
+
+
+class LineErrors(NamedTuple):
+    """Errors of the forms of a half-space."""
+
+    c: F32
+    b: F32
+
+
+class FormErrors(NamedTuple):
+    """Errors of the forms of F."""
+
+    a: F32
+    g: F32
+    c: F32
 
 
 class Certificate(NamedTuple):
@@ -88,58 +116,60 @@ class BoundedPiece(NamedTuple):
 
 
 def bounded_interval(
-    like: NDArray[np.generic], near_u: np.float32, far_u: np.float32, near_cut: bool
+    like: NDArray[np.generic], near_u: Value, far_u: Value, near_cut: bool
 ) -> BoundedPiece:
     """The interval of the solid; base planes that cut it are only as exact as their slack."""
     zero = np.zeros(like.shape, np.float32)
+    slack = BASE_PLANE_ERROR * np.float32(one_of(near_u))
     return BoundedPiece(
         whole_interval(like, near_u, far_u),
-        zero + (BASE_PLANE_ERROR if near_cut else np.float32(0)),
-        zero + (BASE_PLANE_ERROR if far_u != 1 else np.float32(0)),
+        zero + (slack if near_cut else np.float32(0)),
+        zero + (slack if far_u != one_of(far_u) else np.float32(0)),
         np.ones(like.shape, bool),
         np.zeros(like.shape, bool),
     )
 
 
-def bounded_clip(
-    old: BoundedPiece, c: F32, b: F32, error_c: F32, error_b: F32, number: int
-) -> BoundedPiece:
-    """As ``clip``; c and b are off by at most the errors given."""
+def surely_apart(
+    line: Line, errors: LineErrors, end_c: Values, end_b: Values, end_error: F32
+) -> Bools:
+    """Whether pairs of a half-space and of an end of a piece surely differ in order.
+
+    The latter is off by at most ``end_error``.
+    """
+    first, second = product(line.c, end_b), product(end_c, line.b)
+    error = ROOM * (
+        (errors.c * size_of(end_b) + errors.b * size_of(end_c))
+        + end_error * (size_of(line.c) + size_of(line.b))
+        + 3 * arithmetic_of(line.c).ROUNDING * (size_of(first) + size_of(second))
+    )
+    return size_of(first - second) > error
+
+
+def bounded_clip(old: BoundedPiece, line: Line, errors: LineErrors, number: int) -> BoundedPiece:
+    """As ``clip``."""
     before = old.piece
-    piece = clip(before, c, b, number)
-    size = np.abs(c) + np.abs(b)
-    entry_gap = c * before.b_in - before.c_in * b
-    entry_error = ROOM * (
-        error_c * np.abs(before.b_in)
-        + error_b * np.abs(before.c_in)
-        + old.error_in * size
-        + 3 * EPSILON * (np.abs(c * before.b_in) + np.abs(before.c_in * b))
-    )
-    exit_gap = c * before.b_out - before.c_out * b
-    exit_error = ROOM * (
-        error_c * np.abs(before.b_out)
-        + error_b * np.abs(before.c_out)
-        + old.error_out * size
-        + 3 * EPSILON * (np.abs(c * before.b_out) + np.abs(before.c_out * b))
-    )
-    apart = (np.abs(b) > error_b) & np.where(
-        b < 0, np.abs(entry_gap) > entry_error, np.abs(exit_gap) > exit_error
-    )
+    piece = clip(before, line, number)
+    apart_in = surely_apart(line, errors, before.c_in, before.b_in, old.error_in)
+    apart_out = surely_apart(line, errors, before.c_out, before.b_out, old.error_out)
+    slope = size_of(line.b)
+    apart = (slope > errors.b) & np.where(line.b < 0, apart_in, apart_out)
     # Inside for every u of the interval: whatever the sign of b, the plane plays no part.  Outside
     # for every u: whatever that sign, nothing remains.
-    spread = np.abs(b) + (ROOM * (error_c + error_b) + 8 * EPSILON * size)
-    idle = c + spread < 0
-    error = error_c + error_b
+    error = errors.c + errors.b
+    spread = slope + (ROOM * error + 8 * EPSILON * (size_of(line.c) + slope))
+    height = line.c.astype(np.float32)
+    idle = height + spread < 0
     return BoundedPiece(
         piece,
         np.where(piece.id_in == number, error, old.error_in),
         np.where(piece.id_out == number, error, old.error_out),
         old.sure & (apart | idle),
-        old.empty | (c - spread > 0),
+        old.empty | (height - spread > 0),
     )
 
 
-def bounded_from_the_eye(old: BoundedPiece, near_u: np.float32) -> BoundedPiece:
+def bounded_from_the_eye(old: BoundedPiece, near_u: Value) -> BoundedPiece:
     """As ``from_the_eye``."""
     return old._replace(piece=from_the_eye(old.piece, near_u), error_in=np.zeros_like(old.error_in))
 
@@ -147,64 +177,61 @@ def bounded_from_the_eye(old: BoundedPiece, near_u: np.float32) -> BoundedPiece:
 def surely_ordered(ends: BoundedPiece) -> Bools:
     """Whether it is certain that the piece is entered before it is left, or not."""
     piece = ends.piece
-    gap = piece.c_in * piece.b_out - piece.c_out * piece.b_in
+    first, second = product(piece.c_in, piece.b_out), product(piece.c_out, piece.b_in)
     error = ROOM * (
-        ends.error_in * (np.abs(piece.b_out) + np.abs(piece.c_out))
-        + ends.error_out * (np.abs(piece.b_in) + np.abs(piece.c_in))
-        + 3 * EPSILON * (np.abs(piece.c_in * piece.b_out) + np.abs(piece.c_out * piece.b_in))
+        ends.error_in * (size_of(piece.b_out) + size_of(piece.c_out))
+        + ends.error_out * (size_of(piece.b_in) + size_of(piece.c_in))
+        + 3 * arithmetic_of(first).ROUNDING * (size_of(first) + size_of(second))
     )
-    return np.abs(gap) > error
+    return size_of(first - second) > error
 
 
-def line_bound(c: F32, b: F32, error: F32, last_step: np.float32) -> F32:
+def line_bound(c: Values, b: Values, error: F32, last_step: np.float32) -> F32:
     """Distance from the position to the root of the line, c and b off by at most ``error``."""
-    size = np.abs(b)
+    size = size_of(b)
     some = size > 2 * error
     slope = np.where(some, size - error, np.float32(1))
-    off = error + np.float32(3.1) * EPSILON * (size + np.abs(c))
+    off = error + np.float32(3.1) * arithmetic_of(c).ROUNDING * (size + size_of(c))
     return np.where(some, last_step + ROOM * (off / slope), UNBOUNDED)
 
 
 class BoundedForm(NamedTuple):
-    """F = A u² + G u + C with the errors of its coefficients and of its discriminant."""
+    """F with the errors of its coefficients, and its discriminant with its own."""
 
-    a: F32
-    g: F32
-    c: F32
-    error_a: F32
-    error_g: F32
-    error_c: F32
+    form: Form
+    errors: FormErrors
     discriminant: F32
     error_d: F32
 
 
-def bounded_form(a: F32, g: F32, c: F32, error_a: F32, error_g: F32, error_c: F32) -> BoundedForm:
+def bounded_form(form: Form, errors: FormErrors) -> BoundedForm:
     """The form with its discriminant."""
-    size_g = np.abs(g)
-    product = np.abs(a * c)
+    size_g = size_of(form.g)
+    square = product(form.g, form.g)
+    fourfold = product(form.a + form.a, form.c + form.c)
     error_d = ROOM * (
         (
-            (2 * size_g + error_g) * error_g
-            + 4 * (np.abs(a) * error_c + (np.abs(c) + error_c) * error_a)
+            (2 * size_g + errors.g) * errors.g
+            + 4 * (size_of(form.a) * errors.c + (size_of(form.c) + errors.c) * errors.a)
         )
-        + 3 * EPSILON * (size_g * size_g + 4 * product)
+        + 3 * arithmetic_of(form.g).ROUNDING * (square.astype(np.float32) + size_of(fourfold))
     )
-    return BoundedForm(a, g, c, error_a, error_g, error_c, g * g - 4 * (a * c), error_d)
+    return BoundedForm(form, errors, (square - fourfold).astype(np.float32), error_d)
 
 
-def curve_bound(form: BoundedForm, run: Run, last_step: np.float32) -> F32:
+def curve_bound(bounded: BoundedForm, run: Run, last_step: np.float32) -> F32:
     """Distance from the position to the root of F."""
-    size_a, size_g = np.abs(form.a), np.abs(form.g)
+    errors = bounded.errors
+    size_a, size_g, size_c = (size_of(value) for value in bounded.form)
     off = ROOM * (
-        (form.error_a + form.error_g)
-        + form.error_c
-        + EPSILON * ((np.abs(form.c) + run.a * size_a) + run.g * size_g)
+        (((errors.a + errors.g) + errors.c) + run.units)
+        + EPSILON * ((run.c * size_c + run.a * size_a) + run.g * size_g)
     )
     off_slope = ROOM * (
-        (2 * form.error_a + form.error_g) + run.slope * EPSILON * (4 * size_a + size_g)
+        ((2 * errors.a + errors.g) + run.slope_units) + run.slope * EPSILON * (4 * size_a + size_g)
     )
-    least = form.discriminant - form.error_d
-    rest = least - 4 * ((size_a + form.error_a) * off)
+    least = bounded.discriminant - bounded.error_d
+    rest = least - 4 * ((size_a + errors.a) * off)
     some = rest > ROOM * (off_slope * off_slope)
     zero = np.float32(0)
     roots = np.where(
@@ -214,46 +241,57 @@ def curve_bound(form: BoundedForm, run: Run, last_step: np.float32) -> F32:
 
 
 class EndSigns(NamedTuple):
-    """F and F' at an end of a piece, times b² and -b, and whether their signs are certain."""
+    """F and F' at an end (c, b) of a piece: signs, and whether they are certain."""
 
-    value: F32
-    slope: F32
+    outside: Bools  # F > 0
+    falling: Bools  # F' < 0, times the sign of -b
+    rising: Bools  # F' > 0, likewise
     sure_value: Bools
     sure_slope: Bools
 
 
-def end_signs(form: BoundedForm, c: F32, b: F32, error: F32) -> EndSigns:
-    """Signs at the end (c, b), off by at most ``error``."""
-    size_a, size_g, size_b = np.abs(form.a), np.abs(form.g), np.abs(b)
-    value = (form.a * c - form.g * b) * c + form.c * (b * b)
-    slope = (form.a + form.a) * c - form.g * b
-    spread = (
-        (form.error_a + form.error_g)
-        + form.error_c
-        + 6 * EPSILON * ((size_a + size_g) + np.abs(form.c))
+def end_signs(bounded: BoundedForm, c: Values, b: Values, error: F32) -> EndSigns:
+    """Signs at the end (c, b), which is off by at most ``error``."""
+    form, errors, m = bounded.form, bounded.errors, arithmetic_of(c)
+    size_a, size_g, size_b = size_of(form.a), size_of(form.g), size_of(b)
+    value = end_value(form, c, b)
+    slope = product(form.a + form.a, c) - product(form.g, b)
+    spread = ((errors.a + errors.g) + errors.c) + 6 * m.ROUNDING * (
+        (size_a + size_g) + size_of(form.c)
     )
     error_value = ROOM * (
-        (b * b * spread + 2 * error * np.abs(slope))
-        + (
-            4 * (size_a + form.error_a) * (error * error)
-            + 2 * error * (2 * form.error_a + form.error_g) * size_b
+        m.REDUCTION
+        * (
+            (size_b * size_b * spread + 2 * error * size_of(slope))
+            + (
+                4 * (size_a + errors.a) * (error * error)
+                + 2 * error * (2 * errors.a + errors.g) * size_b
+            )
         )
+        + m.REDUCTION_ERROR * (size_of(c) + size_b)
     )
     error_slope = ROOM * (
-        (2 * form.error_a + form.error_g + 4 * EPSILON * (2 * size_a + size_g)) * size_b
+        (2 * errors.a + errors.g + 4 * m.ROUNDING * (2 * size_a + size_g)) * size_b
         + (2 * size_a + size_g) * error
     )
-    return EndSigns(value, slope, np.abs(value) > error_value, np.abs(slope) > error_slope)
+    return EndSigns(
+        value > 0,
+        slope < 0,
+        slope > 0,
+        size_of(value) > error_value,
+        size_of(slope) > error_slope,
+    )
 
 
-def certify_ellipsoid(form: BoundedForm, run: Run, last_step: np.float32) -> Certificate:
+def certify_ellipsoid(bounded: BoundedForm, run: Run, last_step: np.float32) -> Certificate:
     """An uncut ellipsoid seen from outside."""
+    shape = bounded.discriminant.shape
     return Certificate(
-        np.abs(form.discriminant) > form.error_d,
-        form.discriminant >= 0,
-        np.zeros(form.a.shape, np.int32),
-        np.zeros(form.a.shape, bool),
-        curve_bound(form, run, last_step),
+        np.abs(bounded.discriminant) > bounded.error_d,
+        bounded.discriminant >= 0,
+        np.zeros(shape, np.int32),
+        np.zeros(shape, bool),
+        curve_bound(bounded, run, last_step),
     )
 
 
@@ -279,7 +317,7 @@ def certify_polyhedron(
 
 
 def certify_quadric(
-    form: BoundedForm,
+    bounded: BoundedForm,
     ends: BoundedPiece,
     from_eye: Bools,
     eye_outside: bool,
@@ -294,21 +332,21 @@ def certify_quadric(
     certain, ``eye_sure``.  ``may_start_inside``: the eye or the near base plane may be inside.
     """
     piece = ends.piece
-    entry = end_signs(form, piece.c_in, piece.b_in, ends.error_in)
-    last = end_signs(form, piece.c_out, piece.b_out, ends.error_out)
-    outside = np.where(from_eye, eye_outside, entry.value > 0)
+    entry = end_signs(bounded, piece.c_in, piece.b_in, ends.error_in)
+    last = end_signs(bounded, piece.c_out, piece.b_out, ends.error_out)
+    outside = np.where(from_eye, eye_outside, entry.outside)
     sure_start = np.where(from_eye, eye_sure, entry.sure_value)
     some = remains(piece)
     ordered = surely_ordered(ends)
 
     # F if the ray starts outside, else -F, may have both its roots within.
-    sign = np.where(outside, np.float32(1), np.float32(-1))
-    sure_a = np.abs(form.a) > form.error_a
-    sure_d = np.abs(form.discriminant) > form.error_d
-    bends = sign * form.a > 0
-    falls = sign * entry.slope < 0
-    rises = sign * last.slope < 0
-    real = form.discriminant >= 0
+    form = bounded.form
+    sure_a = size_of(form.a) > bounded.errors.a
+    sure_d = np.abs(bounded.discriminant) > bounded.error_d
+    bends = np.where(outside, form.a > 0, form.a < 0)
+    falls = np.where(outside, entry.falling, entry.rising)
+    rises = np.where(outside, last.falling, last.rising)
+    real = bounded.discriminant >= 0
     turns = bends & falls & rises & real
     sure_turns = turns & sure_a & entry.sure_slope & last.sure_slope & sure_d
     sure_straight = (
@@ -318,7 +356,7 @@ def certify_quadric(
         | (sure_d & ~real)
     )
 
-    differs = (last.value > 0) != outside
+    differs = last.outside != outside
     crosses = differs | turns
     sure_crossing = np.where(
         crosses,
@@ -346,7 +384,7 @@ def certify_quadric(
             np.where(
                 on_exit,
                 line_bound(piece.c_out, piece.b_out, ends.error_out, last_step),
-                curve_bound(form, run, last_step),
+                curve_bound(bounded, run, last_step),
             ),
         ),
     )
@@ -358,50 +396,44 @@ class BoundedPatch(NamedTuple):
     met: Bools
     missed: Bools
     sure_slope: Bools
-    c: F32
-    b: F32
-    error_c: F32
-    error_b: F32
+    plane: Line
+    errors: LineErrors
 
 
 def bounded_facing(
-    c: F32,
-    b: F32,
-    error_c: F32,
-    error_b: F32,
-    near_u: np.float32,
-    far_u: np.float32,
-    near_cut: bool,
+    line: Line, errors: LineErrors, near_u: Value, far_u: Value, near_cut: bool
 ) -> BoundedPatch:
     """As ``facing``; base planes that cut the patch are only as exact as their slack."""
-    away = b > 0
-    size = np.abs(c) + np.abs(b)
-    first = c + b * near_u
-    last = c + b * far_u
-    error = ROOM * ((error_c + np.float32(1.1) * error_b) + 3 * EPSILON * size)
-    near_error = BASE_PLANE_ERROR if near_cut else np.float32(0)
-    far_error = BASE_PLANE_ERROR if far_u != 1 else np.float32(0)
-    sure_first = np.abs(first) > error + near_error * np.abs(b)
-    sure_last = np.abs(last) > error + far_error * np.abs(b)
+    away = line.b > 0
+    size = size_of(line.b)
+    one = one_of(line.c)
+    scaled_c = product(line.c, one)
+    first = scaled_c + product(line.b, near_u)
+    last = scaled_c + product(line.b, far_u)
+    rounding = 3 * arithmetic_of(line.c).ROUNDING * (size_of(line.c) + size)
+    error = ROOM * ((errors.c + np.float32(1.1) * errors.b) + rounding)
+    near_error = error + (BASE_PLANE_ERROR if near_cut else np.float32(0)) * size
+    far_error = error + (BASE_PLANE_ERROR if far_u != one else np.float32(0)) * size
+    unit = np.float32(one)
+    sure = (size_of(first) > near_error * unit) & (size_of(last) > far_error * unit)
     differs = (first > 0) != (last > 0)
     return BoundedPatch(
-        sure_first & sure_last & differs,
-        sure_first & sure_last & ~differs,
-        np.abs(b) > error_b,
-        np.where(away, -c, c),
-        np.where(away, -b, b),
-        error_c,
-        error_b,
+        sure & differs,
+        sure & ~differs,
+        size > errors.b,
+        Line(np.where(away, -line.c, line.c), np.where(away, -line.b, line.b)),
+        errors,
     )
 
 
-def bounded_bound(old: BoundedPatch, c: F32, b: F32, error_c: F32, error_b: F32) -> BoundedPatch:
+def bounded_bound(old: BoundedPatch, line: Line, errors: LineErrors) -> BoundedPatch:
     """As ``bound``."""
-    gap = c * old.b - old.c * b
+    first, second = product(line.c, old.plane.b), product(old.plane.c, line.b)
+    gap = (first - second).astype(np.float32)
     error = ROOM * (
-        (error_c * np.abs(old.b) + old.error_b * np.abs(c))
-        + (old.error_c * np.abs(b) + error_b * np.abs(old.c))
-        + 3 * EPSILON * (np.abs(c * old.b) + np.abs(old.c * b))
+        (errors.c * size_of(old.plane.b) + old.errors.b * size_of(line.c))
+        + (old.errors.c * size_of(line.b) + errors.b * size_of(old.plane.c))
+        + 3 * arithmetic_of(line.c).ROUNDING * (size_of(first) + size_of(second))
     )
     return old._replace(
         met=old.met & (gap > error),
@@ -409,14 +441,15 @@ def bounded_bound(old: BoundedPatch, c: F32, b: F32, error_c: F32, error_b: F32)
     )
 
 
-def certify_patch(plane: BoundedPatch, last_step: np.float32) -> Certificate:
+def certify_patch(tried: BoundedPatch, last_step: np.float32) -> Certificate:
     """A patch."""
+    shape = tried.plane.c.shape
     return Certificate(
-        plane.missed | (plane.met & plane.sure_slope),
-        plane.met,
-        np.zeros(plane.c.shape, np.int32),
-        np.zeros(plane.c.shape, bool),
-        line_bound(plane.c, plane.b, plane.error_c + plane.error_b, last_step),
+        tried.missed | (tried.met & tried.sure_slope),
+        tried.met,
+        np.zeros(shape, np.int32),
+        np.zeros(shape, bool),
+        line_bound(tried.plane.c, tried.plane.b, tried.errors.c + tried.errors.b, last_step),
     )
 
 

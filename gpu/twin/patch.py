@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.twin.lanes import F32, Bools
+from halfstep.twin.lanes import Bools
+from halfstep.twin.piece import Line
+from halfstep.twin.values import Value, Values, one_of, product
 
 
 class Patch(NamedTuple):
@@ -14,19 +16,21 @@ class Patch(NamedTuple):
 
     hit: Bools  # the ray meets it in bounds
     away: Bools  # it was turned
-    c: F32
-    b: F32
+    c: Values
+    b: Values
 
 
-def facing(c: F32, b: F32, near_u: np.float32, far_u: np.float32) -> Patch:
+def facing(line: Line, near_u: Value, far_u: Value) -> Patch:
     """The plane turned towards the viewer; met if it changes sign between the base planes."""
-    away = b > 0
-    c_facing = np.where(away, -c, c)
-    b_facing = np.where(away, -b, b)
-    met = (c_facing + b_facing * near_u >= 0) & (c_facing + b_facing * far_u <= 0)
-    return Patch(met & (b_facing < 0), away, c_facing, b_facing)
+    away = line.b > 0
+    c = np.where(away, -line.c, line.c)
+    b = np.where(away, -line.b, line.b)
+    scaled_c = product(c, one_of(c))
+    met = (scaled_c >= product(-b, near_u)) & (scaled_c <= product(-b, far_u))
+    return Patch(met & (b < 0), away, c, b)
 
 
-def bound(patch: Patch, c: F32, b: F32) -> Patch:
-    """The patch within c + b u <= 0 at its own root: the extra step (14), without a division."""
-    return patch._replace(hit=patch.hit & (c * patch.b >= patch.c * b))
+def bound(plane: Patch, line: Line) -> Patch:
+    """The patch inside the half-space at its own root: the extra step (14), without a division."""
+    met = product(line.c, plane.b) >= product(plane.c, line.b)
+    return plane._replace(hit=plane.hit & met)

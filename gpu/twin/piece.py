@@ -12,52 +12,61 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.lanes import I32, Bools
+from halfstep.twin.values import Value, Values, one_of, product
+
+
+class Line(NamedTuple):
+    """A half-space along the ray: inside where c + b u <= 0."""
+
+    c: Values
+    b: Values
 
 
 class Piece(NamedTuple):
     """The two ends; ``*_id`` counts half-spaces from 1, 0 is a base plane or the eye."""
 
-    c_in: F32
-    b_in: F32
+    c_in: Values
+    b_in: Values
     id_in: I32
-    c_out: F32
-    b_out: F32
+    c_out: Values
+    b_out: Values
     id_out: I32
 
 
-def whole_interval(like: NDArray[np.generic], near_u: np.float32, far_u: np.float32) -> Piece:
+def whole_interval(like: NDArray[np.generic], near_u: Value, far_u: Value) -> Piece:
     """The interval of the solid, u from ``near_u`` to ``far_u``, for pixels like ``like``."""
-    one = np.ones(like.shape, np.float32)
+    one = np.full(like.shape, one_of(near_u))
     none = np.zeros(like.shape, np.int32)
-    return Piece(near_u * one, -one, none, -far_u * one, one, none)
+    near, far = np.full(like.shape, near_u), np.full(like.shape, far_u)
+    return Piece(near, -one, none, -far, one, none)
 
 
-def clip(piece: Piece, c: F32, b: F32, number: int) -> Piece:
-    """The part of ``piece`` inside c + b u <= 0.
+def clip(piece: Piece, line: Line, number: int) -> Piece:
+    """The part of ``piece`` inside the half-space.
 
     A half-space parallel to the ray (b = 0) that excludes it leaves the pair (c > 0, 0): before
     everything, so nothing remains.
     """
-    enters = b < 0
-    later = enters & (c * piece.b_in < piece.c_in * b)
-    earlier = ~enters & (c * piece.b_out > piece.c_out * b)
+    enters = line.b < 0
+    later = enters & (product(line.c, piece.b_in) < product(piece.c_in, line.b))
+    earlier = ~enters & (product(line.c, piece.b_out) > product(piece.c_out, line.b))
     return Piece(
-        np.where(later, c, piece.c_in),
-        np.where(later, b, piece.b_in),
+        np.where(later, line.c, piece.c_in),
+        np.where(later, line.b, piece.b_in),
         np.where(later, np.int32(number), piece.id_in),
-        np.where(earlier, c, piece.c_out),
-        np.where(earlier, b, piece.b_out),
+        np.where(earlier, line.c, piece.c_out),
+        np.where(earlier, line.b, piece.b_out),
         np.where(earlier, np.int32(number), piece.id_out),
     )
 
 
 def remains(piece: Piece) -> Bools:
     """Whether the piece is entered before it is left."""
-    return piece.c_in * piece.b_out <= piece.c_out * piece.b_in
+    return product(piece.c_in, piece.b_out) <= product(piece.c_out, piece.b_in)
 
 
-def from_the_eye(piece: Piece, near_u: np.float32) -> Piece:
+def from_the_eye(piece: Piece, near_u: Value) -> Piece:
     """The piece entered at its start whatever rounding says: the eye is inside all half-spaces."""
-    one = np.ones(piece.c_in.shape, np.float32)
-    return piece._replace(c_in=near_u * one, b_in=-one, id_in=np.zeros_like(piece.id_in))
+    start = whole_interval(piece.id_in, near_u, near_u)
+    return piece._replace(c_in=start.c_in, b_in=start.b_in, id_in=start.id_in)

@@ -1,4 +1,4 @@
-"""Twin of ``polynomial.wgsl``: values of the forms at a pixel offset, in float32."""
+"""Twin of ``polynomial.wgsl``: values of polynomials at a pixel offset, in float32."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Offset(NamedTuple):
 
 
 def offset(x: I32, y: I32) -> Offset:
-    """The offset in the arithmetic of the forms; exact below 2^24."""
+    """The offset in the arithmetic of the coefficients; exact below 2^24."""
     return Offset(x.astype(np.float32), y.astype(np.float32))
 
 
@@ -36,10 +36,10 @@ def linear(k: F32, at: Offset) -> F32:
     return (k[0] + at.y * k[2]) + at.x * k[1]
 
 
-def quadratic_error(k: F32, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as the exact forms
+def quadratic_error(k: F32, at: Offset) -> F32:
     """Bound of the error of ``quadratic``: every term passes so many roundings.
 
-    Counted are that of the coefficient and those of the operations on its way to ``value``.
+    Counted are that of the coefficient and those of the operations on its way to the value.
     """
     x, y = np.abs(at.x), np.abs(at.y)
     constant = 3 * abs(k[0]) + y * (5 * abs(k[2]) + y * (6 * abs(k[5])))
@@ -47,7 +47,7 @@ def quadratic_error(k: F32, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as
     return ROUNDING * (constant + x * (slope + x * (5 * abs(k[3]))))
 
 
-def linear_error(k: F32, at: Offset, value: F32) -> F32:  # noqa: ARG001 - as the exact forms
+def linear_error(k: F32, at: Offset) -> F32:
     """Bound of the error of ``linear``."""
     constant = 3 * abs(k[0]) + np.abs(at.y) * (4 * abs(k[2]))
     return ROUNDING * (constant + np.abs(at.x) * (3 * abs(k[1])))

@@ -11,8 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.lanes import I32, Bools
+from halfstep.twin.patch import Patch
 from halfstep.twin.piece import Piece, remains
+from halfstep.twin.values import Products, Values, product, reduced
+
+
+class Form(NamedTuple):
+    """F = a u² + g u + c along the ray."""
+
+    a: Values
+    g: Values
+    c: Values
 
 
 class Root(NamedTuple):
@@ -20,76 +30,84 @@ class Root(NamedTuple):
 
     hit: Bools
     surface: I32  # 0 is F, half-spaces count from 1
-    a: F32
-    g: F32
-    c: F32
+    a: Values
+    g: Values
+    c: Values
     flipped: Bools
 
 
-def outside_at_entry(a: F32, g: F32, c: F32, piece: Piece) -> Bools:
-    """F > 0 where the piece begins; F is taken times the square of the entry's slope."""
-    value = (a * piece.c_in - g * piece.b_in) * piece.c_in + c * (piece.b_in * piece.b_in)
-    return value > 0
+def end_value(form: Form, c: Values, b: Values) -> Products:
+    """F at the end (c, b) of a piece, times b² and the reduction of products."""
+    sloped = reduced(product(form.a, c) - product(form.g, b))
+    return product(sloped, c) + product(reduced(product(form.c, b)), b)
 
 
-def outside_at_exit(a: F32, g: F32, c: F32, piece: Piece) -> Bools:
+def outside_at_entry(form: Form, piece: Piece) -> Bools:
+    """F > 0 where the piece begins."""
+    return end_value(form, piece.c_in, piece.b_in) > 0
+
+
+def outside_at_exit(form: Form, piece: Piece) -> Bools:
     """F > 0 where the piece ends."""
-    value = (a * piece.c_out - g * piece.b_out) * piece.c_out + c * (piece.b_out * piece.b_out)
-    return value > 0
+    return end_value(form, piece.c_out, piece.b_out) > 0
 
 
-def turns_within(a: F32, g: F32, c: F32, piece: Piece) -> Bools:
+def has_root(form: Form) -> Bools:
+    """F has a root somewhere on the line."""
+    return product(form.g, form.g) >= product(form.a + form.a, form.c + form.c)
+
+
+def turns_within(form: Form, piece: Piece) -> Bools:
     """For a > 0: F has both its roots between ends where it is positive, even if they coincide."""
-    slope_in = (a + a) * piece.c_in - g * piece.b_in
-    slope_out = g * piece.b_out - (a + a) * piece.c_out
-    return (a > 0) & (slope_in < 0) & (slope_out > 0) & (g * g >= np.float32(4) * (a * c))
+    bend = form.a + form.a
+    falls = product(bend, piece.c_in) < product(form.g, piece.b_in)
+    rises = product(form.g, piece.b_out) > product(bend, piece.c_out)
+    return (form.a > 0) & falls & rises & has_root(form)
 
 
-def quadric_entry(a: F32, g: F32, c: F32, piece: Piece, outside: Bools) -> Root:
+def quadric_entry(form: Form, piece: Piece, outside: Bools) -> Root:
     """Where a ray that starts outside the solid enters it, (18); ``outside``: F > 0 at entry."""
-    crosses = outside & (~outside_at_exit(a, g, c, piece) | turns_within(a, g, c, piece))
+    crosses = outside & (~outside_at_exit(form, piece) | turns_within(form, piece))
     on_plane = ~outside & (piece.id_in > 0)
-    flipped = crosses & (a < 0)
+    flipped = crosses & (form.a < 0)
     return Root(
         remains(piece) & (crosses | on_plane),
         np.where(on_plane, piece.id_in, 0),
-        np.where(on_plane, np.float32(0), np.abs(a)),
-        np.where(on_plane, piece.b_in, g),
-        np.where(on_plane, piece.c_in, np.where(flipped, -c, c)),
+        np.where(on_plane, np.zeros_like(form.a), np.abs(form.a)),
+        np.where(on_plane, piece.b_in, form.g),
+        np.where(on_plane, piece.c_in, np.where(flipped, -form.c, form.c)),
         flipped,
     )
 
 
-def quadric_exit(a: F32, g: F32, c: F32, piece: Piece, inside: Bools) -> Root:
+def quadric_exit(form: Form, piece: Piece, inside: Bools) -> Root:
     """Where a ray that is in the solid leaves it, (19); ``inside``: F <= 0 at entry."""
-    within = inside & turns_within(-a, -g, -c, piece)
-    crosses = outside_at_exit(a, g, c, piece) | within
+    within = inside & turns_within(Form(-form.a, -form.g, -form.c), piece)
+    crosses = outside_at_exit(form, piece) | within
     on_plane = ~crosses & (piece.id_out > 0)
-    flipped = crosses & (a > 0)
+    flipped = crosses & (form.a > 0)
     return Root(
         remains(piece) & (crosses | on_plane),
         np.where(on_plane, piece.id_out, 0),
-        np.where(on_plane, np.float32(0), np.abs(a)),
-        np.where(on_plane, -piece.b_out, -g),
-        np.where(on_plane, -piece.c_out, np.where(flipped, c, -c)),
+        np.where(on_plane, np.zeros_like(form.a), np.abs(form.a)),
+        np.where(on_plane, -piece.b_out, -form.g),
+        np.where(on_plane, -piece.c_out, np.where(flipped, form.c, -form.c)),
         flipped,
     )
 
 
-def ellipsoid_entry(a: F32, g: F32, c: F32) -> Root:
+def ellipsoid_entry(form: Form) -> Root:
     """Where a ray enters an uncut ellipsoid from outside: only the discriminant decides."""
-    shape = np.shape(a)
-    return Root(
-        g * g >= np.float32(4) * (a * c), np.zeros(shape, np.int32), a, g, c, np.zeros(shape, bool)
-    )
+    shape = np.shape(form.a)
+    never = np.zeros(shape, bool)
+    return Root(has_root(form), np.zeros(shape, np.int32), form.a, form.g, form.c, never)
 
 
-def ellipsoid_exit(a: F32, g: F32, c: F32) -> Root:
+def ellipsoid_exit(form: Form) -> Root:
     """Where a ray leaves an uncut ellipsoid it entered from outside."""
-    shape = np.shape(a)
-    return Root(
-        g * g >= np.float32(4) * (a * c), np.zeros(shape, np.int32), a, -g, c, np.ones(shape, bool)
-    )
+    shape = np.shape(form.a)
+    always = np.ones(shape, bool)
+    return Root(has_root(form), np.zeros(shape, np.int32), form.a, -form.g, form.c, always)
 
 
 def polyhedron_entry(piece: Piece) -> Root:
@@ -116,10 +134,11 @@ def polyhedron_exit(piece: Piece) -> Root:
     )
 
 
-def patch_entry(hit: Bools, c: F32, b: F32) -> Root:
+def patch_entry(plane: Patch) -> Root:
     """Where a ray meets a patch that it passes from + to -."""
-    none = np.zeros(c.shape, np.int32)
-    return Root(hit, none, np.zeros_like(c), b, c, np.zeros(c.shape, bool))
+    none = np.zeros(plane.c.shape, np.int32)
+    never = np.zeros(none.shape, bool)
+    return Root(plane.hit, none, np.zeros_like(plane.c), plane.b, plane.c, never)
 
 
 def choose(inside: Bools, outer: Root, inner: Root) -> Root:

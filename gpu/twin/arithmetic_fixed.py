@@ -1,0 +1,34 @@
+"""Twin of ``arithmetic_fixed.wgsl``: values of the forms and places on a ray in 32-bit integers.
+
+A value has at most 29 bits and a sign, a place 30 bits after the point: u from -2^30 to 2^30.
+Products of two are below 2^60, sums of four such below 2^62: 64 bits hold them exactly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from halfstep.twin.lanes import I32, I64
+
+# The value that u = 1 is.
+ONE = np.int32(1 << 30)
+# A product or a sum is off by at most this, relative to it.
+ROUNDING = np.float32(0)
+# A reduced product is the product times this, off by at most so much besides.
+REDUCTION = np.float32(2.0**-30)
+REDUCTION_ERROR = np.float32(1)
+
+
+def product(a: I32, b: I32) -> I64:
+    """a b"""
+    return a.astype(np.int64) * b.astype(np.int64)
+
+
+def reduced(wide: I64) -> I32:
+    """A product as a value, rounded up, so that what is positive stays so."""
+    return ((wide + np.int64((1 << 30) - 1)) >> np.int64(30)).astype(np.int32)
+
+
+def steps_from_middle(position: I32, steps: int) -> I32:
+    """u of a number of last steps."""
+    return position << np.int32(30 - steps)

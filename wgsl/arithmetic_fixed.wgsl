@@ -1,0 +1,31 @@
+// Values of the forms and places on a ray in 32-bit integers.
+//
+// A value has at most 29 bits and a sign, a place 30 bits after the point: u from -2^30 to 2^30.
+// Products of two are below 2^60, sums of four such below 2^62: 64 bits hold them exactly.
+
+alias Value = i32;
+alias v4 = vec4<i32>;
+// Products of two values.
+alias w4 = vec4<i64>;
+
+// The value that u = 1 is.
+const ONE: Value = 1073741824;
+// A product or a sum is off by at most this, relative to it.
+const ROUNDING: f32 = 0.0;
+// A reduced product is the product times this, off by at most so much besides.
+const REDUCTION: f32 = 0x1p-30f;
+const REDUCTION_ERROR: f32 = 1.0;
+
+fn product(a: v4, b: v4) -> w4 {
+  return w4(a) * w4(b);
+}
+
+// A product as a value, rounded up, so that what is positive stays so.
+fn reduced(wide: w4) -> v4 {
+  return v4((wide + w4(0x3FFFFFFFli)) >> u4(30u));
+}
+
+// u of a number of last steps.
+fn steps_from_middle(position: i4, steps: u32, last_step: f32) -> v4 {
+  return position << u4(30u - steps);
+}
