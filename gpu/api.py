@@ -22,16 +22,16 @@ from halfstep.frame import (
     SOURCES,
     Array,
     Frame,
+    Lookup,
     arrays_of,
     check_outputs,
     device_outputs,
     steps_by_solid,
 )
 from halfstep.layout import TILE
-from halfstep.pack import Packed, pack, srgb_table, surfaces
+from halfstep.pack import Packed, pack, surfaces
 from halfstep.scene import Accuracy, Camera, Scene, with_overrides
 from halfstep.setup import setup
-from halfstep.twin import encode
 from halfstep.twin.normal import Vector
 
 BACKENDS = ("auto", "gpu", "numpy")
@@ -163,7 +163,7 @@ class Renderer:
         samples = image.samples
         averaged = [name for name in self._outputs if name in AVERAGED and samples > 1]
         plain = [name for name in self._outputs if name not in averaged]
-        arrays: dict[str, Array] = {}
+        arrays: dict[str, Array | Lookup] = {}
         times: list[float] = []
         steps: list[int] = []
         for names, factor in ((plain, 1), (averaged, samples)):
@@ -177,7 +177,7 @@ class Renderer:
                 bands.append(band)
                 if milliseconds is not None:
                     times.append(milliseconds)
-            arrays |= {name: np.concatenate([band[name] for band in bands]) for name in names}
+            arrays |= {name: _joined([band[name] for band in bands]) for name in names}
         arrays = {name: arrays[name] for name in self._outputs}
         return Frame(arrays, self._info(scene, steps, times, begin))
 
@@ -208,7 +208,7 @@ class Renderer:
 
     def _bands(
         self, scene: Scene, packed: Packed, names: list[str], samples: int
-    ) -> Iterator[tuple[dict[str, Array], float | None]]:
+    ) -> Iterator[tuple[dict[str, Array | Lookup], float | None]]:
         """Frame arrays of one band of rows after another, with the device time in ms if known."""
         view = packed.setup.view
         wanted = ["color"] if samples > 1 else names
@@ -231,7 +231,7 @@ class Renderer:
                 planes = run_twin.render_band(*job)
             arrays = arrays_of(wanted, planes, packed, self._tables, first)
             if samples > 1:
-                arrays = _averaged(arrays["color"], samples, names)
+                arrays = dict(_averaged(planes["color"], samples, names))
             yield arrays, milliseconds
 
     def _info(
@@ -278,6 +278,15 @@ def _device(backend: str, adapter: str | int | None, accuracy: Accuracy) -> Any:
         return None
 
 
+def _joined(bands: list[Any]) -> Any:
+    """Bands of rows one below the other."""
+    if len(bands) == 1:
+        return bands[0]
+    if isinstance(bands[0], Lookup):
+        return Lookup(bands[0].table, np.concatenate([band.numbers for band in bands]))
+    return np.concatenate(bands)
+
+
 def _averaged(color: Array, samples: int, names: list[str]) -> dict[str, Array]:
     """Image and colour of a band from the colours of its sub-pixels, averaged in linear light."""
     height, width = color.shape[0] // samples, color.shape[1] // samples
@@ -285,6 +294,5 @@ def _averaged(color: Array, samples: int, names: list[str]) -> dict[str, Array]:
     linear = mean.astype(np.float32)
     arrays = {"color": linear}
     if "image" in names:
-        words = encode.encode(srgb_table(), Vector(*np.moveaxis(linear, -1, 0)))
-        arrays["image"] = words.view(np.uint8).reshape(height, width, 4)[..., :3]
+        arrays["image"] = run_twin.image_of(Vector(*np.moveaxis(linear, -1, 0)))
     return {name: arrays[name] for name in names}

@@ -50,6 +50,7 @@ Without a driver, the backend "numpy" renders the same picture slowly."""
 # wgpu's names of the features Halfstep uses where it can, with what they are.
 FEATURES = {
     "shader-int64": "64-bit integers in shaders",
+    "mappable-primary-buffers": "frame buffers that the processor can read",
     "subgroup": "exchange between the invocations of a subgroup",
     "timestamp-query": "device times",
 }
@@ -65,7 +66,6 @@ class AdapterSummary:
     driver: str  # name and version, as the driver tells them; may be empty
     vendor: str  # name, or PCI id where the driver gives none
     backend: str
-    least_subgroup: int = 0  # invocations that are in a subgroup at least; 0 if not told
 
     def __str__(self) -> str:
         driver = f", {self.driver}" if self.driver else ""
@@ -275,7 +275,6 @@ def _summary(index: int, info: Mapping[str, Any]) -> AdapterSummary:
         vendor=info["vendor"] or f"0x{info['vendor_id']:04x}",
         backend=info["backend_type"],
         # wgpu-py 0.32 spells the name so.
-        least_subgroup=info.get("subgroup_min_size", info.get("stackgroup_min_size", 0)),
     )
 
 

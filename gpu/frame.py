@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,17 @@ AVERAGED = ("image", "color")
 _NOT_LEFT = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
+class Lookup(NamedTuple):
+    """An array that is a table's entries at surface numbers (H, W), looked up when it is wanted."""
+
+    table: Array
+    numbers: Array
+
+    def found(self) -> Array:
+        """The array."""
+        return np.asarray(self.table[self.numbers])
+
+
 class Frame:
     """One rendered picture: H rows of W pixels.
 
@@ -58,8 +69,8 @@ class Frame:
 
     info: dict[str, Any]
 
-    def __init__(self, arrays: dict[str, Array], info: dict[str, Any]) -> None:
-        self._arrays = arrays
+    def __init__(self, arrays: Mapping[str, Array | Lookup], info: dict[str, Any]) -> None:
+        self._arrays = dict(arrays)
         self.info = info
 
     def __getattr__(self, name: str) -> Array:
@@ -70,7 +81,10 @@ class Frame:
                 f"{name!r} was not computed; name it in outputs (this frame has: "
                 f"{', '.join(sorted(self._arrays))})"
             )
-        return self._arrays[name]
+        array = self._arrays[name]
+        if isinstance(array, Lookup):
+            array = self._arrays[name] = array.found()
+        return array
 
     def __dir__(self) -> Iterable[str]:
         return [*super().__dir__(), *self._arrays]
@@ -105,21 +119,21 @@ def device_outputs(outputs: Iterable[str]) -> frozenset[str]:
 
 def arrays_of(
     outputs: Iterable[str], planes: Planes, packed: Packed, tables: Surfaces, first_row: int = 0
-) -> dict[str, Array]:
+) -> dict[str, Array | Lookup]:
     """Frame arrays of a band from what a device or the twin computed."""
     number = planes["surface"]
     hit = number > 0
     setup = packed.setup
-    arrays: dict[str, Array] = {}
+    arrays: dict[str, Array | Lookup] = {}
     for name in outputs:
         if name == "image":
-            arrays[name] = planes["image"].view(np.uint8).reshape(*number.shape, 4)[..., :3]
+            arrays[name] = planes["image"]
         elif name in ("color", "normal"):
             arrays[name] = planes[name]
         elif name == "solid":
-            arrays[name] = tables.solid[number]
+            arrays[name] = Lookup(tables.solid, number)
         elif name == "surface":
-            arrays[name] = tables.number[number]
+            arrays[name] = Lookup(tables.number, number)
         elif name == "t":
             arrays[name] = _fraction(planes["key"], hit, packed)
         elif name == "depth":
@@ -136,7 +150,7 @@ def arrays_of(
         elif name == "error":
             arrays[name] = _error(planes, hit, packed, tables)
         elif name == "steps":
-            arrays[name] = steps_by_solid(packed, tables)[tables.solid[number]]
+            arrays[name] = Lookup(steps_by_solid(packed, tables)[tables.solid], number)
     return arrays
 
 

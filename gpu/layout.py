@@ -39,6 +39,10 @@ class Field:
     meaning: str
 
 
+# Records begin at multiples of this many bytes, so that they can be fetched as vec4.
+ALIGNMENT = 16
+
+
 @dataclass(frozen=True)
 class Record:
     """A WGSL struct and its NumPy dtype."""
@@ -55,19 +59,18 @@ class Record:
         }
         formats: list[np.dtype[np.generic] | tuple[np.dtype[np.generic], tuple[int, ...]]] = []
         offsets: list[int] = []
-        end = alignment = 0
+        end = 0
         for field in self.fields:
             scalar, width = numbers.get(field.type), 1
             if scalar is None:
                 scalar, width = _TYPES[field.type]
             align = np.dtype(scalar).itemsize * width
-            alignment = max(alignment, align)
             offset = -(-end // align) * align
             shape = (field.count,) * (field.count > 1) + (width,) * (width > 1)
             formats.append((np.dtype(scalar), shape))
             offsets.append(offset)
             end = offset + np.dtype(scalar).itemsize * width * field.count
-        size = -(-end // alignment) * alignment
+        size = -(-end // ALIGNMENT) * ALIGNMENT
         return np.dtype(
             {
                 "names": [field.name for field in self.fields],
@@ -82,7 +85,8 @@ class Record:
         lines = [f"// {self.meaning}", f"struct {self.name} {{"]
         for field in self.fields:
             type_ = f"array<{field.type}, {field.count}>" if field.count > 1 else field.type
-            lines.append(f"  {field.name}: {type_},  // {field.meaning}")
+            align = f"@align({ALIGNMENT}) " if field is self.fields[0] else ""
+            lines.append(f"  {align}{field.name}: {type_},  // {field.meaning}")
         return "\n".join([*lines, "}"])
 
 

@@ -24,9 +24,8 @@ U32 = NDArray[np.uint32]
 KEY_SPARE_BITS = 6
 # Fraction bits of integer coefficients.
 FRACTION_BITS = 60
-_SRGB_CELLS = 4096
-# Entries of the sRGB table, a whole number of vec4.
-SRGB_ENTRIES = 4100
+# Entries of the sRGB table: 128 for each of 13 powers of two, and one for 1.
+SRGB_ENTRIES = 13 * 128 + 1
 
 
 class Class(IntEnum):
@@ -84,6 +83,7 @@ class Packed:
     present: tuple[Class, ...]  # classes that the scene's solids have, in this frame or otherwise
     highlights: bool  # some material shines
     most_half_spaces: int  # of a solid
+    surface_count: int  # of the scene
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -180,6 +180,7 @@ def pack(
         present=tuple(Class(int(c)) for c in np.union1d(classes, usual)),
         highlights=bool((tables.specular > 0).any()),
         most_half_spaces=int(geometry.plane_count.max()),
+        surface_count=len(tables.solid) - 1,
     )
 
 
@@ -288,16 +289,18 @@ def tile_lists(
 
 @functools.cache
 def srgb_table() -> U32:
-    """Table of ``encode.wgsl``: level in 8 bits, place of the next one in 24; 4097 are read."""
+    """Table of ``encode.wgsl``, an entry for every 2^16 consecutive float32 from 2^-13 to 1."""
     edges = (np.arange(1, 256) - 0.5) / 255
     linear = np.where(edges <= 0.04045, edges / 12.92, ((edges + 0.055) / 1.055) ** 2.4)
-    place = linear * _SRGB_CELLS
-    cells = np.arange(SRGB_ENTRIES)
-    level = np.searchsorted(place, cells, side="right")
-    following = np.append(place, np.inf)[level] - cells
-    fraction = np.ceil(np.minimum(following, 1.0) * 2.0**23).astype(np.uint32)
-    fraction[following >= 1] = 2**24 - 1
-    table = (level.astype(np.uint32) | fraction << np.uint32(8)).astype(np.uint32)
+    # The least float32 of each level.
+    first = linear.astype(np.float32)
+    first = np.where(first < linear, np.nextafter(first, np.float32(2)), first).view(np.uint32)
+    begin = np.float32(2.0**-13).view(np.uint32)
+    cells = begin + (np.arange(SRGB_ENTRIES, dtype=np.uint32) << np.uint32(16))
+    level = np.searchsorted(first, cells, side="right")
+    following = np.append(first, 0xFFFFFFFF)[level] - cells.astype(np.int64)
+    table = level | np.minimum(following, 1 << 16) << 8
+    table = table.astype(np.uint32)
     table.setflags(write=False)  # every caller has this one
     return table
 

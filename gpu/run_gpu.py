@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,10 +12,10 @@ from numpy.typing import NDArray
 from halfstep.device import Adapter, device_errors, open_device
 from halfstep.errors import AdapterError
 from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
-from halfstep.layout import BLOCK_WIDTH, TILE
+from halfstep.layout import TILE
 from halfstep.pack import Packed, frame_record, joined_key, srgb_table, tile_lists
 from halfstep.scene import Scene
-from halfstep.source import GROUP, Needs, binding_numbers, compose, plane_offsets
+from halfstep.source import MOST_TAGS, Needs, binding_numbers, compose, plane_offsets
 
 Planes = dict[str, NDArray[Any]]
 
@@ -23,6 +25,10 @@ BAND_BYTES = 128 << 20
 LINES_GRANULE = 8
 INT64 = "shader-int64"
 SUBGROUP = "subgroup"
+MAPPABLE = "mappable-primary-buffers"
+_QUERY_ALIGNMENT = 256
+# A record has 16 vec4 or so: more invocations would load nothing.
+MOST_TOGETHER = 16
 _UNIFORM = {0, 6, 7}
 
 
@@ -38,21 +44,27 @@ class Device:
         """
         self.adapter = adapter
         self.check_format(number_format)
-        self._device = open_device(adapter, features={INT64, SUBGROUP} & adapter.handle.features)
-        # Measured: worth a factor of two where a processor plays the device.
-        self._cooperative = (
-            adapter.summary.kind == "cpu"
-            and SUBGROUP in self._device.features
-            and adapter.summary.least_subgroup >= GROUP
-        )
+        shared = {MAPPABLE} if adapter.summary.kind == "cpu" else set()
+        wanted = {INT64, SUBGROUP} | shared
+        self._device = open_device(adapter, features=wanted & adapter.handle.features)
+        self._mapped = MAPPABLE in self._device.features
+        # Measured: worth a factor of 1.3 to 2 where a processor plays the device.
+        self._together = 1
+        if adapter.summary.kind == "cpu" and SUBGROUP in self._device.features:
+            self._together = min(_subgroup_size(self._device), MOST_TOGETHER)
         self._pipelines: dict[Needs, tuple[Any, Any]] = {}
         self._buffers: dict[str, Any] = {}
+        self._targets: list[Target] = []
         self._timed = "timestamp-query" in self._device.features
         if self._timed:
             self._queries = self._device.create_query_set(type="timestamp", count=2)
 
     def close(self) -> None:
         """Give the device's memory back."""
+        for target in self._targets:
+            target.frame.destroy()
+            target.staging.destroy()
+        self._targets.clear()
         for buffer in self._buffers.values():
             buffer.destroy()
         self._buffers.clear()
@@ -80,7 +92,7 @@ class Device:
         words = plane_offsets(outputs)["total"] * -(-width // TILE) * TILE
         return max(size // (4 * words) // TILE, 1) * TILE
 
-    def render_band(
+    def start_band(
         self,
         scene: Scene,
         packed: Packed,
@@ -88,15 +100,16 @@ class Device:
         rows: int,
         method: str,
         outputs: frozenset[str],
-    ) -> tuple[Planes, float | None]:
-        """Outputs of a band as ``run_twin.render_band`` gives them, and the device time in ms.
+    ) -> PendingBand:
+        """Begin to render a band; the caller may prepare the next one meanwhile.
 
         Raises:
             AdapterError: the frame needs 64-bit integers and the device has none.
             DeviceError: the device is lost or out of memory.
         """
         self.check_format(packed.format)
-        needs = needs_of(packed, method, outputs, cooperative=self._cooperative)
+        written = _written(outputs, packed)
+        needs = needs_of(packed, method, written, together=self._together)
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
         contents = {
@@ -106,18 +119,27 @@ class Device:
             3: starts,
             4: members,
             6: packed.lights,
-            7: srgb_table(),
+            7: np.repeat(srgb_table(), 4),
         }
         tiles = int(frame["tiles_x"][0]), -(-rows // TILE)
-        size = plane_offsets(outputs)["total"] * int(frame["plane_quads"][0]) * 16
+        size = plane_offsets(written)["total"] * int(frame["plane_quads"][0]) * 16
         with device_errors(self.adapter):
             pipeline, layout = self._pipeline(needs)
-            resources = {5: self._buffer("planes", size, "STORAGE|COPY_SRC")}
+            target = self._target(size)
+            resources = {5: (target.frame, size)}
             for number in binding_numbers(needs):
                 if number != 5:
                     resources[number] = self._upload(number, contents[number])
-            words, device_ms = self._dispatch(pipeline, layout, resources, tiles, size)
-        return _planes(words, frame, rows, packed.setup.view.width, outputs), device_ms
+            self._submit(pipeline, layout, resources, tiles, target)
+        shape = rows, packed.setup.view.width
+        return PendingBand(self, target, size, shape, written, outputs)
+
+    def render_band(self, *job: Any) -> tuple[Planes, float | None]:
+        """Outputs of a band as ``run_twin.render_band`` gives them, and the device time in ms.
+
+        Takes and raises what ``start_band`` does.
+        """
+        return self.start_band(*job).finish()
 
     def _pipeline(self, needs: Needs) -> tuple[Any, Any]:
         if needs not in self._pipelines:
@@ -135,43 +157,55 @@ class Device:
             self._pipelines[needs] = pipeline, layout
         return self._pipelines[needs]
 
-    def _upload(self, number: int, content: NDArray[Any]) -> Any:
+    def _upload(self, number: int, content: NDArray[Any]) -> tuple[Any, int]:
         kind = "UNIFORM" if number in _UNIFORM else "STORAGE"
         # An empty binding is not allowed: nothing reads this one record of zeros.
         content = content if len(content) else np.zeros(1, content.dtype)
-        buffer = self._buffer(f"binding {number}", content.nbytes, f"{kind}|COPY_DST")
+        name = f"binding {number}"
+        buffer = self._buffers[name] = self._grown(
+            self._buffers.get(name), content.nbytes, f"{kind}|COPY_DST"
+        )
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
-        return buffer
+        return buffer, buffer.size
 
-    def _buffer(self, name: str, size: int, usage: str) -> Any:
-        """A kept buffer of at least ``size`` bytes."""
-        buffer = self._buffers.get(name)
+    def _grown(self, buffer: Any, size: int, usage: str) -> Any:
+        """``buffer``, or one of at least ``size`` bytes in its place."""
         if buffer is None or buffer.size < size:
             if buffer is not None:
                 buffer.destroy()
-            buffer = self._device.create_buffer(label=name, size=-(-size // 16) * 16, usage=usage)
-            self._buffers[name] = buffer
+            buffer = self._device.create_buffer(size=-(-size // 16) * 16, usage=usage)
         return buffer
 
-    def _dispatch(
+    def _target(self, size: int) -> Target:
+        """Buffers that a band can be rendered to, with room for ``size`` bytes and two times."""
+        target = self._targets.pop() if self._targets else Target()
+        stamps = _stamps_at(size)
+        if self._mapped:
+            usage = "STORAGE|QUERY_RESOLVE|MAP_READ"
+            target.frame = target.staging = self._grown(target.frame, stamps + 16, usage)
+        else:
+            usage = "STORAGE|QUERY_RESOLVE|COPY_SRC"
+            target.frame = self._grown(target.frame, stamps + 16, usage)
+            usage = "MAP_READ|COPY_DST"
+            target.staging = self._grown(target.staging, stamps + 16, usage)
+        return target
+
+    def _submit(
         self,
         pipeline: Any,
         layout: Any,
-        resources: dict[int, Any],
+        resources: dict[int, tuple[Any, int]],
         tiles: tuple[int, int],
-        size: int,
-    ) -> tuple[NDArray[np.uint32], float | None]:
+        target: Target,
+    ) -> None:
         group = self._device.create_bind_group(
             layout=layout,
             entries=[
-                {
-                    "binding": number,
-                    "resource": {"buffer": buffer, "offset": 0, "size": buffer.size},
-                }
-                for number, buffer in sorted(resources.items())
+                {"binding": number, "resource": {"buffer": buffer, "offset": 0, "size": size}}
+                for number, (buffer, size) in sorted(resources.items())
             ],
         )
-        staging = self._buffer("staging", size + 16, "MAP_READ|COPY_DST")
+        size = resources[5][1]
         encoder = self._device.create_command_encoder()
         timing = {}
         if self._timed:
@@ -185,24 +219,110 @@ class Device:
         compute.set_bind_group(0, group)
         compute.dispatch_workgroups(*tiles)
         compute.end()
-        encoder.copy_buffer_to_buffer(resources[5], 0, staging, 0, size)
         if self._timed:
-            stamps = self._buffer("timestamps", 16, "QUERY_RESOLVE|COPY_SRC")
-            encoder.resolve_query_set(self._queries, 0, 2, stamps, 0)
-            encoder.copy_buffer_to_buffer(stamps, 0, staging, size, 16)
+            encoder.resolve_query_set(self._queries, 0, 2, target.frame, _stamps_at(size))
+        if not self._mapped:
+            encoder.copy_buffer_to_buffer(target.frame, 0, target.staging, 0, _stamps_at(size) + 16)
         self._device.queue.submit([encoder.finish()])
-        staging.map_sync("READ", 0, size + 16)
-        try:
-            words = np.frombuffer(staging.read_mapped(0, size + 16), np.uint32)
-        finally:
-            staging.unmap()
-        begin, end = words[size // 4 :].view(np.uint64)
-        return words[: size // 4], (int(end) - int(begin)) / 1e6 if self._timed else None
+
+    def read(
+        self, target: Target, size: int, take: Callable[[NDArray[np.uint32]], Planes]
+    ) -> tuple[Planes, float | None]:
+        """What ``take`` makes of a finished frame buffer, and the device time in ms."""
+        stamps = _stamps_at(size)
+        with device_errors(self.adapter):
+            target.staging.map_sync("READ", 0, stamps + 16)
+            memory = target.staging.read_mapped(0, stamps + 16, copy=False)
+            try:
+                words = np.frombuffer(memory, np.uint32)
+                planes = take(words[: size // 4])
+                begin, end = words[stamps // 4 :].view(np.uint64).tolist()
+            finally:
+                target.staging.unmap()
+        self._targets.append(target)
+        return planes, (end - begin) / 1e6 if self._timed else None
 
 
-def needs_of(
-    packed: Packed, method: str, outputs: frozenset[str], *, cooperative: bool = False
-) -> Needs:
+@dataclass
+class Target:
+    """The frame buffer of a band, and where it is read: the same where memory is shared."""
+
+    frame: Any = None
+    staging: Any = None
+
+
+@dataclass(frozen=True)
+class PendingBand:
+    """A band that a device is rendering."""
+
+    device: Device
+    target: Target
+    size: int
+    shape: tuple[int, int]  # (H, W) of the band
+    written: frozenset[str]  # device outputs
+    outputs: frozenset[str]  # what is made of them
+
+    def finish(self) -> tuple[Planes, float | None]:
+        """Wait; outputs as ``run_twin.render_band`` gives them, and the device time in ms.
+
+        Raises:
+            DeviceError: the device is lost.
+        """
+        return self.device.read(self.target, self.size, self._planes)
+
+    def _planes(self, words: NDArray[np.uint32]) -> Planes:
+        rows, width = self.shape
+        offsets = plane_offsets(self.written)
+        stride = -(-width // TILE) * TILE
+        grid = words.reshape(offsets["total"], -1, stride)[:, :rows]
+        planes = _planes(grid, offsets, self.outputs)
+        return {name: array[:, :width] for name, array in planes.items()}
+
+
+def _stamps_at(size: int) -> int:
+    """Where in a frame buffer of ``size`` bytes the times are."""
+    return -(-size // _QUERY_ALIGNMENT) * _QUERY_ALIGNMENT
+
+
+def _written(outputs: frozenset[str], packed: Packed) -> frozenset[str]:
+    """What the shader writes for ``outputs``: an image tells the surfaces if they are few."""
+    if "image" in outputs and packed.surface_count <= MOST_TAGS:
+        return outputs - {"surface"}
+    return outputs
+
+
+_SUBGROUP_SIZE = """\
+@group(0) @binding(0) var<storage, read_write> found: array<u32>;
+
+@compute @workgroup_size(128)
+fn ask(@builtin(local_invocation_index) local: u32, @builtin(subgroup_size) size: u32) {
+  found[local] = size;
+}
+"""
+
+
+def _subgroup_size(device: Any) -> int:
+    """How many invocations are in a subgroup: adapters tell no more than a range."""
+    module = device.create_shader_module(label="subgroup size", code=_SUBGROUP_SIZE)
+    pipeline = device.create_compute_pipeline(
+        layout="auto", compute={"module": module, "entry_point": "ask"}
+    )
+    buffer = device.create_buffer(size=512, usage="STORAGE|COPY_SRC")
+    group = device.create_bind_group(
+        layout=pipeline.get_bind_group_layout(0),
+        entries=[{"binding": 0, "resource": {"buffer": buffer, "offset": 0, "size": 512}}],
+    )
+    encoder = device.create_command_encoder()
+    compute = encoder.begin_compute_pass()
+    compute.set_pipeline(pipeline)
+    compute.set_bind_group(0, group)
+    compute.dispatch_workgroups(1)
+    compute.end()
+    device.queue.submit([encoder.finish()])
+    return int(np.frombuffer(device.queue.read_buffer(buffer), np.uint32).min())
+
+
+def needs_of(packed: Packed, method: str, outputs: frozenset[str], *, together: int = 1) -> Needs:
     """What the shader of a frame must hold."""
     lines = packed.most_half_spaces if method == "article" else 0
     return Needs(
@@ -213,7 +333,7 @@ def needs_of(
         lights=len(packed.lights),
         point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
         highlights=packed.highlights,
-        cooperative=cooperative,
+        together=together,
         max_lines=(lines // LINES_GRANULE + 1) * LINES_GRANULE,
     )
 
@@ -224,29 +344,32 @@ def _kind(number: int) -> str:
     return "storage" if number == 5 else "read-only-storage"
 
 
-def _planes(
-    words: NDArray[np.uint32],
-    frame: NDArray[np.void],
-    rows: int,
-    width: int,
-    outputs: frozenset[str],
-) -> Planes:
-    """The frame buffer as one array per output, cut to the picture."""
-    offsets = plane_offsets(outputs)
-    row_words = int(frame["row_quads"][0]) * BLOCK_WIDTH
-    grid = words.reshape(offsets["total"], -1, row_words)[:, :rows, :width]
+def _planes(grid: NDArray[np.uint32], offsets: dict[str, int], outputs: frozenset[str]) -> Planes:
+    """The frame buffer (words, rows, width) as an array for each output."""
     planes: Planes = {}
     for name in outputs:
-        first = offsets[name]
-        if name in ("surface", "image"):
-            planes[name] = np.ascontiguousarray(grid[first])
+        first = offsets.get(name, offsets.get("image", 0))
+        if name == "image":
+            planes[name] = _unpacked(grid[first], "pixels", 3)
+        elif name == "surface" and name not in offsets:
+            planes[name] = _unpacked(grid[first], "tags", 1)[..., 0]
+        elif name == "surface":
+            planes[name] = np.array(grid[first])
         elif name in ("key", "exit"):
             planes[name] = joined_key(*grid[first : first + 2])
         elif name == "error":
             planes["low"] = joined_key(*grid[first : first + 2])
             planes["doubt"] = joined_key(*grid[first + 2 : first + 4])
-            planes["bound"] = np.ascontiguousarray(grid[first + 4].view(np.float32))
+            planes["bound"] = np.array(grid[first + 4]).view(np.float32)
         else:
-            components = grid[first : first + 3].view(np.float32)
-            planes[name] = np.ascontiguousarray(np.moveaxis(components, 0, -1))
+            planes[name] = np.stack([*grid[first : first + 3]], axis=-1).view(np.float32)
     return planes
+
+
+_PACKED = np.dtype([("pixels", "V12"), ("tags", "V4")])
+
+
+def _unpacked(words: NDArray[np.uint32], part: str, depth: int) -> NDArray[np.uint8]:
+    """A part of a packed image (H, W) as bytes (H, W, depth)."""
+    quads = words.view(_PACKED)[part]
+    return np.ascontiguousarray(quads).view(np.uint8).reshape(*words.shape, depth)

@@ -294,31 +294,34 @@ class Band:
         j += np.int32(self.first_row)
         some = self.surface > 0
         direction = ray.ray_direction(self.frame, i.astype(np.float32), j.astype(np.float32))
-        forward = normal.normalized(direction, direction)
-        to_eye = normal.Vector(-forward.x, -forward.y, -forward.z)
-        unit = normal.normalized(self.slope, to_eye)
+        to_eye = normal.Vector(-direction.x, -direction.y, -direction.z)
+        unit = normal.normalized(normal.or_else(self.slope, to_eye))
         if "normal" in self.outputs:
             planes["normal"] = np.stack(
                 [np.where(some, component, np.float32(0)) for component in unit], axis=-1
             )
         if self.outputs & {"image", "color"}:
-            lit = self._shade(unit, to_eye, direction) if len(self.packed.solids) else unit
+            lit = self._shade(unit, direction) if len(self.packed.solids) else unit
             background = self.frame["background"]
             color = normal.Vector(*(np.where(some, lit[k], background[k]) for k in range(3)))
             planes["color"] = np.stack(color, axis=-1)
             if "image" in self.outputs:
-                planes["image"] = encode.encode(srgb_table(), color)
+                planes["image"] = image_of(color)
         return planes
 
-    def _shade(
-        self, unit: normal.Vector, to_eye: normal.Vector, direction: normal.Vector
-    ) -> normal.Vector:
+    def _shade(self, unit: normal.Vector, direction: normal.Vector) -> normal.Vector:
         solids = self.packed.solids[self.solid]
         color = normal.Vector(*np.moveaxis(solids["color"], -1, 0))
         finish = shade.Finish(color, solids["specular"], solids["shininess"])
         lights = [shade.Light(row["vector"], row["color"]) for row in self.packed.lights]
         point = normal.scaled(direction, self.depth)
-        return shade.shade(unit, to_eye, point, finish, self.frame["ambient"], lights)
+        return shade.shade(unit, direction, point, finish, self.frame["ambient"], lights)
+
+
+def image_of(color: normal.Vector) -> NDArray[np.uint8]:
+    """Pixels (H, W, 3) of linear colours (H, W)."""
+    words = encode.encode(srgb_table(), color)
+    return words.view(np.uint8).reshape(*words.shape, 4)[..., :3].copy()
 
 
 def _stage(name: str) -> ModuleType:
@@ -341,8 +344,8 @@ def render_band(
 ) -> Planes:
     """Outputs (rows, width, …) of picture rows ``first_row`` … ``first_row + rows - 1``.
 
-    ``surface`` uint32 (0 where nothing is hit), ``key`` and ``exit`` uint64 depth keys, ``image``
-    uint32 packed RGBA, ``color`` and ``normal`` float32 (…, 3); for ``error`` uint64 keys ``low``,
+    ``surface`` (0 where nothing is hit), ``key`` and ``exit`` uint64 depth keys, ``image`` uint8
+    (…, 3), ``color`` and ``normal`` float32 (…, 3); for ``error`` uint64 keys ``low``,
     the least depth of what is certain, and ``doubt``, where what is not begins, and float32
     ``bound``, the error of the visible point in its u.
     """

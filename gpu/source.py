@@ -20,13 +20,11 @@ from halfstep.formats import Format
 from halfstep.layout import BLOCK_WIDTH, HALF_SPACE, SOLID, TILE, Record
 from halfstep.pack import SRGB_ENTRIES, Class
 
-# Device outputs in the order of their planes, with the number of 32-bit words of a pixel.
+# Device outputs in the order of their planes, with the number of 32-bit words of a pixel.  Where an
+# image has four pixels in four words, they fill three; the last has their surfaces' numbers, as far
+# as eight bits go.
 OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "image": 1, "color": 3, "normal": 3, "error": 5}
-
-# Invocations that fetch a record together: each loads every fourth word and gives it to all.  A
-# device that a processor plays does a load for one invocation after another, and all invocations
-# of a tile want the same record.
-GROUP = 4
+MOST_TAGS = 255
 
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
@@ -37,14 +35,17 @@ class Needs:
     """All that a shader's text depends on; equal needs share one compiled pipeline."""
 
     classes: tuple[Class, ...]
-    outputs: frozenset[str]  # of OUTPUT_WORDS; "surface" is always there
+    outputs: frozenset[str]  # of OUTPUT_WORDS
     method: str  # "visible" or "article"
     format: Format
     lights: int
     point_lights: bool
     highlights: bool
     max_lines: int  # most half-spaces of a solid; the article method keeps them all at hand
-    cooperative: bool = False  # invocations of a subgroup fetch records together
+    # So many invocations of a subgroup fetch records together: each loads one vec4 of so many and
+    # gives it to all.  A device that a processor plays does a load for one invocation after
+    # another, and all invocations of a tile want the same record.
+    together: int = 1
 
     @property
     def shaded(self) -> bool:
@@ -64,7 +65,11 @@ class Needs:
     @property
     def rows(self) -> int:
         """Rows of a block: more of them share what is fetched of a solid, and compile longer."""
-        return 2 if self.method == "visible" and not self.certified else 1
+        return (
+            int(__import__("os").environ.get("ROWS", "2"))
+            if self.method == "visible" and not self.certified
+            else 1
+        )
 
     @property
     def certified(self) -> bool:
@@ -163,7 +168,7 @@ def binding_numbers(needs: Needs) -> list[int]:
 
 
 def _bindings(needs: Needs) -> str:
-    solid, half_space = ("u32", "u32") if needs.cooperative else ("Solid", "HalfSpace")
+    solid, half_space = ("vec4<u32>",) * 2 if needs.together > 1 else ("Solid", "HalfSpace")
     lines = [
         "@group(0) @binding(0) var<uniform> frame: Frame;",
         f"@group(0) @binding(1) var<storage, read> solids: array<{solid}>;",
@@ -177,10 +182,12 @@ def _bindings(needs: Needs) -> str:
             f"@group(0) @binding(6) var<uniform> lights: array<Light, {max(needs.lights, 1)}>;",
             f"const LIGHTS: u32 = {needs.lights}u;",
             f"const HIGHLIGHTS: bool = {str(needs.highlights).lower()};",
+            f"const POINT_LIGHTS: bool = {str(needs.point_lights).lower()};",
         ]
     if "image" in needs.outputs:
-        quads = SRGB_ENTRIES // 4
-        lines.append(f"@group(0) @binding(7) var<uniform> srgb_table: array<vec4<u32>, {quads}>;")
+        # A word of each vec4, because uniform arrays have no smaller stride.
+        table = f"var<uniform> srgb_table: array<vec4<u32>, {SRGB_ENTRIES}>"
+        lines.append(f"@group(0) @binding(7) {table};")
     if needs.method == "article":
         lines.append(f"const MAX_LINES: u32 = {needs.max_lines}u;")
     return "\n".join(lines) + "\n"
@@ -328,17 +335,18 @@ def _variables(needs: Needs, name: str, type_: str) -> str:
 
 def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> str:
     """A statement that fetches a record of a storage array."""
-    if not needs.cooperative:
+    if needs.together == 1:
         return f"    let {name} = {array}[{index}];\n"
     dtype = record.dtype(needs.format)
     places = dict(dtype.fields or {})
-    words = dtype.itemsize // 4
-    text = f"    let {name}_place = ({index}) * {words}u + lane;\n"
-    for first in range(0, words, GROUP):
+    quads = dtype.itemsize // 16
+    text = f"    let {name}_place = ({index}) * {quads}u + lane;\n"
+    for first in range(0, quads, needs.together):
         text += f"    let {name}_{first} = {array}[{name}_place + {first}u];\n"
 
     def word(k: int) -> str:
-        return f"subgroupBroadcast({name}_{k - k % GROUP}, {k % GROUP}u)"
+        lane = k // 4 % needs.together
+        return f"subgroupBroadcast({name}_{k // 4 - lane}.{'xyzw'[k % 4]}, {lane}u)"
 
     def scalar(type_: str, k: int) -> str:
         if type_ == "i64":
@@ -599,6 +607,21 @@ def _article_slope(needs: Needs, klass: Class) -> str:
     )
 
 
+_PACKED_IMAGE = """\
+// Three bytes of each of four pixels, and a byte of each of their surfaces' numbers.
+fn packed_image(pixels: u4, surface: u4) -> vec4<u32> {
+  let tags = (surface & u4(255u)) << u4(0u, 8u, 16u, 24u);
+  return vec4<u32>(
+    pixels.x | (pixels.y << 24u),
+    (pixels.y >> 8u) | (pixels.z << 16u),
+    (pixels.z >> 16u) | (pixels.w << 8u),
+    (tags.x | tags.y) | (tags.z | tags.w),
+  );
+}
+
+"""
+
+
 def _finish(needs: Needs) -> str:
     """The function that turns the nearest point of four pixels into the outputs."""
     planes = plane_offsets(needs.outputs)
@@ -606,7 +629,7 @@ def _finish(needs: Needs) -> str:
         "surface": ["nearest.surface"],
         "key": ["nearest.key.high", "nearest.key.low"],
         "exit": ["nearest.leaves.high", "nearest.leaves.low"],
-        "image": ["encode(color)"],
+        "image": ["packed_image(encode(color), nearest.surface)"],
         "color": [f"bitcast<u4>(color.{axis})" for axis in "xyz"],
         "error": [
             "nearest.low.high",
@@ -628,9 +651,8 @@ def _finish(needs: Needs) -> str:
         body += (
             "  let some = nearest.surface > u4(0u);\n"
             "  let direction = ray_direction(f4(i), f32(j));\n"
-            "  let forward = normalized(direction, direction);\n"
-            "  let to_eye = Vector(-forward.x, -forward.y, -forward.z);\n"
-            "  let normal = normalized(nearest.slope, to_eye);\n"
+            "  let to_eye = Vector(-direction.x, -direction.y, -direction.z);\n"
+            "  let normal = normalized(or_else(nearest.slope, to_eye));\n"
         )
     if needs.shaded:
         gloss = "nearest.specular, nearest.shininess" if needs.highlights else "f4(0.0), u4(0u)"
@@ -638,11 +660,11 @@ def _finish(needs: Needs) -> str:
         mixed = _vector("select(f4(frame.background.AXIS), lit.AXIS, some)")
         body += (
             f"  let finish = Finish(nearest.color, {gloss});\n"
-            f"  let lit = shade(normal, to_eye, {point}, finish);\n"
+            f"  let lit = shade(normal, direction, {point}, finish);\n"
             f"  let color = {mixed};\n"
         )
     return (
-        "// Writes the outputs of four pixels.\n"
+        _PACKED_IMAGE * ("image" in needs.outputs) + "// Writes the outputs of four pixels.\n"
         "fn finish(nearest: Nearest, i: i4, j: i32, place: u32) {\n"
         f"{body}{stores}"
         "}\n"
@@ -651,8 +673,9 @@ def _finish(needs: Needs) -> str:
 
 def _kernel(needs: Needs) -> str:
     loops = "".join(
-        f"  for (var entry = tile_starts[list + {slot}u]; entry < tile_starts[list + {slot + 1}u];"
-        " entry++) {\n"
+        f"  let end_{slot} = tile_starts[list + {slot + 1}u];\n"
+        f"  for (var entry = {f'end_{slot - 1}' if slot else 'tile_starts[list]'};"
+        f" entry < end_{slot}; entry++) {{\n"
         f"{_fetch(needs, SOLID, 'solids', 'tile_solids[entry]', 'solid')}"
         "    let x = i - i4(solid.center_x);\n"
         "    let y = j - solid.center_y;\n"
@@ -665,9 +688,9 @@ def _kernel(needs: Needs) -> str:
         "@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) local: u32"
     )
     lane = ""
-    if needs.cooperative:
+    if needs.together > 1:
         parameters += ", @builtin(subgroup_invocation_id) invocation: u32"
-        lane = f"  let lane = invocation % {GROUP}u;\n"
+        lane = f"  let lane = invocation % {needs.together}u;\n"
     clear = "    nearest_ROW = nothing();\n"
     finish = "    finish(nearest_ROW, i, j + ROW, place + ROWu * frame.row_quads);\n"
     return (

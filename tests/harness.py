@@ -106,10 +106,10 @@ class Module:
             f"const MAX_LINES: u32 = {LINES}u;",
             f"const LIGHTS: u32 = {LIGHTS}u;",
             "const HIGHLIGHTS: bool = true;",
+            "const POINT_LIGHTS: bool = true;",
             "var<private> frame: Frame;",
             "var<private> lights: array<Light, LIGHTS>;",
-            "@group(0) @binding(2) var<uniform> srgb_table:"
-            f" array<vec4<u32>, {SRGB_ENTRIES // 4}>;",
+            f"@group(0) @binding(2) var<uniform> srgb_table: array<vec4<u32>, {SRGB_ENTRIES}>;",
         ]
         return "\n".join([*shared, *map(stage, self.files)])
 
@@ -278,7 +278,7 @@ class Runner:
 
     def __init__(self, adapter: Adapter) -> None:
         self._device = open_device(adapter, features=("shader-int64",))
-        table = srgb_table()
+        table = np.repeat(srgb_table(), 4)
         self._table = self._device.create_buffer_with_data(data=table, usage="UNIFORM")
 
     def close(self) -> None:

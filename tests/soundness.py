@@ -25,7 +25,7 @@ from halfstep import run_twin
 from halfstep.accuracy import steps_for
 from halfstep.camera import base_planes, view
 from halfstep.device import choose_adapter
-from halfstep.frame import arrays_of, device_outputs
+from halfstep.frame import Frame, arrays_of, device_outputs
 from halfstep.geometry import build, volume_box
 from halfstep.pack import pack, surfaces
 from halfstep.run_gpu import Device
@@ -84,7 +84,8 @@ class Shot:
         packed = pack(scene, self._geometry, self._tables, self.setup, count)
         job = (scene, packed, 0, self.size[1], way.method, device_outputs(outputs))
         planes = run_twin.render_band(*job) if device is None else device.render_band(*job)[0]
-        return arrays_of(outputs, planes, packed, self._tables)
+        frame = Frame(arrays_of(outputs, planes, packed, self._tables), {})
+        return {name: getattr(frame, name) for name in outputs}
 
 
 # ------------------------------------------------------------------------------ scenes

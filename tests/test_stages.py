@@ -159,11 +159,13 @@ FAULTS = [
     ("certify.least_key", "key.low < off.low", "key.low <= off.low"),
     ("normal.dot_product", "a.y * b.y", "a.y * b.x"),
     ("normal.scaled", "a.z * s", "a.z"),
-    ("normal.normalized", "select(fallback.x, a.x / safe, some)", "a.x / safe"),
+    ("normal.or_else", "select(other.x, a.x, some)", "a.x"),
+    ("normal.normalized", "f4(1.0) /", "f4(2.0) /"),
     ("normal.gradient", "k[13]", "k[12]"),
     ("ray.ray_direction", "frame.down.z", "frame.down.y"),
     ("shade.power", "bit = 0u", "bit = 1u"),
     ("shade.shade", "- light.vector.w", "+ light.vector.w"),
+    ("shade.shade", "away = dot", "away = -dot"),
     ("encode.srgb_level", ">=", ">"),
     ("encode.encode", "u4(16u)", "u4(8u)"),
 ]
@@ -343,19 +345,24 @@ def _together(
         values["surface"], values["other_surface"] = rng.integers(0, 4, (2, ROWS, 4))
     elif function.name == "least_key":
         values["bound"] = np.abs(values["bound"])
-    elif function.name == "normalized":
-        units(rng, "fallback", values)
+    elif function.name == "or_else":
         nothing = rng.random((ROWS, 4)) < 0.1
         for axis in "xyz":
             values[f"a.{axis}"] = np.where(nothing, 0, values[f"a.{axis}"])
+    elif function.name == "normalized":
+        units(rng, "a", values)
+        for axis in "xyz":
+            values[f"a.{axis}"] *= np.exp2(rng.integers(-20, 20, (ROWS, 1)))
     elif function.name == "shade":
         units(rng, "normal", values)
-        units(rng, "to_eye", values)
+        units(rng, "direction", values)
         for place in values:
             if "color" in place or place in ("finish.specular", "frame.ambient"):
                 values[place] = np.abs(values[place])
             if place.endswith("vector"):
                 values[place][:, 3] = rng.integers(0, 2, ROWS)
+        # A shader without a light that has a position holds no code for one.
+        values["lights[0].vector"][:, 3] = 1
     elif function.file == "encode":
         for place in values:
             values[place] = _linear(rng, values[place])

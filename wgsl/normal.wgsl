@@ -17,16 +17,15 @@ fn scaled(a: Vector, s: f4) -> Vector {
   return Vector(a.x * s, a.y * s, a.z * s);
 }
 
-// Unit vector along a, or the fallback where a vanishes (the apex of a cone).
-fn normalized(a: Vector, fallback: Vector) -> Vector {
-  let length = sqrt(dot_product(a, a));
-  let some = length > f4(0.0);
-  let safe = select(f4(1.0), length, some);
-  return Vector(
-    select(fallback.x, a.x / safe, some),
-    select(fallback.y, a.y / safe, some),
-    select(fallback.z, a.z / safe, some),
-  );
+// The vector, or the other one where it vanishes (the gradient at the apex of a cone).
+fn or_else(a: Vector, other: Vector) -> Vector {
+  let some = dot_product(a, a) > f4(0.0);
+  return Vector(select(other.x, a.x, some), select(other.y, a.y, some), select(other.z, a.z, some));
+}
+
+// Unit vector along one that does not vanish.
+fn normalized(a: Vector) -> Vector {
+  return scaled(a, f4(1.0) / sqrt(dot_product(a, a)));
 }
 
 // Half the gradient of F; k: [1, u][1, x, y][axis], x and y pixel offsets.

@@ -25,23 +25,24 @@ fn power(base: f4, exponent: u4) -> f4 {
   return result;
 }
 
-// Linear colour of a point seen from the eye; `point` is relative to the eye.  The normal is
+// Linear colour of a point, seen along a direction; both are relative to the eye.  The normal is
 // turned towards the viewer, so that the inside of an opened solid is lit too.
-fn shade(normal: Vector, to_eye: Vector, point: Vector, finish: Finish) -> Vector {
-  let turned = dot_product(normal, to_eye) < f4(0.0);
-  let toward = scaled(normal, select(f4(1.0), f4(-1.0), turned));
+fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish) -> Vector {
+  let away = dot_product(normal, direction) > f4(0.0);
+  let toward = scaled(normal, select(f4(1.0), f4(-1.0), away));
   var diffuse = Vector(f4(frame.ambient.x), f4(frame.ambient.y), f4(frame.ambient.z));
   var glossy = Vector(f4(0.0), f4(0.0), f4(0.0));
   for (var ix = 0u; ix < LIGHTS; ix++) {
     let light = lights[ix];
-    let to_light = normalized(
-      Vector(
+    var to_light = Vector(f4(light.vector.x), f4(light.vector.y), f4(light.vector.z));
+    if POINT_LIGHTS {
+      let from_point = Vector(
         light.vector.x - light.vector.w * point.x,
         light.vector.y - light.vector.w * point.y,
         light.vector.z - light.vector.w * point.z,
-      ),
-      toward,
-    );
+      );
+      to_light = normalized(or_else(from_point, toward));
+    }
     let lambert = max(dot_product(toward, to_light), f4(0.0));
     diffuse = Vector(
       diffuse.x + light.color.x * lambert,
@@ -49,10 +50,9 @@ fn shade(normal: Vector, to_eye: Vector, point: Vector, finish: Finish) -> Vecto
       diffuse.z + light.color.z * lambert,
     );
     if HIGHLIGHTS {
-      let halfway = normalized(
-        Vector(to_light.x + to_eye.x, to_light.y + to_eye.y, to_light.z + to_eye.z),
-        toward,
-      );
+      let forward = normalized(direction);
+      let between = Vector(to_light.x - forward.x, to_light.y - forward.y, to_light.z - forward.z);
+      let halfway = normalized(or_else(between, toward));
       let cosine = min(max(dot_product(toward, halfway), f4(0.0)), f4(1.0));
       let shine = finish.specular * power(cosine, finish.shininess);
       let gloss = select(f4(0.0), shine, lambert > f4(0.0));

@@ -27,16 +27,16 @@ def scaled(a: Vector, s: F32) -> Vector:
     return Vector(a.x * s, a.y * s, a.z * s)
 
 
-def normalized(a: Vector, fallback: Vector) -> Vector:
-    """Unit vector along ``a``, or ``fallback`` where ``a`` vanishes (the apex of a cone)."""
-    length = np.sqrt(dot_product(a, a))
-    some = length > 0
-    safe = np.where(some, length, np.float32(1))
-    return Vector(
-        np.where(some, a.x / safe, fallback.x),
-        np.where(some, a.y / safe, fallback.y),
-        np.where(some, a.z / safe, fallback.z),
-    )
+def or_else(a: Vector, other: Vector) -> Vector:
+    """``a``, or ``other`` where it vanishes (the gradient at the apex of a cone)."""
+    some = dot_product(a, a) > 0
+    return Vector(*(np.where(some, x, y) for x, y in zip(a, other, strict=True)))
+
+
+def normalized(a: Vector) -> Vector:
+    """Unit vector along one that does not vanish."""
+    length: F32 = np.sqrt(dot_product(a, a))
+    return scaled(a, np.float32(1) / length)
 
 
 def gradient(k: F32, x: F32, y: F32, u: F32) -> Vector:

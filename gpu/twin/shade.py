@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.twin.lanes import F32, U32
-from halfstep.twin.normal import Vector, dot_product, normalized, scaled
+from halfstep.twin.normal import Vector, dot_product, normalized, or_else, scaled
 
 # Highlights below this are as good as none; keeping them away from subnormal numbers, which
 # devices may flush, keeps their bits the same.
@@ -45,35 +45,33 @@ def power(base: F32, exponent: U32) -> F32:
 
 def shade(
     normal: Vector,
-    to_eye: Vector,
+    direction: Vector,
     point: Vector,
     finish: Finish,
     ambient: F32,
     lights: Sequence[Light],
 ) -> Vector:
-    """Linear colour of a point seen from the eye; ``point`` is relative to the eye.
+    """Linear colour of a point, seen along a direction; both are relative to the eye.
 
     The normal is turned towards the viewer, so that the inside of an opened solid is lit too.
     """
-    turned = dot_product(normal, to_eye) < 0
-    sign = np.where(turned, np.float32(-1), np.float32(1))
+    away = dot_product(normal, direction) > 0
+    sign = np.where(away, np.float32(-1), np.float32(1))
     toward = scaled(normal, sign)
+    forward = normalized(direction)
     zero = np.zeros(sign.shape, np.float32)
     diffuse = [zero + ambient[0], zero + ambient[1], zero + ambient[2]]
     glossy = [zero, zero, zero]
+    point_lights = any((light.vector[3] > 0).any() for light in lights)
     for light in lights:
-        to_light = normalized(
-            Vector(
-                light.vector[0] - light.vector[3] * point.x,
-                light.vector[1] - light.vector[3] * point.y,
-                light.vector[2] - light.vector[3] * point.z,
-            ),
-            toward,
-        )
+        to_light = Vector(*(zero + light.vector[axis] for axis in range(3)))
+        if point_lights:
+            components = zip(light.vector, point, strict=False)
+            from_point = Vector(*(at - light.vector[3] * p for at, p in components))
+            to_light = normalized(or_else(from_point, toward))
         lambert = np.maximum(dot_product(toward, to_light), np.float32(0))
-        halfway = normalized(
-            Vector(to_light.x + to_eye.x, to_light.y + to_eye.y, to_light.z + to_eye.z), toward
-        )
+        between = Vector(*(a - b for a, b in zip(to_light, forward, strict=True)))
+        halfway = normalized(or_else(between, toward))
         shine = power(
             np.minimum(np.maximum(dot_product(toward, halfway), np.float32(0)), np.float32(1)),
             finish.shininess,
