@@ -32,7 +32,7 @@ class View:
 
     def depths(self, points: Floats) -> Floats:
         """Planar depths of world points (N, 3), scene units."""
-        return (points - self.eye) @ self.camera_from_world[2]
+        return np.einsum("ni,i->n", points - self.eye, self.camera_from_world[2])
 
     def directions(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> Floats:
         """World directions (…, 3) per unit of depth through the centres of pixels (i, j)."""
@@ -40,7 +40,8 @@ class View:
         x, y = 2 * i + (1 - self.width), 2 * j + (1 - self.height)
         half = self.pixel / 2
         tangents = np.stack([x * half, y * half, np.ones(i.shape)], axis=-1)
-        return tangents @ self.camera_from_world
+        # Not by BLAS, which sums in another order on every processor.
+        return np.einsum("...i,ij->...j", tangents, self.camera_from_world)
 
 
 def view(camera: Camera, size: tuple[int, int]) -> View:
@@ -93,5 +94,4 @@ def base_planes(view: View, low: Floats, high: Floats) -> tuple[float, float]:
 
 
 def _unit(vector: Floats) -> Floats:
-    length = np.linalg.norm(vector)
-    return np.asarray(vector / length)
+    return np.asarray(vector / math.hypot(*vector))

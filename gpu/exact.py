@@ -18,7 +18,7 @@ from halfstep import camera, geometry
 from halfstep.geometry import Geometry
 from halfstep.scene import Scene
 from halfstep.setup import NEGLIGIBLE, Setup, setup
-from halfstep.twin import patch, piece, polynomial, root
+from halfstep.twin import lanes, patch, piece, polynomial, root
 
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
@@ -134,7 +134,7 @@ def _sight(solids: Geometry, constants: Setup, row: int, at: Any) -> root.Root:
     if not solids.has_quadric[ix]:
         return root.choose(inside, root.polyhedron_entry(part), root.polyhedron_exit(part))
     coefficients: list[Values] = [constants.a[row], constants.g[row], constants.c[row]]
-    form = root.Form(*(polynomial.quadratic(k, at) for k in coefficients))
+    form = lanes.Form(*(polynomial.quadratic(k, at) for k in coefficients))
     outside = root.outside_at_entry(form, part)
     if constants.starts_at_eye[row]:
         outside = np.where(begins, constants.eye_outside_quadric[row], outside)

@@ -30,8 +30,9 @@ from halfstep.run_gpu import Device
 from halfstep.scene import Scene, load, with_overrides
 from halfstep.setup import setup
 from halfstep.twin import arithmetic_fixed, forms_fixed, halve_fixed, polynomial_exact
+from halfstep.twin.lanes import Form
 from halfstep.twin.piece import Line
-from halfstep.twin.root import Form, Root, end_value, has_root
+from halfstep.twin.root import Root, end_value, has_root
 from tests.scenes_random import KINDS, PLACES, random_scene
 from tests.soundness import Shot, Way
 
@@ -106,19 +107,34 @@ def test_any_machine_reproduces_the_golden_hashes(backend: str) -> None:
     assert hashes(backend) == json.loads(GOLDEN.read_text())
 
 
-@pytest.mark.parametrize("threads", [1, 2, 8])
-@pytest.mark.usefixtures("adapter")
-def test_any_number_of_threads_gives_the_same_bits(threads: int) -> None:
-    program = "import json, tests.test_fixed as t; print(json.dumps(t.hashes('gpu')))"
+def _hashes_elsewhere(backend: str, **environment: str) -> dict[str, dict[str, str]]:
+    """The hashes of another process."""
+    program = f"import json, tests.test_fixed as t; print(json.dumps(t.hashes({backend!r})))"
     result = subprocess.run(
         [sys.executable, "-c", program],
-        env=os.environ | {"LP_NUM_THREADS": str(threads)},
+        env=os.environ | environment,
         cwd=Path(__file__).parents[1],
         capture_output=True,
         text=True,
         check=True,
     )
-    assert json.loads(result.stdout) == json.loads(GOLDEN.read_text())
+    found: dict[str, dict[str, str]] = json.loads(result.stdout)
+    return found
+
+
+@pytest.mark.parametrize("threads", [1, 2, 8])
+@pytest.mark.usefixtures("adapter")
+def test_any_number_of_threads_gives_the_same_bits(threads: int) -> None:
+    found = _hashes_elsewhere("gpu", LP_NUM_THREADS=str(threads))
+    assert found == json.loads(GOLDEN.read_text())
+
+
+def test_what_the_processor_can_do_does_not_matter() -> None:
+    """The host's constants too are the same without its vector units and with a plain BLAS."""
+    umath = np._core._multiarray_umath  # type: ignore[attr-defined]
+    there = [name for name in umath.__cpu_dispatch__ if umath.__cpu_features__.get(name)]
+    environment = {"NPY_DISABLE_CPU_FEATURES": " ".join(there), "OPENBLAS_CORETYPE": "Prescott"}
+    assert _hashes_elsewhere("numpy", **environment) == json.loads(GOLDEN.read_text())
 
 
 def test_the_image_has_the_same_bits(backend: str) -> None:

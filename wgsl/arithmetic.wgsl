@@ -26,3 +26,12 @@ fn reduced(wide: w4) -> v4 {
 fn steps_from_middle(position: i4, steps: u32, last_step: f32) -> v4 {
   return f4(position) * last_step;
 }
+
+// How far errors of its coefficients, and rounding it, take G² - 4 A C; with room.
+fn discriminant_error(form: Form, errors: FormErrors) -> f4 {
+  let size_g = size_of(form.g);
+  let fourfold = size_of((form.a + form.a) * (form.c + form.c));
+  return 1.03 * (((2.0 * size_g + errors.g) * errors.g
+    + 4.0 * (size_of(form.a) * errors.c + (size_of(form.c) + errors.c) * errors.a))
+    + 3.0 * ROUNDING * (size_g * size_g + fourfold));
+}

@@ -26,7 +26,7 @@ struct Run {
   slope_units: f32,
 }
 
-const DIRECT = Run(5.0, 3.5, 1.0, 1.0, 0.0, 0.0);
+const DIRECT = Run(5.0, 3.5, 1.0, 2.0, 0.0, 0.0);
 const INCREMENTAL = Run(6.4, 3.0, 1.0, 24.0, 0.0, 0.0);
 const INTEGER = Run(0.0, 0.0, 0.0, 0.0, 2.0, 31.0);
 
@@ -149,12 +149,9 @@ struct BoundedForm {
 }
 
 fn bounded_form(form: Form, errors: FormErrors) -> BoundedForm {
-  let size_g = size_of(form.g);
   let square = product(form.g, form.g);
   let fourfold = product(form.a + form.a, form.c + form.c);
-  let error_d = ROOM * (((2.0 * size_g + errors.g) * errors.g
-    + 4.0 * (size_of(form.a) * errors.c + (size_of(form.c) + errors.c) * errors.a))
-    + 3.0 * ROUNDING * (f4(square) + abs(f4(fourfold))));
+  let error_d = discriminant_error(form, errors);
   return BoundedForm(form, errors, f4(square - fourfold), error_d);
 }
 

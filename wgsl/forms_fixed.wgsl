@@ -19,9 +19,11 @@ fn shifted(number: vec4<i64>, excess: u4) -> v4 {
   return v4((number + half) >> excess);
 }
 
-// An error shifted down, and half a unit for the rounding.
+// An error shifted down, and half a unit for the rounding; of 16 bits, rounded up, so that sums of
+// a few are exact in whichever order a driver takes them.
 fn shifted_error(error: f4, excess: u4) -> f4 {
-  return error * bitcast<f4>((u4(127u) - excess) << u4(23u)) + 0.5;
+  let whole = error * bitcast<f4>((u4(127u) - excess) << u4(23u)) + 0.5;
+  return bitcast<f4>((bitcast<u4>(whole) + u4(255u)) & u4(0xFFFFFF00u));
 }
 
 // What a half-space is shifted by: |c| and |b| fit.

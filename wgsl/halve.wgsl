@@ -5,12 +5,14 @@ fn halve(root: Root, steps: u32) -> i4 {
   var v = f4(0.0);
   var step = 1.0;
   let double_a = root.a + root.a;
+  let double_g = root.g + root.g;
   let double_c = root.c + root.c;
   for (var k = 0u; k < steps; k++) {
     step = step * 0.5;
-    let slope = double_a * v + root.g;
-    let double_f = (slope + root.g) * v + double_c;
-    v = v + select(f4(-step), f4(step), (double_f > f4(0.0)) & (slope < f4(0.0)));
+    // F' and G: F' is negative where this is less than G.
+    let slope = double_a * v + double_g;
+    let double_f = slope * v + double_c;
+    v = v + select(f4(-step), f4(step), (double_f > f4(0.0)) & (slope < root.g));
   }
   let position = i4(v * f32(1u << steps));
   return select(position, -position, root.flipped);

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from halfstep.twin.lanes import F32, I32
+from halfstep.twin.lanes import F32, I32, Form, FormErrors
 
 # The value that u = 1 is.
 ONE = np.float32(1)
@@ -28,3 +28,16 @@ def reduced(wide: F32) -> F32:
 def steps_from_middle(position: I32, steps: int) -> F32:
     """u of a number of last steps."""
     return position.astype(np.float32) * np.float32(0.5**steps)
+
+
+def discriminant_error(form: Form, errors: FormErrors) -> F32:
+    """How far errors of its coefficients, and rounding it, take G² - 4 A C; with room."""
+    size_a, size_g, size_c = np.abs(form.a), np.abs(form.g), np.abs(form.c)
+    fourfold = np.abs((form.a + form.a) * (form.c + form.c))
+    return np.float32(1.03) * (
+        (
+            (2 * size_g + errors.g) * errors.g
+            + 4 * (size_a * errors.c + (size_c + errors.c) * errors.a)
+        )
+        + 3 * ROUNDING * (size_g * size_g + fourfold)
+    )

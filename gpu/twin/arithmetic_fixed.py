@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from halfstep.twin.lanes import I32, I64
+from halfstep.twin.lanes import F32, I32, I64, Form, FormErrors
 
 # The value that u = 1 is.
 ONE = np.int32(1 << 30)
@@ -32,3 +32,14 @@ def reduced(wide: I64) -> I32:
 def steps_from_middle(position: I32, steps: int) -> I32:
     """u of a number of last steps."""
     return position << np.int32(30 - steps)
+
+
+def discriminant_error(form: Form, errors: FormErrors) -> F32:
+    """How far errors of its coefficients, all the same, take G² - 4 A C; with room.
+
+    Summed in integers, and written so that there is only one way for a driver to compute it.
+    """
+    size_a, size_g, size_c = (np.abs(value.astype(np.int64)) for value in (form.a, form.g, form.c))
+    sizes = size_g + 2 * (size_a + size_c)
+    room = np.float32(1.03) * errors.g
+    return room * (2 * sizes.astype(np.float32) + 5 * errors.g)

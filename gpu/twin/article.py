@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.twin.lanes import I32, Bools
+from halfstep.twin.lanes import I32, Bools, Form
 from halfstep.twin.patch import facing
 from halfstep.twin.piece import Line
-from halfstep.twin.root import Form
 from halfstep.twin.values import (
     Products,
     Value,

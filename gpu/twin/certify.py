@@ -14,7 +14,7 @@ changed the result are not asked.
 
     E = E_A + E_G + E_C + ε (5|A| + 3.5|G| + |C|)        (6.4, 3, 1 if F is updated step by step)
 
-and the computed slope by at most E' = 2 E_A + E_G + ε (4|A| + |G|) (24 times the last term if
+and the computed slope by at most E' = 2 E_A + E_G + 2 ε (4|A| + |G|) (12 times the last term if
 updated).  In integers the terms with ε vanish.  Step k rounds 2^-k A to half a unit, which the
 slope takes twice: it is off by k units after k steps, and F by the sum of (k - 1/2) 2^-k, at most
 3/2 units (for the sequences of the article, which evaluate F, one unit).
@@ -48,10 +48,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.lanes import F32, I32, Bools, Form, FormErrors
 from halfstep.twin.nearest import Key, before, count_key
 from halfstep.twin.piece import Line, Piece, clip, from_the_eye, remains, whole_interval
-from halfstep.twin.root import Form, end_value
+from halfstep.twin.root import end_value
 from halfstep.twin.values import Value, Values, arithmetic_of, one_of, product, size_of
 
 EPSILON = np.float32(2.0**-24)
@@ -75,7 +75,7 @@ class Run(NamedTuple):
     slope_units: np.float32
 
 
-DIRECT = Run(*map(np.float32, (5, 3.5, 1, 1, 0, 0)))
+DIRECT = Run(*map(np.float32, (5, 3.5, 1, 2, 0, 0)))
 INCREMENTAL = Run(*map(np.float32, (6.4, 3, 1, 24, 0, 0)))
 INTEGER = Run(*map(np.float32, (0, 0, 0, 0, 2, 31)))
 
@@ -85,14 +85,6 @@ class LineErrors(NamedTuple):
 
     c: F32
     b: F32
-
-
-class FormErrors(NamedTuple):
-    """Errors of the forms of F."""
-
-    a: F32
-    g: F32
-    c: F32
 
 
 class Certificate(NamedTuple):
@@ -206,16 +198,9 @@ class BoundedForm(NamedTuple):
 
 def bounded_form(form: Form, errors: FormErrors) -> BoundedForm:
     """The form with its discriminant."""
-    size_g = size_of(form.g)
     square = product(form.g, form.g)
     fourfold = product(form.a + form.a, form.c + form.c)
-    error_d = ROOM * (
-        (
-            (2 * size_g + errors.g) * errors.g
-            + 4 * (size_of(form.a) * errors.c + (size_of(form.c) + errors.c) * errors.a)
-        )
-        + 3 * arithmetic_of(form.g).ROUNDING * (square.astype(np.float32) + size_of(fourfold))
-    )
+    error_d = arithmetic_of(form.g).discriminant_error(form, errors)
     return BoundedForm(form, errors, (square - fourfold).astype(np.float32), error_d)
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from halfstep.twin.certify import FormErrors, LineErrors
-from halfstep.twin.lanes import F32
+from halfstep.twin.certify import LineErrors
+from halfstep.twin.lanes import F32, Form, FormErrors
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial import Offset, linear, linear_error, quadratic, quadratic_error
-from halfstep.twin.root import Form
 
 
 def line_at(c: F32, b: F32, at: Offset) -> Line:

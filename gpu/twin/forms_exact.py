@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from halfstep.twin.certify import FormErrors, LineErrors
-from halfstep.twin.lanes import F32, I64
+from halfstep.twin.certify import LineErrors
+from halfstep.twin.lanes import F32, I64, Form, FormErrors
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial_exact import Offset, linear, linear_error, quadratic, quadratic_error
-from halfstep.twin.root import Form
 
 # A unit of the coefficients.
 UNIT = np.float32(2.0**-60)

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from halfstep.twin.certify import FormErrors, LineErrors
-from halfstep.twin.lanes import F32, I32, I64, U32
+from halfstep.twin.certify import LineErrors
+from halfstep.twin.lanes import F32, I32, I64, U32, Form, FormErrors
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial_exact import Offset, linear, linear_error, quadratic, quadratic_error
-from halfstep.twin.root import Form
 
 VALUE_BITS = 29
 
@@ -34,8 +33,14 @@ def shifted(number: I64, excess: U32) -> I32:
 
 
 def shifted_error(error: F32, excess: U32) -> F32:
-    """An error shifted down, and half a unit for the rounding."""
-    return error * np.exp2(-excess.astype(np.float32)) + np.float32(0.5)
+    """An error shifted down, and half a unit for the rounding.
+
+    It has 16 bits, rounded up, so that sums of a few are exact in whichever order a driver takes
+    them.
+    """
+    whole = error * np.exp2(-excess.astype(np.float32)) + np.float32(0.5)
+    bits: U32 = (whole.view(np.uint32) + np.uint32(255)) & np.uint32(0xFFFFFF00)
+    return bits.view(np.float32)
 
 
 def line_excess(c: I64, b: I64, at: Offset) -> U32:

@@ -13,11 +13,13 @@ def halve(root: Root, steps: int) -> I32:
     v = np.zeros(root.c.shape, np.float32)
     step = np.float32(1)
     double_a = root.a + root.a
+    double_g = root.g + root.g
     double_c = root.c + root.c
     for _ in range(steps):
         step = step * np.float32(0.5)
-        slope = double_a * v + root.g
-        double_f = (slope + root.g) * v + double_c
-        v = v + np.where((double_f > 0) & (slope < 0), step, -step)
+        # F' and G: F' is negative where this is less than G.
+        slope = double_a * v + double_g
+        double_f = slope * v + double_c
+        v = v + np.where((double_f > 0) & (slope < root.g), step, -step)
     position = (v * np.float32(1 << steps)).astype(np.int32)
     return np.where(root.flipped, -position, position)

@@ -11,18 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.twin.lanes import I32, Bools
+from halfstep.twin.lanes import I32, Bools, Form
 from halfstep.twin.patch import Patch
 from halfstep.twin.piece import Piece, remains
 from halfstep.twin.values import Products, Values, product, reduced
-
-
-class Form(NamedTuple):
-    """F = a u² + g u + c along the ray."""
-
-    a: Values
-    g: Values
-    c: Values
 
 
 class Root(NamedTuple):
