@@ -25,7 +25,7 @@ lint: $(INSTALLED)
 	$(PYTHON) -m mypy
 
 bench: adapter
-	$(PYTHON) -m tests.bench.run
+	$(PYTHON) -m halfstep bench
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info gallery.png .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from halfstep import wgpu_loader
 from halfstep.errors import AdapterError, DeviceError
 
 # The driver of every development and test machine: Mesa's Vulkan on the processor.
@@ -190,12 +191,53 @@ def device_errors(adapter: Adapter) -> Iterator[None]:
     Raises:
         DeviceError: any error of wgpu, with its message.
     """
+    with wgpu_errors(f"adapter {adapter.summary}"):
+        yield
+
+
+@contextmanager
+def wgpu_errors(label: str) -> Iterator[None]:
+    """`device_errors` where there is a device, but no `Adapter`; ``label`` begins the message.
+
+    Raises:
+        DeviceError: any error of wgpu, with its message.
+    """
     import wgpu
 
     try:
         yield
     except (wgpu.GPUError, wgpu.GPUPipelineError, RuntimeError) as error:
-        raise DeviceError(f"adapter {adapter.summary}: {error}") from error
+        raise DeviceError(f"{label}: {error}") from error
+
+
+def stack_of(device: Any) -> dict[str, str]:
+    """What a wgpu.GPUDevice stands on: adapter and driver by name, and versions of the parts.
+
+    Keys: ``adapter``, ``driver``, ``mesa`` and ``llvm`` (where the driver tells them), ``wgpu``,
+    ``wgpu_native``.
+    """
+    info = device.adapter_info
+    told = f"{info['description']} {info['device']}"
+    found = {
+        name: re.search(rf"{name} (\d[\w.-]*)", told, re.IGNORECASE) for name in ("mesa", "llvm")
+    }
+    return {
+        "adapter": info["device"],
+        "driver": info["description"],
+        **{name: match[1] for name, match in found.items() if match},
+        **versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of ``wgpu`` and of ``wgpu_native``, the library beneath it."""
+    import wgpu
+    from wgpu.backends import wgpu_native
+
+    return {
+        "wgpu": wgpu.__version__,
+        "wgpu_native": ".".join(map(str, wgpu_native.lib_version_info)),
+    }
 
 
 def describe() -> dict[str, Any]:
@@ -208,17 +250,12 @@ def describe() -> dict[str, Any]:
     Raises:
         AdapterError: wgpu itself cannot be loaded.
     """
-    adapters = list_adapters()
-    import wgpu
-    from wgpu.backends import wgpu_native
-
     report: dict[str, Any] = {
-        "adapters": [asdict(adapter) for adapter in adapters],
+        "adapters": [asdict(adapter) for adapter in list_adapters()],
         "chosen": None,
         "features": [],
         "environment": {name: os.environ[name] for name in VARIABLES if name in os.environ},
-        "wgpu": wgpu.__version__,
-        "wgpu_native": ".".join(map(str, wgpu_native.lib_version_info)),
+        **versions(),
     }
     try:
         chosen = choose_adapter()
@@ -278,15 +315,28 @@ def _summary(index: int, info: Mapping[str, Any]) -> AdapterSummary:
     )
 
 
-@functools.cache
 def _handles() -> tuple[Any, ...]:
-    """wgpu.GPUAdapter of every Vulkan adapter; a process loads its drivers once.
+    """wgpu.GPUAdapter of every Vulkan adapter.
 
     Raises:
         AdapterError: wgpu itself cannot be loaded.
+        DeviceError: it was loaded before this process was forked: its threads are not here, and
+            the first call would wait for them for ever.
     """
+    process, handles = _loaded()
+    if process != os.getpid():
+        raise DeviceError(
+            "this process was forked from one that uses a graphics driver, which does not survive "
+            'it; start processes with multiprocessing.get_context("spawn")'
+        )
+    return handles
+
+
+@functools.cache
+def _loaded() -> tuple[int, tuple[Any, ...]]:
+    """The process that loads the drivers, which it does once, and `_handles`."""
     try:
-        import wgpu
+        wgpu = wgpu_loader.load()
         from wgpu.backends.wgpu_native import extras
     except (ImportError, OSError, RuntimeError) as error:
         raise AdapterError(f"wgpu cannot be loaded: {error}") from error
@@ -296,7 +346,8 @@ def _handles() -> tuple[Any, ...]:
         with suppress(RuntimeError):
             extras.set_instance_extras(backends=["Vulkan"])
         handles = wgpu.gpu.enumerate_adapters_sync()
-    return tuple(handle for handle in handles if handle.info["backend_type"] == "Vulkan")
+    vulkan = tuple(handle for handle in handles if handle.info["backend_type"] == "Vulkan")
+    return os.getpid(), vulkan
 
 
 @contextmanager

@@ -6,7 +6,9 @@ camera; ``setup`` turns these arrays into per-frame constants, ``bounds`` into s
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,7 @@ from halfstep.scene import (
     Paraboloid,
     PlanePatch,
     Polyhedron,
+    QuadricSolid,
     Scene,
     Solid,
 )
@@ -39,6 +42,16 @@ VOLUME_MARGIN = 2.0**-10
 LEVEL_ROUNDING = 16 * 2.0**-53
 
 
+class Form(IntEnum):
+    """What is known to contain a solid."""
+
+    UNBOUNDED = 0  # nothing
+    EMPTY = 1  # the solid has no point
+    ELLIPSOID = 2  # the solid itself, but for its half-spaces
+    DISCS = 3  # the hull of its ends
+    POINTS = 4  # the hull of its corners, or of those of its half-spaces
+
+
 @dataclass(frozen=True)
 class Hulls:
     """Convex shapes that contain the bounded solids, grouped by form, local coordinates.
@@ -48,69 +61,46 @@ class Hulls:
     """
 
     ellipsoid_ix: Ints  # (E,)
-    ellipsoid_center: Floats  # (E, 3)
-    ellipsoid_axes: Floats  # (E, 3, 3), semi-axis vectors in columns
+    ellipsoid_center: Floats  # (3, E)
+    ellipsoid_axes: Floats  # (3, 3, E), semi-axis vectors in columns
     disc_ix: Ints  # (D,)
-    disc_z: Floats  # (D, 2)
-    disc_radius: Floats  # (D, 2)
+    disc_z: Floats  # (2, D)
+    disc_radius: Floats  # (2, D)
     conic_ix: Ints  # (Q,), indices into the discs
-    conic_dual: Floats  # (Q, 4, 4), inverse of the quadric's matrix
+    conic_dual: Floats  # (4, 4, Q), inverse of the quadric's matrix
     point_ix: Ints  # (V,)
-    point_start: Ints  # (V,), first row of each solid in ``points``
-    points: Floats  # (P, 3)
+    point_start: Ints  # (V,), first of each solid in ``points``
+    point_solid: Ints  # (P,), the solid of each point
+    points: Floats  # (3, P)
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """K solids and their M half-spaces.  Row j of ``planes`` is (n, d): inside where n·x + d <= 0.
+    """K solids and their M half-spaces; solids come last in every array.
 
-    The first row of a patch is the patch's own plane, the others are its bounds.
+    Column j of ``planes`` is (n, d): inside where n·x + d <= 0.  The first column of a patch is the
+    patch's own plane, the others are its bounds.
     """
 
-    origin: Floats  # (K, 3), world
-    world_from_local: Floats  # (K, 3, 3)
+    origin: Floats  # (3, K), world
+    world_from_local: Floats  # (3, 3, K)
     has_quadric: Bools  # (K,)
-    quadric: Floats  # (K, 4, 4), F = [x 1] Q [x 1]^T; zero where there is no F
+    quadric: Floats  # (4, 4, K), F = [x 1] Q [x 1]^T; zero where there is no F
     is_patch: Bools  # (K,)
     is_ellipsoid: Bools  # (K,), F positive definite and no half-space
     is_empty: Bools  # (K,), no point satisfies the inequalities
     is_bounded: Bools  # (K,)
+    is_loose: Bools  # (K,), the hull is that of some of its inequalities only
     plane_start: Ints  # (K,)
     plane_count: Ints  # (K,)
-    planes: Floats  # (M, 4)
+    planes: Floats  # (4, M)
     plane_solid: Ints  # (M,), the solid of each half-space
     hulls: Hulls
 
     @property
     def count(self) -> int:
         """Number of solids K."""
-        return len(self.origin)
-
-
-class _HullBuilder:
-    """Collects the hull of one solid after another."""
-
-    def __init__(self) -> None:
-        self.ellipsoids: list[tuple[int, Floats, Floats]] = []
-        self.discs: list[tuple[int, tuple[float, float], tuple[float, float]]] = []
-        self.conics: list[tuple[int, Floats]] = []
-        self.points: list[tuple[int, Floats]] = []
-
-    def finish(self) -> Hulls:
-        counts = [len(p) for _, p in self.points]
-        return Hulls(
-            ellipsoid_ix=np.array([e[0] for e in self.ellipsoids], np.int64),
-            ellipsoid_center=np.array([e[1] for e in self.ellipsoids]).reshape(-1, 3),
-            ellipsoid_axes=np.array([e[2] for e in self.ellipsoids]).reshape(-1, 3, 3),
-            disc_ix=np.array([d[0] for d in self.discs], np.int64),
-            disc_z=np.array([d[1] for d in self.discs], np.float64).reshape(-1, 2),
-            disc_radius=np.array([d[2] for d in self.discs], np.float64).reshape(-1, 2),
-            conic_ix=np.array([c[0] for c in self.conics], np.int64),
-            conic_dual=np.array([c[1] for c in self.conics]).reshape(-1, 4, 4),
-            point_ix=np.array([p[0] for p in self.points], np.int64),
-            point_start=np.cumsum([0, *counts[:-1]]).astype(np.int64)[: len(counts)],
-            points=np.concatenate([p for _, p in self.points] or [np.zeros((0, 3))]),
-        )
+        return len(self.is_patch)
 
 
 def build(scene: Scene) -> Geometry:
@@ -119,54 +109,57 @@ def build(scene: Scene) -> Geometry:
     count = len(solids)
     rotation = np.array([solid.world_from_local() for solid in solids])
     origin = np.array([solid.origin for solid in solids], np.float64)
+    is_patch = np.array([isinstance(solid, PlanePatch) for solid in solids])
+    is_flat = np.array([isinstance(solid, PlanePatch | Box | Polyhedron) for solid in solids])
+    has_cut = np.array([bool(getattr(solid, "cut", ())) for solid in solids])
+    rows = [
+        _patch_rows(solid, origin[ix], rotation[ix])
+        if isinstance(solid, PlanePatch)
+        else solid.half_spaces()
+        for ix, solid in enumerate(solids)
+    ]
     quadric = np.zeros((count, 4, 4))
-    has_quadric = np.zeros(count, bool)
-    is_ellipsoid = np.zeros(count, bool)
-    is_empty = np.zeros(count, bool)
-    is_bounded = np.zeros(count, bool)
-    planes: list[Floats] = []
-    hulls = _HullBuilder()
     for ix, solid in enumerate(solids):
-        if isinstance(solid, PlanePatch):
-            bounds = _patch_bounds(solid, origin[ix], rotation[ix])
-            rows = np.concatenate([[[0.0, 0.0, 1.0, 0.0]], bounds])
-            other_side = np.array([[0.0, 0.0, -1.0, 0.0]])
-            hulls.points.append((ix, halfspaces.vertices(np.concatenate([rows, other_side]))))
-            is_bounded[ix] = True
-        elif isinstance(solid, Box | Polyhedron):
-            rows = solid.half_spaces()
-            hulls.points.append((ix, _polyhedron_vertices(solid, rows)))
-            is_bounded[ix] = True
-        else:
-            rows = solid.half_spaces()
-            has_quadric[ix] = True
+        if isinstance(solid, QuadricSolid):
             quadric[ix] = solid.quadric()
-            form = _quadric_hull(hulls, ix, solid, quadric[ix], rows)
-            is_empty[ix] = form == "empty"
-            is_ellipsoid[ix] = form == "ellipsoid" and len(rows) == 0
-            is_bounded[ix] = form not in ("empty", "unbounded")
-        planes.append(np.column_stack([rows[:, :3], -rows[:, 3]]))
-    plane_count = np.array([len(p) for p in planes], np.int64)
+
+    form, hulls = _hulls(solids, rows, quadric, is_flat)
+    plane_count = np.array([len(each) for each in rows], np.int64)
+    planes = np.concatenate(rows).T * np.array([[1.0], [1.0], [1.0], [-1.0]])
     return Geometry(
-        origin=origin,
-        world_from_local=rotation,
-        has_quadric=has_quadric,
-        quadric=quadric,
-        is_patch=np.array([isinstance(solid, PlanePatch) for solid in solids]),
-        is_ellipsoid=is_ellipsoid,
-        is_empty=is_empty,
-        is_bounded=is_bounded,
+        origin=_solids_last(origin),
+        world_from_local=_solids_last(rotation),
+        has_quadric=~is_flat,
+        quadric=_solids_last(quadric),
+        is_patch=is_patch,
+        is_ellipsoid=(form == Form.ELLIPSOID) & (plane_count == 0),
+        is_empty=form == Form.EMPTY,
+        is_bounded=form >= Form.ELLIPSOID,
+        is_loose=~is_flat & _is_loose(form, plane_count, has_cut),
         plane_start=np.cumsum(plane_count) - plane_count,
         plane_count=plane_count,
-        planes=np.concatenate(planes),
+        planes=np.ascontiguousarray(planes),
         plane_solid=np.repeat(np.arange(count), plane_count),
-        hulls=hulls.finish(),
+        hulls=hulls,
     )
 
 
-def _patch_bounds(solid: PlanePatch, origin: Floats, rotation: Floats) -> Floats:
-    """World box of a patch as local half-spaces n·x <= d, without bounds parallel to it; (14)."""
-    rows = []
+def _solids_last(array: Floats) -> Floats:
+    return np.ascontiguousarray(np.moveaxis(array, 0, -1))
+
+
+def _is_loose(form: Ints, plane_count: Ints, has_cut: Bools) -> Bools:
+    """Quadrics (K,) whose hull is that of some of their inequalities only."""
+    of_surface = (form == Form.ELLIPSOID) & (plane_count > 0) | (form == Form.DISCS) & has_cut
+    return np.asarray(of_surface | (form == Form.UNBOUNDED) | (form == Form.POINTS))
+
+
+def _patch_rows(solid: PlanePatch, origin: Floats, rotation: Floats) -> Floats:
+    """A patch's plane and its world box as local half-spaces n·x <= d; (14).
+
+    Bounds parallel to the patch are left out.
+    """
+    rows = [[0.0, 0.0, 1.0, 0.0]]
     normal = rotation[:, 2]
     for axis in range(3):
         across = np.delete(normal, axis)
@@ -178,52 +171,91 @@ def _patch_bounds(solid: PlanePatch, origin: Floats, rotation: Floats) -> Floats
     return np.array(rows)
 
 
-def _polyhedron_vertices(solid: Box | Polyhedron, rows: Floats) -> Floats:
-    if isinstance(solid, Box):
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return signs * np.array(solid.size) / 2
-    return halfspaces.vertices(rows)
+def _hulls(
+    solids: Sequence[Solid], rows: Sequence[Floats], quadric: Floats, is_flat: Bools
+) -> tuple[Ints, Hulls]:
+    """Form of every solid (K,), and the hulls; BASEPLANE.md section 3."""
+    form = np.where(is_flat, Form.POINTS, Form.UNBOUNDED)
+    curved = np.flatnonzero(~is_flat)
+    form[curved], center, axes = _ellipsoids(quadric[curved])
+    of_curved = form[curved] == Form.ELLIPSOID
+
+    disc_ix, disc_z = _cut_across(form, solids)
+    bulging = [isinstance(solids[ix], HyperboloidTwoSheets | Paraboloid) for ix in disc_ix.tolist()]
+    conic_ix = np.flatnonzero(bulging)
+
+    for group, planes in _by_length(np.flatnonzero(form == Form.UNBOUNDED).tolist(), rows):
+        form[group[halfspaces.are_bounded(planes)]] = Form.POINTS
+    point_ix, points = _corners(form, solids, rows)
+    # Half-spaces of a quadric may leave nothing.
+    hollow = ~is_flat & (np.bincount(point_ix, minlength=len(form)) < 4)
+    form[hollow & (form == Form.POINTS)] = Form.EMPTY
+    kept = ~hollow[point_ix]
+    point_ix, points = point_ix[kept], points[kept]
+    first = np.flatnonzero(np.diff(point_ix, prepend=-1))
+    return form, Hulls(
+        ellipsoid_ix=curved[of_curved],
+        ellipsoid_center=_solids_last(center[of_curved]),
+        ellipsoid_axes=_solids_last(axes[of_curved]),
+        disc_ix=disc_ix,
+        disc_z=_solids_last(disc_z),
+        disc_radius=_solids_last(_disc_radius(quadric[disc_ix], disc_z)),
+        conic_ix=conic_ix,
+        conic_dual=_solids_last(np.asarray(np.linalg.inv(quadric[disc_ix[conic_ix]]), np.float64)),
+        point_ix=point_ix[first],
+        point_start=first,
+        point_solid=point_ix,
+        points=_solids_last(points),
+    )
 
 
-def _quadric_hull(hulls: _HullBuilder, ix: int, solid: Solid, matrix: Floats, rows: Floats) -> str:
-    """Add the hull of a quadric solid; returns its form (BASEPLANE.md section 3)."""
-    form, center, axes = _ellipsoid(matrix)
-    if form == "ellipsoid":
-        hulls.ellipsoids.append((ix, center, axes))
-    elif form == "none":
-        form = _end_discs(hulls, ix, solid, matrix)
-    if form == "none" and len(rows) >= 4 and halfspaces.is_bounded(rows):
-        vertices = halfspaces.vertices(rows)
-        if len(vertices) >= 4:
-            hulls.points.append((ix, vertices))
-            return "points"
-        return "empty"
-    return "unbounded" if form == "none" else form
-
-
-def _ellipsoid(matrix: Floats) -> tuple[str, Floats, Floats]:
-    """Form, centre and semi-axis vectors (columns) of a positive definite F."""
-    second, linear, constant = matrix[:3, :3], matrix[:3, 3], matrix[3, 3]
+def _ellipsoids(matrix: Floats) -> tuple[Ints, Floats, Floats]:
+    """Of quadrics (Q, 4, 4): form, centre and semi-axis vectors in columns if F is definite."""
+    second, linear, constant = matrix[:, :3, :3], matrix[:, :3, 3], matrix[:, 3, 3]
     values, vectors = map(np.asarray, np.linalg.eigh(second))
-    if values[0] <= 1e-12 * values[2]:
-        return "none", np.zeros(3), np.zeros((3, 3))
-    center = -np.asarray(np.linalg.solve(second, linear), np.float64)
-    size = np.abs(center)
-    terms = float(size @ np.abs(second) @ size + 2 * (np.abs(linear) @ size)) + abs(constant)
+    definite = values[:, 0] > 1e-12 * values[:, 2]
+    center, axes = np.zeros_like(linear), np.zeros_like(second)
+    form = np.full(len(matrix), Form.UNBOUNDED)
+    second, linear, constant = second[definite], linear[definite], constant[definite]
+    middle = np.asarray(np.linalg.solve(second, -linear[:, :, None]), np.float64)[:, :, 0]
+
     # -F at the centre.  Far from the origin its terms cancel: the hull must not be too small.
-    level = -float(center @ second @ center + 2 * (linear @ center) + constant)
-    level += LEVEL_ROUNDING * terms
-    if level < 0:
-        return "empty", center, np.zeros((3, 3))
-    return "ellipsoid", center, vectors * np.sqrt(level / values)
+    terms = _values(np.abs(second), np.abs(linear), np.abs(constant), np.abs(middle))
+    level = LEVEL_ROUNDING * terms - _values(second, linear, constant, middle)
+    form[definite] = np.where(level < 0, Form.EMPTY, Form.ELLIPSOID)
+    center[definite] = middle
+    reach = np.sqrt(np.maximum(level, 0.0)[:, None] / values[definite])
+    axes[definite] = vectors[definite] * reach[:, None, :]
+    return form, center, axes
 
 
-def _end_discs(hulls: _HullBuilder, ix: int, solid: Solid, matrix: Floats) -> str:
-    """Hull of a surface of revolution cut at both ends: its two end discs."""
+def _values(second: Floats, linear: Floats, constant: Floats, point: Floats) -> Floats:
+    """F of quadrics (Q,) at a point each (Q, 3)."""
+    row, column = point[:, None, :], point[:, :, None]
+    return np.asarray(
+        (row @ second @ column + 2 * (linear[:, None, :] @ column))[:, 0, 0] + constant
+    )
+
+
+def _cut_across(form: Ints, solids: Sequence[Solid]) -> tuple[Ints, Floats]:
+    """Take for bounded what planes across its axis cut at both ends: which (D,), and z (D, 2)."""
+    rest = np.flatnonzero(form == Form.UNBOUNDED)
+    ends = np.array([_ends(solids[ix]) for ix in rest.tolist()]).reshape(-1, 2)
+    form[rest[ends[:, 0] > ends[:, 1]]] = Form.EMPTY
+    cut = np.isfinite(ends).all(axis=1) & (ends[:, 0] <= ends[:, 1])
+    form[rest[cut]] = Form.DISCS
+    return rest[cut], ends[cut]
+
+
+def _ends(solid: Solid) -> tuple[float, float]:
+    """Least and greatest local z of a surface of revolution, as far as cuts across it say so.
+
+    The first exceeds the second where nothing is left.
+    """
     if not isinstance(
         solid, Cylinder | Cone | HyperboloidOneSheet | HyperboloidTwoSheets | Paraboloid
     ):
-        return "none"
+        return -np.inf, np.inf
     low = -np.inf if solid.z_min is None else solid.z_min
     high = np.inf if solid.z_max is None else solid.z_max
     if isinstance(solid, Paraboloid):
@@ -232,17 +264,49 @@ def _end_discs(hulls: _HullBuilder, ix: int, solid: Solid, matrix: Floats) -> st
         # Nothing lives between the sheets: move an end that lies there to the next apex.
         low = solid.c if -solid.c < low < solid.c else low
         high = -solid.c if -solid.c < high < solid.c else high
-    if low > high:
-        return "empty"
-    if not (np.isfinite(low) and np.isfinite(high)):
-        return "none"
-    ends = np.array([low, high])
-    square = -(matrix[2, 2] * ends**2 + 2 * matrix[2, 3] * ends + matrix[3, 3]) / matrix[0, 0]
-    radius = np.sqrt(np.maximum(square, 0.0))
-    hulls.discs.append((ix, (low, high), (float(radius[0]), float(radius[1]))))
-    if isinstance(solid, HyperboloidTwoSheets | Paraboloid):
-        hulls.conics.append((len(hulls.discs) - 1, np.asarray(np.linalg.inv(matrix))))
-    return "discs"
+    return low, high
+
+
+def _disc_radius(matrix: Floats, z: Floats) -> Floats:
+    """Radii (D, 2) of surfaces of revolution (D, 4, 4) at heights z (D, 2)."""
+    squares, linear, constant = matrix[:, 2, 2, None], matrix[:, 2, 3, None], matrix[:, 3, 3, None]
+    square = -(squares * z**2 + 2 * linear * z + constant) / matrix[:, 0, 0, None]
+    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+
+
+def _corners(form: Ints, solids: Sequence[Solid], rows: Sequence[Floats]) -> tuple[Ints, Floats]:
+    """The solid (P,) of each corner and the corners (P, 3) of solids of the form POINTS."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    other_side = np.array([[0.0, 0.0, -1.0, 0.0]])
+    owners, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
+    enclosed: dict[int, Floats] = {}
+    for ix in np.flatnonzero(form == Form.POINTS).tolist():
+        solid = solids[ix]
+        if isinstance(solid, Box):
+            owners.append(np.full(8, ix))
+            points.append(signs * np.array(solid.size) / 2)
+        elif isinstance(solid, PlanePatch):
+            enclosed[ix] = np.concatenate([rows[ix], other_side])
+        else:
+            enclosed[ix] = rows[ix]
+    for group, planes in _by_length(enclosed, enclosed):
+        found, owner = halfspaces.vertices_of_each(planes)
+        owners.append(group[owner])
+        points.append(found)
+    owner, found = np.concatenate(owners), np.concatenate(points)
+    by_solid = np.argsort(owner, kind="stable")
+    return owner[by_solid], found[by_solid]
+
+
+def _by_length(
+    solids: Iterable[int], rows: Sequence[Floats] | Mapping[int, Floats]
+) -> Iterator[tuple[Ints, Floats]]:
+    """Solids that have the same number of half-spaces (k,), and these (k, m, 4)."""
+    groups: dict[int, list[int]] = {}
+    for ix in solids:
+        groups.setdefault(len(rows[ix]), []).append(ix)
+    for group in groups.values():
+        yield np.array(group, np.int64), np.array([rows[ix] for ix in group])
 
 
 def volume_box(scene: Scene, geometry: Geometry) -> tuple[Floats, Floats]:
@@ -262,11 +326,11 @@ def volume_box(scene: Scene, geometry: Geometry) -> tuple[Floats, Floats]:
         )
     low, high = [], []
     for ix, center, reach in _world_extents(geometry):
-        world = geometry.origin[ix] + np.einsum("kij,kj->ki", geometry.world_from_local[ix], center)
-        low.append(world - reach)
-        high.append(world + reach)
-    lowest = np.concatenate(low).min(axis=0)
-    highest = np.concatenate(high).max(axis=0)
+        rotation = np.take(geometry.world_from_local, ix, axis=-1)
+        world = geometry.origin[:, ix] + np.einsum("ijk,jk->ik", rotation, center)
+        low.append((world - reach).min(axis=1))
+        high.append((world + reach).max(axis=1))
+    lowest, highest = np.min(low, axis=0), np.max(high, axis=0)
     margin = VOLUME_MARGIN * (highest - lowest).max()
     return lowest - margin, highest + margin
 
@@ -275,16 +339,14 @@ def _world_extents(geometry: Geometry) -> list[tuple[Ints, Floats, Floats]]:
     """(solids, local centres, half-widths along the world axes) of every part of every hull."""
     hulls, rotation = geometry.hulls, geometry.world_from_local
     parts = []
-    axes = np.einsum("kij,kjl->kil", rotation[hulls.ellipsoid_ix], hulls.ellipsoid_axes)
-    parts.append((hulls.ellipsoid_ix, hulls.ellipsoid_center, np.sqrt((axes**2).sum(axis=2))))
+    axes = np.einsum("ijk,jlk->ilk", rotation[..., hulls.ellipsoid_ix], hulls.ellipsoid_axes)
+    parts.append((hulls.ellipsoid_ix, hulls.ellipsoid_center, np.sqrt((axes**2).sum(axis=1))))
     radius = hulls.disc_radius.copy()
-    radius[hulls.conic_ix] = radius[hulls.conic_ix].max(axis=1, keepdims=True)
+    radius[:, hulls.conic_ix] = radius[:, hulls.conic_ix].max(axis=0)
     for end in range(2):
-        center = np.zeros((len(hulls.disc_ix), 3))
-        center[:, 2] = hulls.disc_z[:, end]
-        across = np.sqrt((rotation[hulls.disc_ix, :, :2] ** 2).sum(axis=2))
-        parts.append((hulls.disc_ix, center, radius[:, end, None] * across))
-    counts = np.diff([*hulls.point_start, len(hulls.points)])
-    owner = np.repeat(hulls.point_ix, counts)
-    parts.append((owner, hulls.points, np.zeros_like(hulls.points)))
+        center = np.zeros((3, len(hulls.disc_ix)))
+        center[2] = hulls.disc_z[end]
+        across = np.sqrt((rotation[:, :2, hulls.disc_ix] ** 2).sum(axis=1))
+        parts.append((hulls.disc_ix, center, radius[end] * across))
+    parts.append((hulls.point_solid, hulls.points, np.zeros_like(hulls.points)))
     return [part for part in parts if len(part[0])]

@@ -1,32 +1,33 @@
-"""Vertices and boundedness of an intersection of half-spaces.
+"""Vertices and boundedness of intersections of half-spaces.
 
 Rows are ``(nx, ny, nz, d)`` and mean n·x <= d; normals need not be unit. Everything is float64.
 Work goes by *pairs* of planes: each pair meets in a line, and clipping that line by all planes
 leaves an edge, or nothing. That finds every vertex in O(m³) operations where testing all triples
-against all planes would take O(m⁴).
+against all planes would take O(m⁴). Solids with the same number of half-spaces are treated at once.
 """
 
+import functools
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 
 _EPS = float(np.finfo(np.float64).eps)
 # Counted roundings of one dot product and one subtraction, with room for the normalisation.
 _ROUNDING = 32.0 * _EPS
 # Two unit normals whose cross product is shorter than this are taken as parallel.
 _PARALLEL = 1e-12
-# Pairs of planes treated at once: bounds the temporaries to a few MiB at 255 half-spaces.
-_CHUNK = 2048
+# Lines times planes treated at once: bounds the temporaries to a few MiB.
+_CHUNK = 2048 * 255
 
 
 def vertices(planes: Array) -> Array:
-    """All vertices of the intersection of half-spaces.
-
-    The clipping is done twice, the second time about the centroid of the first result, so that a
-    small solid far from the origin of its frame keeps its relative accuracy.
+    """All vertices of one intersection of half-spaces.
 
     Args:
         planes: (m, 4) rows n·x <= d with non-zero normals.
@@ -35,16 +36,33 @@ def vertices(planes: Array) -> Array:
         (v, 3) vertices, each once, to rounding; (0, 3) where the intersection is empty or has
         no vertex. Where the intersection is unbounded, the vertices it has.
     """
+    return vertices_of_each(planes[None])[0]
+
+
+def vertices_of_each(planes: Array) -> tuple[Array, Indices]:
+    """All vertices of k intersections of m half-spaces each.
+
+    The clipping is done twice, the second time about the centroid of the first result, so that a
+    small solid far from the origin of its frame keeps its relative accuracy.
+
+    Args:
+        planes: (k, m, 4) rows n·x <= d with non-zero normals.
+
+    Returns:
+        (v, 3) vertices as of `vertices`, and (v,) the intersection of each, ascending.
+    """
     normals, offsets = _unit(planes)
-    center = np.zeros(3)
-    found = np.empty((0, 3))
+    center = np.zeros((len(planes), 3))
+    found, owner = np.empty((0, 3)), np.empty(0, np.intp)
     for _ in range(2):
-        slack = _ROUNDING * (np.abs(offsets) + np.abs(center).max())
-        found = _distinct(*_edge_ends(normals, offsets - normals @ center, slack)) + center
-        if not len(found):
-            break
-        center = found.mean(axis=0)
-    return found
+        slack = _ROUNDING * (np.abs(offsets) + np.abs(center).max(axis=1)[:, None])
+        room = offsets - np.einsum("kmc,kc->km", normals, center)
+        found, owner = _distinct(*_edge_ends(normals, room, slack))
+        found = found + center[owner]
+        count = np.maximum(np.bincount(owner, minlength=len(planes)), 1)
+        center = np.zeros((len(planes), 3))
+        np.add.at(center, owner, found / count[owner, None])
+    return found, owner
 
 
 def is_bounded(planes: Array) -> bool:
@@ -55,21 +73,26 @@ def is_bounded(planes: Array) -> bool:
     Args:
         planes: (m, 4) rows n·x <= d with non-zero normals.
     """
-    if len(planes) < 4:
-        return False
+    return bool(are_bounded(planes[None])[0])
+
+
+def are_bounded(planes: Array) -> Bools:
+    """`is_bounded` of k intersections (k, m, 4), (k,)."""
+    count, most = planes.shape[:2]
+    if most < 4:
+        return np.zeros(count, bool)
     normals, _ = _unit(planes)
-    if np.linalg.matrix_rank(normals, tol=_PARALLEL) < 3:
-        return False
+    bounded = np.linalg.matrix_rank(normals, tol=_PARALLEL) == 3
     # Normals of rank 3 make the cone pointed: if it is more than {0} it has an extreme ray, and
     # that lies on the line in which two of the planes meet.
-    for first, second, along, sine in _pairs(normals):
-        slope = along @ normals.T
-        rows = np.arange(len(along))
-        slope[rows, first] = slope[rows, second] = 0.0
-        tolerance = (_ROUNDING / sine)[:, None]
-        if np.any(np.all(slope <= tolerance, axis=1) | np.all(slope >= -tolerance, axis=1)):
-            return False
-    return True
+    for lines in _lines(normals):
+        slope = np.einsum("lc,lmc->lm", lines.along, normals[lines.owner])
+        rows = np.arange(len(slope))
+        slope[rows, lines.first] = slope[rows, lines.second] = 0.0
+        tolerance = (_ROUNDING / lines.sine)[:, None]
+        free = np.all(slope <= tolerance, axis=1) | np.all(slope >= -tolerance, axis=1)
+        bounded[lines.owner[free]] = False
+    return np.asarray(bounded)
 
 
 def has_interior(planes: Array) -> bool:
@@ -88,45 +111,82 @@ def has_interior(planes: Array) -> bool:
 
 
 def _unit(planes: Array) -> tuple[Array, Array]:
-    """Unit normals (m, 3) and their offsets (m,), each row scaled first so no square overflows."""
-    rows = np.asarray(planes, dtype=np.float64).reshape(-1, 4)
-    rows = rows / np.abs(rows[:, :3]).max(axis=1, keepdims=True)
-    length = np.sqrt((rows[:, :3] ** 2).sum(axis=1, keepdims=True))
+    """Unit normals (…, 3) and their offsets (…,), each row scaled first so no square overflows."""
+    rows = np.asarray(planes, dtype=np.float64)
+    rows = rows / np.abs(rows[..., :3]).max(axis=-1, keepdims=True)
+    length = np.sqrt((rows[..., :3] ** 2).sum(axis=-1, keepdims=True))
     rows = rows / length
-    return rows[:, :3], rows[:, 3]
+    return rows[..., :3], rows[..., 3]
 
 
-def _pairs(normals: Array) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]]:
-    """Chunks of pairs that are not parallel: indices, unit direction of the line (k, 3), sine."""
-    firsts, seconds = np.triu_indices(len(normals), 1)
-    for start in range(0, len(firsts), _CHUNK):
-        first, second = firsts[start : start + _CHUNK], seconds[start : start + _CHUNK]
-        along = np.cross(normals[first], normals[second])
+class _Lines(NamedTuple):
+    """Lines in which two planes of an intersection meet."""
+
+    owner: Indices  # (l,), which intersection
+    first: Indices  # (l,), the two planes
+    second: Indices
+    along: Array  # (l, 3), unit direction
+    sine: Array  # (l,), of the angle between the planes
+
+
+def _lines(normals: Array) -> Iterator[_Lines]:
+    """Chunks of the lines of all pairs that are not parallel, of normals (k, m, 3)."""
+    count, most = normals.shape[:2]
+    firsts, seconds = _pairs(most)
+    total = count * len(firsts)
+    step = max(_CHUNK // max(most, 1), 1)
+    for start in range(0, total, step):
+        owner, pair = np.divmod(np.arange(start, min(start + step, total)), len(firsts))
+        first, second = firsts[pair], seconds[pair]
+        along = _cross(normals[owner, first], normals[owner, second])
         sine = np.sqrt((along**2).sum(axis=1))
         keep = sine > _PARALLEL
-        yield first[keep], second[keep], along[keep] / sine[keep, None], sine[keep]
+        yield _Lines(
+            owner[keep],
+            first[keep],
+            second[keep],
+            along[keep] / sine[keep, None],
+            sine[keep],
+        )
 
 
-def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Array]:
+@functools.lru_cache(maxsize=32)
+def _pairs(count: int) -> tuple[Indices, Indices]:
+    """All pairs of so many planes."""
+    return np.triu_indices(count, 1)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products of rows (l, 3)."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Array, Indices]:
     """Ends of all edges, with repetitions: each pair's line clipped by every plane.
 
     An edge is accepted when it survives with every plane moved out by its slack, but its ends are
     those on the planes themselves.
 
+    Args:
+        normals: (k, m, 3), unit.
+        offsets: (k, m).
+        slack: (k, m), by how much rounding may have moved each plane.
+
     Returns:
-        (e, 3) points, and (e,) how far rounding may have moved each.
+        (e, 3) points, (e,) how far rounding may have moved each, and (e,) which of the k it is of.
     """
-    ends, errors = [np.empty((0, 3))], [np.empty(0)]
-    for first, second, along, sine in _pairs(normals):
+    ends, errors, owners = [np.empty((0, 3))], [np.empty(0)], [np.empty(0, np.intp)]
+    for owner, first, second, along, sine in _lines(normals):
         # The point of the line nearest the origin.
         foot = (
-            offsets[first, None] * np.cross(normals[second], along)
-            - offsets[second, None] * np.cross(normals[first], along)
+            offsets[owner, first, None] * _cross(normals[owner, second], along)
+            - offsets[owner, second, None] * _cross(normals[owner, first], along)
         ) / sine[:, None]
-        slope = along @ normals.T
-        room = offsets - foot @ normals.T
+        slope = np.einsum("lc,lmc->lm", along, normals[owner])
+        room = offsets[owner] - np.einsum("lc,lmc->lm", foot, normals[owner])
         # Line and foot are known the less exactly the flatter the angle between the two planes.
-        spare = slack + (_ROUNDING * np.abs(foot).max(axis=1) / sine)[:, None]
+        spare = slack[owner] + (_ROUNDING * np.abs(foot).max(axis=1) / sine)[:, None]
         rows = np.arange(len(along))
         for own in (first, second):
             slope[rows, own] = 0.0
@@ -147,20 +207,27 @@ def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Arr
             ok = alive & np.isfinite(where)
             ends.append(foot[ok] + where[ok, None] * along[ok])
             errors.append((reach[rows, nearest] + _ROUNDING * np.abs(where) / sine)[ok])
-    return np.concatenate(ends), np.concatenate(errors)
+            owners.append(owner[ok])
+    return np.concatenate(ends), np.concatenate(errors), np.concatenate(owners)
 
 
-def _distinct(points: Array, errors: Array) -> Array:
-    """One of every group of points that differ by rounding only: the best known one.
+def _distinct(points: Array, errors: Array, owner: Indices) -> tuple[Array, Indices]:
+    """One of every group of an intersection's points that differ by rounding only: the best known.
 
     A vertex is found once per pair of planes through it, the less exactly the flatter the angles
-    between them.
+    between them. Each turn takes the best point left of every intersection.
     """
-    order = np.argsort(errors)
-    points, errors = points[order], errors[order]
-    kept = [np.empty((0, 3))]
+    order = np.lexsort([errors, owner])
+    points, errors, owner = points[order], errors[order], owner[order]
+    kept, owners = [np.empty((0, 3))], [np.empty(0, np.intp)]
     while len(points):
-        kept.append(points[:1])
-        apart = np.abs(points - points[0]).max(axis=1) > errors + errors[0]
-        points, errors = points[apart], errors[apart]
-    return np.concatenate(kept)
+        is_best = np.ones(len(owner), bool)
+        is_best[1:] = owner[1:] != owner[:-1]
+        kept.append(points[is_best])
+        owners.append(owner[is_best])
+        best = np.flatnonzero(is_best)[np.cumsum(is_best) - 1]
+        apart = np.abs(points - points[best]).max(axis=1) > errors + errors[best]
+        points, errors, owner = points[apart], errors[apart], owner[apart]
+    found, of = np.concatenate(kept), np.concatenate(owners)
+    by_owner = np.argsort(of, kind="stable")
+    return found[by_owner], of[by_owner]

@@ -15,7 +15,7 @@ import numpy as np
 from halfstep.formats import FLOAT32, Format
 
 # A workgroup renders one tile, an invocation one block: rows of four neighbouring pixels.
-TILE = 32
+TILE = 16
 BLOCK_WIDTH = 4
 
 

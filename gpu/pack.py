@@ -93,7 +93,9 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     owner = np.repeat(np.arange(geometry.count), per_solid)
     materials = [scene.material_of(solid) for solid in scene.solids]
     normals = np.einsum(
-        "nij,nj->ni", geometry.world_from_local[geometry.plane_solid], geometry.planes[:, :3]
+        "ijn,jn->ni",
+        np.take(geometry.world_from_local, geometry.plane_solid, axis=-1),
+        geometry.planes[:3],
     )
     return Surfaces(
         solid=np.append(-1, owner).astype(np.int32),
@@ -121,7 +123,7 @@ def pack(
     key_bits = longest + spare
 
     solids = np.zeros(setup.count, layout.SOLID.dtype(number_format))
-    offsets = monomials_of(setup.offsets + layout.TILE)  # tiles reach beyond rectangles
+    offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
     host_error = setup.host_error
     if number_format.integer:
@@ -166,18 +168,18 @@ def pack(
         plane_c, plane_b = np.rint(plane_c * unit), np.rint(plane_b * unit)
         plane_host_error = plane_host_error * unit[:, 0]
     half_spaces["c"], half_spaces["b"] = plane_c, plane_b
-    half_spaces["normal"] = tables.normal[setup.plane]
+    half_spaces["normal"] = np.take(tables.normal, setup.plane, axis=0)
     half_spaces["host_error"] = plane_host_error
     return Packed(
         setup=setup,
         order=order,
         classes=classes[order],
         format=number_format,
-        solids=solids[order],
+        solids=np.take(solids, order),  # a fancy index copies member by member
         half_spaces=half_spaces,
         key_bits=key_bits,
         lights=_lights(scene, setup),
-        present=tuple(Class(int(c)) for c in np.union1d(classes, usual)),
+        present=_present(classes, usual),
         highlights=bool((tables.specular > 0).any()),
         most_half_spaces=int(geometry.plane_count.max()),
         surface_count=len(tables.solid) - 1,
@@ -206,6 +208,12 @@ def _classes(geometry: Geometry, setup: Setup) -> NDArray[np.int64]:
         ],
         Class.POLYHEDRON_INSIDE,
     )
+
+
+def _present(classes: NDArray[np.int64], usual: NDArray[np.int64]) -> tuple[Class, ...]:
+    """The classes among them, in order."""
+    count = np.bincount(np.concatenate([classes, usual]))
+    return tuple(Class(int(number)) for number in np.flatnonzero(count))
 
 
 def _usual_classes(geometry: Geometry) -> NDArray[np.int64]:
@@ -256,35 +264,6 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
     record["row_quads"] = tiles_x * layout.TILE // layout.BLOCK_WIDTH
     record["plane_quads"] = record["row_quads"] * tiles_y * layout.TILE
     return record
-
-
-def tile_lists(
-    packed: Packed, classes: tuple[Class, ...], first_row: int, rows: int
-) -> tuple[U32, U32]:
-    """The solids that each tile of a band can see, by class.
-
-    Returns ``(starts, solids)``: solids ``starts[t*C + k]`` … ``starts[t*C + k + 1]`` belong to
-    class k of C in tile t, tiles in rows from the left; each list in order of the scene.
-    """
-    setup = packed.setup
-    tiles_x = -(-setup.view.width // layout.TILE)
-    tiles_y = -(-rows // layout.TILE)
-    i0, i1, j0, j1 = setup.rectangle[packed.order].T
-    left, right = i0 // layout.TILE, i1 // layout.TILE
-    top = np.maximum(j0 - first_row, 0) // layout.TILE
-    bottom = np.minimum(j1 - first_row, rows - 1) // layout.TILE
-    wide = right - left + 1
-    tall = np.where((j1 >= first_row) & (j0 < first_row + rows), bottom - top + 1, 0)
-    cells = wide * tall
-    owner = np.repeat(np.arange(setup.count), cells)
-    place = np.arange(cells.sum()) - np.repeat(np.cumsum(cells) - cells, cells)
-    tile = (top[owner] + place // wide[owner]) * tiles_x + left[owner] + place % wide[owner]
-    slot = np.searchsorted(np.array(classes, np.int64), packed.classes)
-    group = tile * len(classes) + slot[owner]
-    by_group = np.argsort(group, kind="stable")
-    starts = np.zeros(tiles_x * tiles_y * len(classes) + 1, np.uint32)
-    np.cumsum(np.bincount(group, minlength=len(starts) - 1), out=starts[1:])
-    return starts, owner[by_group].astype(np.uint32)
 
 
 @functools.cache

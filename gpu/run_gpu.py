@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.device import Adapter, device_errors, open_device
+from halfstep import split
+from halfstep.device import Adapter, device_errors, open_device, wgpu_errors
 from halfstep.errors import AdapterError
 from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.layout import TILE
-from halfstep.pack import Packed, frame_record, joined_key, srgb_table, tile_lists
+from halfstep.pack import Packed, frame_record, joined_key, srgb_table
 from halfstep.scene import Scene
 from halfstep.source import MOST_TAGS, Needs, binding_numbers, compose, plane_offsets
+from halfstep.tiles import tile_lists
 
 Planes = dict[str, NDArray[Any]]
 
@@ -30,6 +30,17 @@ _QUERY_ALIGNMENT = 256
 # A record has 16 vec4 or so: more invocations would load nothing.
 MOST_TOGETHER = 16
 _UNIFORM = {0, 6, 7}
+# What the bindings hold.
+_NAMES = {
+    0: "frame",
+    1: "solids",
+    2: "half-spaces",
+    3: "starts of tiles",
+    4: "lists of tiles",
+    5: "picture",
+    6: "lights",
+    7: "sRGB table",
+}
 
 
 class Device:
@@ -44,6 +55,7 @@ class Device:
         """
         self.adapter = adapter
         self.check_format(number_format)
+        # Where a processor plays the device, its memory is the device's.
         shared = {MAPPABLE} if adapter.summary.kind == "cpu" else set()
         wanted = {INT64, SUBGROUP} | shared
         self._device = open_device(adapter, features=wanted & adapter.handle.features)
@@ -52,19 +64,18 @@ class Device:
         self._together = 1
         if adapter.summary.kind == "cpu" and SUBGROUP in self._device.features:
             self._together = min(_subgroup_size(self._device), MOST_TOGETHER)
+        limits = self._device.limits
+        self.largest_binding: int = min(
+            limits["max-storage-buffer-binding-size"], limits["max-buffer-size"]
+        )
         self._pipelines: dict[Needs, tuple[Any, Any]] = {}
         self._buffers: dict[str, Any] = {}
-        self._targets: list[Target] = []
         self._timed = "timestamp-query" in self._device.features
         if self._timed:
             self._queries = self._device.create_query_set(type="timestamp", count=2)
 
     def close(self) -> None:
         """Give the device's memory back."""
-        for target in self._targets:
-            target.frame.destroy()
-            target.staging.destroy()
-        self._targets.clear()
         for buffer in self._buffers.values():
             buffer.destroy()
         self._buffers.clear()
@@ -87,12 +98,11 @@ class Device:
 
     def band_rows(self, width: int, outputs: frozenset[str]) -> int:
         """Picture rows of a band whose frame buffer fits the device, a multiple of the tile."""
-        limits = self._device.limits
-        size = min(BAND_BYTES, limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
+        size = min(BAND_BYTES, self.largest_binding)
         words = plane_offsets(outputs)["total"] * -(-width // TILE) * TILE
         return max(size // (4 * words) // TILE, 1) * TILE
 
-    def start_band(
+    def render_band(
         self,
         scene: Scene,
         packed: Packed,
@@ -100,8 +110,8 @@ class Device:
         rows: int,
         method: str,
         outputs: frozenset[str],
-    ) -> PendingBand:
-        """Begin to render a band; the caller may prepare the next one meanwhile.
+    ) -> tuple[Planes, float | None]:
+        """Outputs of a band as ``run_twin.render_band`` gives them, and the device time in ms.
 
         Raises:
             AdapterError: the frame needs 64-bit integers and the device has none.
@@ -112,6 +122,8 @@ class Device:
         needs = needs_of(packed, method, written, together=self._together)
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
+        if len(packed.order) > 1 and self._is_too_large(packed, members):
+            return self._render_in_halves(scene, packed, first_row, rows, method, outputs)
         contents = {
             0: frame,
             1: packed.solids,
@@ -125,21 +137,45 @@ class Device:
         size = plane_offsets(written)["total"] * int(frame["plane_quads"][0]) * 16
         with device_errors(self.adapter):
             pipeline, layout = self._pipeline(needs)
-            target = self._target(size)
-            resources = {5: (target.frame, size)}
+            bindings = {5: (self._frame_buffer(size), size)}
             for number in binding_numbers(needs):
                 if number != 5:
-                    resources[number] = self._upload(number, contents[number])
-            self._submit(pipeline, layout, resources, tiles, target)
-        shape = rows, packed.setup.view.width
-        return PendingBand(self, target, size, shape, written, outputs)
+                    bindings[number] = self._upload(number, contents[number])
+            memory = self._dispatch(pipeline, layout, bindings, tiles)
+            try:
+                words = np.frombuffer(memory.read_mapped(copy=False), np.uint32)
+                planes = _planes(words[: size // 4], written, outputs, packed, rows)
+                begin, end = words[_stamps_at(size) // 4 :][:4].view(np.uint64).tolist()
+            finally:
+                memory.unmap()
+        return planes, (end - begin) / 1e6 if self._timed else None
 
-    def render_band(self, *job: Any) -> tuple[Planes, float | None]:
-        """Outputs of a band as ``run_twin.render_band`` gives them, and the device time in ms.
+    def _is_too_large(self, packed: Packed, members: NDArray[np.uint32]) -> bool:
+        """Whether a binding cannot hold the solids, their half-spaces or the lists of tiles."""
+        largest = max(packed.solids.nbytes, packed.half_spaces.nbytes, members.nbytes)
+        return largest > self.largest_binding
 
-        Takes and raises what ``start_band`` does.
-        """
-        return self.start_band(*job).finish()
+    def _render_in_halves(
+        self,
+        scene: Scene,
+        packed: Packed,
+        first_row: int,
+        rows: int,
+        method: str,
+        outputs: frozenset[str],
+    ) -> tuple[Planes, float | None]:
+        """`render_band`, one half of the solids after the other."""
+        found: list[Planes] = []
+        times: list[float] = []
+        for half in split.halves(packed):
+            job = (scene, half, first_row, rows, method, outputs | {"key"})
+            planes, milliseconds = self.render_band(*job)
+            found.append(planes)
+            times += [] if milliseconds is None else [milliseconds]
+        joined = split.nearest(*found)
+        if "key" not in outputs:
+            del joined["key"]
+        return joined, sum(times) if times else None
 
     def _pipeline(self, needs: Needs) -> tuple[Any, Any]:
         if needs not in self._pipelines:
@@ -161,51 +197,44 @@ class Device:
         kind = "UNIFORM" if number in _UNIFORM else "STORAGE"
         # An empty binding is not allowed: nothing reads this one record of zeros.
         content = content if len(content) else np.zeros(1, content.dtype)
-        name = f"binding {number}"
-        buffer = self._buffers[name] = self._grown(
-            self._buffers.get(name), content.nbytes, f"{kind}|COPY_DST"
-        )
+        buffer = self._buffer(_NAMES[number], content.nbytes, f"{kind}|COPY_DST")
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
         return buffer, buffer.size
 
-    def _grown(self, buffer: Any, size: int, usage: str) -> Any:
-        """``buffer``, or one of at least ``size`` bytes in its place."""
+    def _frame_buffer(self, size: int) -> Any:
+        """The buffer that a band is rendered to, with room for ``size`` bytes and two times."""
+        access = "MAP_READ" if self._mapped else "COPY_SRC"
+        return self._buffer(_NAMES[5], _stamps_at(size) + 16, f"STORAGE|QUERY_RESOLVE|{access}")
+
+    def _buffer(self, name: str, size: int, usage: str) -> Any:
+        """A kept buffer of at least ``size`` bytes."""
+        buffer = self._buffers.get(name)
         if buffer is None or buffer.size < size:
             if buffer is not None:
-                buffer.destroy()
-            buffer = self._device.create_buffer(size=-(-size // 16) * 16, usage=usage)
+                self._buffers.pop(name).destroy()
+            with wgpu_errors(f"adapter {self.adapter.summary}: {size:,} bytes for the {name}"):
+                rounded = -(-size // 16) * 16
+                buffer = self._device.create_buffer(label=name, size=rounded, usage=usage)
+            self._buffers[name] = buffer
         return buffer
 
-    def _target(self, size: int) -> Target:
-        """Buffers that a band can be rendered to, with room for ``size`` bytes and two times."""
-        target = self._targets.pop() if self._targets else Target()
-        stamps = _stamps_at(size)
-        if self._mapped:
-            usage = "STORAGE|QUERY_RESOLVE|MAP_READ"
-            target.frame = target.staging = self._grown(target.frame, stamps + 16, usage)
-        else:
-            usage = "STORAGE|QUERY_RESOLVE|COPY_SRC"
-            target.frame = self._grown(target.frame, stamps + 16, usage)
-            usage = "MAP_READ|COPY_DST"
-            target.staging = self._grown(target.staging, stamps + 16, usage)
-        return target
-
-    def _submit(
+    def _dispatch(
         self,
         pipeline: Any,
         layout: Any,
-        resources: dict[int, tuple[Any, int]],
+        bindings: dict[int, tuple[Any, int]],
         tiles: tuple[int, int],
-        target: Target,
-    ) -> None:
+    ) -> Any:
+        """Render, and wait: a mapped buffer that begins with the frame and ends with two times."""
         group = self._device.create_bind_group(
             layout=layout,
             entries=[
                 {"binding": number, "resource": {"buffer": buffer, "offset": 0, "size": size}}
-                for number, (buffer, size) in sorted(resources.items())
+                for number, (buffer, size) in sorted(bindings.items())
             ],
         )
-        size = resources[5][1]
+        frame, size = bindings[5]
+        stamps = _stamps_at(size)
         encoder = self._device.create_command_encoder()
         timing = {}
         if self._timed:
@@ -220,63 +249,14 @@ class Device:
         compute.dispatch_workgroups(*tiles)
         compute.end()
         if self._timed:
-            encoder.resolve_query_set(self._queries, 0, 2, target.frame, _stamps_at(size))
+            encoder.resolve_query_set(self._queries, 0, 2, frame, stamps)
+        memory = frame
         if not self._mapped:
-            encoder.copy_buffer_to_buffer(target.frame, 0, target.staging, 0, _stamps_at(size) + 16)
+            memory = self._buffer("copy of the picture", stamps + 16, "MAP_READ|COPY_DST")
+            encoder.copy_buffer_to_buffer(frame, 0, memory, 0, stamps + 16)
         self._device.queue.submit([encoder.finish()])
-
-    def read(
-        self, target: Target, size: int, take: Callable[[NDArray[np.uint32]], Planes]
-    ) -> tuple[Planes, float | None]:
-        """What ``take`` makes of a finished frame buffer, and the device time in ms."""
-        stamps = _stamps_at(size)
-        with device_errors(self.adapter):
-            target.staging.map_sync("READ", 0, stamps + 16)
-            memory = target.staging.read_mapped(0, stamps + 16, copy=False)
-            try:
-                words = np.frombuffer(memory, np.uint32)
-                planes = take(words[: size // 4])
-                begin, end = words[stamps // 4 :].view(np.uint64).tolist()
-            finally:
-                target.staging.unmap()
-        self._targets.append(target)
-        return planes, (end - begin) / 1e6 if self._timed else None
-
-
-@dataclass
-class Target:
-    """The frame buffer of a band, and where it is read: the same where memory is shared."""
-
-    frame: Any = None
-    staging: Any = None
-
-
-@dataclass(frozen=True)
-class PendingBand:
-    """A band that a device is rendering."""
-
-    device: Device
-    target: Target
-    size: int
-    shape: tuple[int, int]  # (H, W) of the band
-    written: frozenset[str]  # device outputs
-    outputs: frozenset[str]  # what is made of them
-
-    def finish(self) -> tuple[Planes, float | None]:
-        """Wait; outputs as ``run_twin.render_band`` gives them, and the device time in ms.
-
-        Raises:
-            DeviceError: the device is lost.
-        """
-        return self.device.read(self.target, self.size, self._planes)
-
-    def _planes(self, words: NDArray[np.uint32]) -> Planes:
-        rows, width = self.shape
-        offsets = plane_offsets(self.written)
-        stride = -(-width // TILE) * TILE
-        grid = words.reshape(offsets["total"], -1, stride)[:, :rows]
-        planes = _planes(grid, offsets, self.outputs)
-        return {name: array[:, :width] for name, array in planes.items()}
+        memory.map_sync("READ", 0, stamps + 16)
+        return memory
 
 
 def _stamps_at(size: int) -> int:
@@ -344,8 +324,18 @@ def _kind(number: int) -> str:
     return "storage" if number == 5 else "read-only-storage"
 
 
-def _planes(grid: NDArray[np.uint32], offsets: dict[str, int], outputs: frozenset[str]) -> Planes:
-    """The frame buffer (words, rows, width) as an array for each output."""
+def _planes(
+    words: NDArray[np.uint32],
+    written: frozenset[str],
+    outputs: frozenset[str],
+    packed: Packed,
+    rows: int,
+) -> Planes:
+    """Copies from a frame buffer, an array (rows, width, …) for each output."""
+    width = packed.setup.view.width
+    offsets = plane_offsets(written)
+    stride = -(-width // TILE) * TILE
+    grid = words.reshape(offsets["total"], -1, stride)[:, :rows]
     planes: Planes = {}
     for name in outputs:
         first = offsets.get(name, offsets.get("image", 0))
@@ -363,7 +353,7 @@ def _planes(grid: NDArray[np.uint32], offsets: dict[str, int], outputs: frozense
             planes["bound"] = np.array(grid[first + 4]).view(np.float32)
         else:
             planes[name] = np.stack([*grid[first : first + 3]], axis=-1).view(np.float32)
-    return planes
+    return {name: array[:, :width] for name, array in planes.items()}
 
 
 _PACKED = np.dtype([("pixels", "V12"), ("tags", "V4")])

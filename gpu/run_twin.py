@@ -25,7 +25,7 @@ from halfstep.twin import (
     root,
     shade,
 )
-from halfstep.twin.lanes import F32
+from halfstep.twin.lanes import F32, Form
 from halfstep.twin.piece import Line
 
 Planes = dict[str, NDArray[Any]]
@@ -262,9 +262,9 @@ class Band:
             last_step,
         )
 
-    def _form(self, solid: np.void, at: polynomial.Offset) -> root.Form:
+    def _form(self, solid: np.void, at: polynomial.Offset) -> Form:
         """F along the rays."""
-        form: root.Form = self.forms.form_at(*(solid[name] for name in "agc"), at)
+        form: Form = self.forms.form_at(*(solid[name] for name in "agc"), at)
         return form
 
     def _bounded_line(self, row: np.void, at: polynomial.Offset) -> tuple[Line, certify.LineErrors]:
@@ -306,7 +306,7 @@ class Band:
             color = normal.Vector(*(np.where(some, lit[k], background[k]) for k in range(3)))
             planes["color"] = np.stack(color, axis=-1)
             if "image" in self.outputs:
-                planes["image"] = image_of(color)
+                planes["image"] = image_of(planes["color"])
         return planes
 
     def _shade(self, unit: normal.Vector, direction: normal.Vector) -> normal.Vector:
@@ -318,9 +318,9 @@ class Band:
         return shade.shade(unit, direction, point, finish, self.frame["ambient"], lights)
 
 
-def image_of(color: normal.Vector) -> NDArray[np.uint8]:
-    """Pixels (H, W, 3) of linear colours (H, W)."""
-    words = encode.encode(srgb_table(), color)
+def image_of(color: F32) -> NDArray[np.uint8]:
+    """Pixels (H, W, 3) of linear colours (H, W, 3)."""
+    words = encode.encode(srgb_table(), normal.Vector(*np.moveaxis(color, -1, 0)))
     return words.view(np.uint8).reshape(*words.shape, 4)[..., :3].copy()
 
 

@@ -8,7 +8,8 @@ c, b affine.  Nothing in these numbers knows how far away the camera is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from halfstep.geometry import Geometry
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 # An interval starts at a multiple of 2^-START_BITS of its own length.
 START_BITS = 4
@@ -50,6 +52,7 @@ class Setup:
     near: float  # depths of the base planes
     far: float
     solid: Ints  # (V,), index in the scene
+    is_loose: Bools  # (V,), the rectangle is that of some of the solid's inequalities only
     level: Ints  # (V,), e: the interval is 2^-e of the far depth
     start: Floats  # (V,), t at u = -1, a multiple of 2^-(e+4)
     near_u: Floats  # (V,), u of the near base plane where it cuts the solid, else -1
@@ -57,7 +60,7 @@ class Setup:
     near_cut: Bools  # (V,), the near base plane, not the eye, cuts the solid
     starts_at_eye: Bools  # (V,), u = -1 is the centre of projection
     eye_inside: Bools  # (V,), the solid contains the centre of projection and rays start there
-    eye_outside_quadric: Bools  # (V,), F(h) > 0; the indicator (9)
+    eye_outside_quadric: Bools  # (V,), F(h) > 0, the indicator (9), where rays start at the eye
     rectangle: Ints  # (V, 4), first and last pixel: i0, i1, j0, j1
     center: Ints  # (V, 2), pixel where x = y = 0
     offsets: Floats  # (V, 2), largest |x| and |y|
@@ -88,150 +91,299 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     """Constants of the solids of ``geometry`` that ``view`` can see between its base planes."""
     box = bounds(geometry, view)
     rectangle, on_screen = _rectangles(box, view)
-    low = np.maximum(box.depth[:, 0], near)
-    high = np.minimum(box.depth[:, 1], far)
+    low = np.maximum(box.depth[0], near)
+    high = np.minimum(box.depth[1], far)
     # A flat solid may lie in a base plane that is not across an axis: rounding must not lose it.
     reached = low <= high + BASE_PLANE_ROUNDING * far
     visible = on_screen & ~geometry.is_empty & reached & (far > 0)
     ix = np.flatnonzero(visible)
 
-    depth, rectangle = box.depth[ix], rectangle[ix]
-    level, start = _intervals(low[ix], high[ix], _radius(box, view, low, ix), far)
-    half = np.asarray(far * np.exp2(-(level + 1.0)), np.float64)
+    depth, low = box.depth[:, ix], low[ix]
+    level, start = _intervals(low, high[ix], _radius(box.tangent[..., ix], view, low), far)
+    half = np.ldexp(far, -(level + 1))
     middle = start * far + half
-    near_cut = (depth[:, 0] < near) & (near > 0)
-    near_u = np.where(near_cut, (near - middle) / half - BASE_PLANE_SLACK, -1.0)
-    far_u = np.where(depth[:, 1] > far, (far - middle) / half + BASE_PLANE_SLACK, 1.0)
+    near_cut = (depth[0] < near) & (near > 0)
     starts_at_eye = (start == 0) & ~near_cut
 
-    center = np.stack(
-        [
-            (rectangle[:, 0] + rectangle[:, 1] + 1) // 2,
-            (rectangle[:, 2] + rectangle[:, 3] + 1) // 2,
-        ],
-        axis=-1,
-    )
-    local_from_world = geometry.world_from_local[ix].transpose(0, 2, 1)
-    eye = np.einsum("kij,kj->ki", local_from_world, view.eye - geometry.origin[ix])
-    directions = _ray_directions(view, center, local_from_world)
-    points = directions * middle[:, None, None]
-    points[:, 0] += eye
-    steps = directions * half[:, None, None]
-
-    count = geometry.plane_count[ix]
-    plane_start = np.cumsum(count) - count
-    owner = np.repeat(np.arange(len(ix)), count)
-    plane = geometry.plane_start[ix][owner] + np.arange(count.sum()) - plane_start[owner]
-    rows = geometry.planes[plane]
-    plane_c, plane_b = _half_space_forms(rows, points[owner], steps[owner])
-    offsets = _offsets(rectangle, center)
-    scale = _power_of_two(
-        np.maximum(
-            _largest_linear(plane_c, offsets[owner]), _largest_linear(plane_b, offsets[owner])
-        )
-    )
-    eye_height = (rows[:, :3] * eye[owner]).sum(axis=1) + rows[:, 3]
-    within = np.ones(len(ix), bool)
-    np.logical_and.at(within, owner, eye_height <= 0)
-
-    matrix = geometry.quadric[ix]
-    a, g, c = _quadric_forms(matrix, points, steps)
-    quadric_scale = _scale(a, g, c, offsets)
-    monomials = monomials_of(offsets)
-    gradient = _gradient_forms(matrix, points, steps)
-    steepest = 2 * np.linalg.norm(_largest_gradient(gradient, offsets), axis=1)
-    reach = np.concatenate([np.ones((len(ix), 1)), offsets], axis=1)[:, :, None]
-    largest_point = ((np.abs(points) + np.abs(steps)) * reach).sum(axis=1)
-    eye_value = _quadric_value(matrix, eye)
-
+    rectangle = rectangle[:, ix]
+    center = (rectangle[::2] + rectangle[1::2] + 1) // 2
+    offsets = np.maximum(rectangle[1::2] - center, center - rectangle[::2]).astype(np.float64)
+    rotation = np.take(geometry.world_from_local, ix, axis=-1)
+    eye = np.einsum("jik,jk->ik", rotation, view.eye[:, None] - np.take(geometry.origin, ix, -1))
+    directions = _ray_directions(view, center, rotation)
     # The eye and the direction of a ray are rounded once each, and so are the products with depth.
-    distance = np.linalg.norm(eye, axis=1) + np.linalg.norm(directions[:, 0], axis=1) * (
-        middle + half
-    )
-    depth_error = HOST_ROUNDINGS * distance
-    eye_rounding = HOST_ROUNDINGS * np.linalg.norm(eye, axis=1)
-    eye_slope = 2 * np.linalg.norm(
-        np.einsum("kij,kj->ki", matrix[:, :3, :3], eye) + matrix[:, :3, 3], axis=1
-    )
-    eye_error = eye_slope * eye_rounding + _quadric_rounding(matrix, np.abs(eye))
-    eye_sure = ~geometry.has_quadric[ix] | (np.abs(eye_value) > eye_error)
-    plane_size = np.linalg.norm(rows[:, :3], axis=1)
-    height_sure = np.ones(len(ix), bool)
-    np.logical_and.at(height_sure, owner, np.abs(eye_height) > plane_size * eye_rounding[owner])
-    has_quadric = geometry.has_quadric[ix]
-    within &= ~has_quadric | (eye_value <= 0)
-    within &= ~geometry.is_patch[ix]
+    distance = _length(eye) + _length(directions[0]) * (middle + half)
+    sight = _Sight(eye, directions, middle, half, offsets, HOST_ROUNDINGS * distance)
 
-    nearest_curved = np.where(
-        has_quadric, _nearest_curved(matrix, eye, eye_value, directions, offsets), np.inf
-    )
-    # The bounds of a patch are never seen themselves.
-    of_patch = geometry.is_patch[ix][owner]
-    seen = ~of_patch | (np.arange(len(owner)) == plane_start[owner])
-    moved = np.where(seen & starts_at_eye[owner], _eye_clearance(eye_height * scale, of_patch), 0.0)
-    slope = _largest_linear(np.einsum("ni,nci->nc", rows[:, :3], directions[owner]), offsets[owner])
-    nearest_flat = np.full(len(ix), np.inf)
-    reached = np.abs(eye_height) / np.maximum(slope, np.finfo(float).tiny)
-    np.minimum.at(nearest_flat, owner[seen], reached[seen])
+    curved = _curved(geometry, ix, rotation, sight)
+    flat = _flat(geometry, ix, sight, starts_at_eye)
+    at_eye = np.flatnonzero(starts_at_eye)
+    facts = _eye(geometry, ix[at_eye], sight.part(at_eye))
+
+    def of_eye(values: NDArray[Scalar], elsewhere: Scalar) -> NDArray[Scalar]:
+        whole = np.full(len(ix), elsewhere)
+        whole[at_eye] = values
+        return whole
 
     return Setup(
         view=view,
         near=near,
         far=far,
         solid=ix,
+        is_loose=geometry.is_loose[ix],
         level=level,
         start=start,
-        near_u=near_u,
-        far_u=far_u,
+        near_u=np.where(near_cut, (near - middle) / half - BASE_PLANE_SLACK, -1.0),
+        far_u=np.where(depth[1] > far, (far - middle) / half + BASE_PLANE_SLACK, 1.0),
         near_cut=near_cut,
         starts_at_eye=starts_at_eye,
-        eye_inside=within & starts_at_eye,
-        eye_outside_quadric=eye_value > 0,
-        rectangle=rectangle,
-        center=center,
-        offsets=offsets,
-        a=_significant(a * quadric_scale[:, None], monomials),
-        g=_significant(g * quadric_scale[:, None], monomials),
-        c=_significant(c * quadric_scale[:, None], monomials),
-        host_error=quadric_scale
-        * (steepest * depth_error + _quadric_rounding(matrix, largest_point))
-        + 6 * NEGLIGIBLE,
-        eye_sure=eye_sure & (height_sure | ~within),
-        depth_error=depth_error,
-        gradient=_unit_gradient(gradient, geometry.world_from_local[ix], offsets),
-        nearest=np.maximum(low[ix], np.minimum(nearest_curved, nearest_flat)),
+        eye_inside=of_eye(facts.inside, np.False_),
+        eye_outside_quadric=of_eye(facts.outside_quadric, np.False_),
+        rectangle=rectangle.T,
+        center=center.T,
+        offsets=offsets.T,
+        a=curved.a.T,
+        g=curved.g.T,
+        c=curved.c.T,
+        host_error=curved.error,
+        eye_sure=of_eye(facts.sure, np.True_),
+        depth_error=sight.error,
+        gradient=np.moveaxis(curved.gradient, -1, 0),
+        nearest=np.maximum(low, of_eye(facts.nearest, np.float64(0.0))),
         depth_middle=middle,
         depth_half=half,
-        plane_start=plane_start,
-        plane_count=count,
-        plane=plane,
-        plane_c=_significant(
-            plane_c * scale[:, None] + moved[:, None] * [1.0, 0.0, 0.0], monomials[owner, :3]
-        ),
-        plane_b=_significant(plane_b * scale[:, None], monomials[owner, :3]),
-        plane_host_error=plane_size * scale * depth_error[owner] + 3 * NEGLIGIBLE + np.abs(moved),
+        plane_start=flat.start,
+        plane_count=flat.count,
+        plane=flat.plane,
+        plane_c=flat.c.T,
+        plane_b=flat.b.T,
+        plane_host_error=flat.error,
     )
+
+
+@dataclass(frozen=True)
+class _Sight:
+    """How each visible solid is seen, in its own coordinates; solids come last."""
+
+    eye: Floats  # (3, V)
+    directions: Floats  # (3, 3, V), [1, x, y][axis], per unit depth
+    middle: Floats  # (V,), depth at u = 0
+    half: Floats  # (V,), half the depth interval
+    offsets: Floats  # (2, V), largest |x| and |y|
+    error: Floats  # (V,), of points of rays
+
+    def part(self, places: Ints) -> _Sight:
+        """Some of the solids."""
+        return _Sight(*(np.take(getattr(self, each.name), places, -1) for each in fields(self)))
+
+    def largest(self, level: Floats, change: Floats) -> Floats:
+        """Largest magnitudes (…, V) of what is linear in points of rays.
+
+        ``level`` (…, V) is the value where x = y = u = 0, ``change`` (3, …, V) that along the
+        directions; both may be magnitudes themselves.
+        """
+        size = np.abs(change)
+        from_middle = np.abs(level) + size[0] * self.half
+        size *= self.middle + self.half
+        size[0] = from_middle
+        return _largest_linear(size, self.offsets)
+
+
+@dataclass(frozen=True)
+class _Curved:
+    """What ``Setup`` needs of the quadrics; where there is none, F is 0."""
+
+    a: Floats  # (6, V)
+    g: Floats  # (6, V)
+    c: Floats  # (6, V)
+    error: Floats  # (V,)
+    gradient: Floats  # (2, 3, 3, V)
+
+
+@dataclass(frozen=True)
+class _Flat:
+    """What ``Setup`` needs of the half-spaces."""
+
+    start: Ints  # (V,)
+    count: Ints  # (V,)
+    plane: Ints  # (N,)
+    c: Floats  # (3, N)
+    b: Floats  # (3, N)
+    error: Floats  # (N,)
+
+
+@dataclass(frozen=True)
+class _Eye:
+    """What ``Setup`` needs to know of the eye, of the E solids whose rays start there."""
+
+    inside: Bools  # (E,)
+    outside_quadric: Bools  # (E,)
+    sure: Bools  # (E,)
+    nearest: Floats  # (E,)
+
+
+def _curved(geometry: Geometry, ix: Ints, rotation: Floats, sight: _Sight) -> _Curved:
+    matrix = np.take(geometry.quadric, ix, axis=-1)
+    middle, half, directions = sight.middle, sight.half, sight.directions
+    point = sight.eye + middle * directions[0]  # where x = y = u = 0
+    # Half the gradient of F, M p + q, there and its change along the directions of rays.
+    level = _half_gradient(matrix, point)
+    change = np.einsum("abk,cbk->cak", matrix[:3, :3], directions)
+    steepest = sight.largest(_length(level), _length(change))
+
+    forms = _quadric_forms(matrix, point, level, change, sight)
+    monomials = monomials_of(sight.offsets)
+    size = np.abs(forms)
+    scale = _power_of_two(np.einsum("fmk,mk->k", size, monomials))
+    least = NEGLIGIBLE / np.maximum(monomials, 1.0)
+    size *= scale
+    forms *= scale
+    forms *= size >= least
+    error = 2 * steepest * sight.error
+    error += _quadric_rounding(matrix, sight.largest(point, directions))
+
+    gradient = np.empty((2, 3, *level.shape))
+    unit = _power_of_two(steepest)
+    world = np.einsum("ijk,cjk->cik", rotation, change)
+    np.multiply(world, middle * unit, out=gradient[0])
+    gradient[0, 0] = np.einsum("ijk,jk->ik", rotation, level) * unit
+    np.multiply(world, half * unit, out=gradient[1])
+    # Fresh memory costs more than what is done with it.
+    size = np.abs(gradient, out=size.reshape(gradient.shape))
+    gradient *= size >= least[:3, None]
+    a, g, c = forms
+    return _Curved(a, g, c, scale * error + 6 * NEGLIGIBLE, gradient)
+
+
+def _quadric_forms(
+    matrix: Floats, point: Floats, level: Floats, change: Floats, sight: _Sight
+) -> Floats:
+    """A, G, C of F = A u² + G u + C as coefficients (3, 6, V) of 1, x, y, x², xy, y².
+
+    Args:
+        matrix: (4, 4, V).
+        point: (3, V), where x = y = u = 0.
+        level: (3, V), half the gradient there.
+        change: (3, 3, V), [direction][axis], its change along the directions of ``sight``.
+        sight: how the solids are seen.
+    """
+    middle, half = sight.middle, sight.half
+    forms = np.empty((3, 6, len(half)))
+    a, g, c = forms
+    slope = np.einsum("iak,ak->ik", sight.directions, level)
+    for term, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
+        np.einsum("ak,ak->k", sight.directions[i], change[j], out=a[term])
+    a[[1, 2, 4]] *= 2
+    # Of x and y the middle of the interval moves, of u the ends of half its length.
+    np.multiply(a, middle, out=g)
+    g *= 2
+    g[0] = 2 * slope[0]
+    g[1:3] = g[1:3] / 2 + 2 * slope[1:]
+    g *= half
+    np.multiply(a, middle * middle, out=c)
+    c[0] = np.einsum("ak,ak->k", point, level + matrix[:3, 3]) + matrix[3, 3]
+    c[1:3] = 2 * middle * slope[1:]
+    a *= half * half
+    return forms
+
+
+def _flat(geometry: Geometry, ix: Ints, sight: _Sight, starts_at_eye: Bools) -> _Flat:
+    start, owner, place = _lines_of(geometry, ix)
+    plane = geometry.plane_start[ix][owner] + place
+    rows = np.take(geometry.planes, plane, axis=-1)
+    offsets = np.take(sight.offsets, owner, axis=-1)
+    middle, half = sight.middle[owner], sight.half[owner]
+
+    height = np.einsum("an,an->n", rows[:3], np.take(sight.eye, owner, axis=-1)) + rows[3]
+    slopes = np.einsum("an,ian->in", rows[:3], np.take(sight.directions, owner, axis=-1))
+    level = height + slopes[0] * middle
+    across = (np.abs(slopes[1:]) * offsets).sum(axis=0)
+    scale = _power_of_two(
+        np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
+    )
+    # The bounds of a patch are never seen themselves.
+    of_patch = geometry.is_patch[ix][owner]
+    seen = np.flatnonzero(starts_at_eye[owner] & (~of_patch | (place == 0)))
+    moved = np.zeros(len(owner))
+    moved[seen] = _eye_clearance(height[seen] * scale[seen], of_patch[seen])
+
+    lines = np.empty((2, 3, len(owner)))
+    np.multiply(slopes, middle * scale, out=lines[0])
+    lines[0, 0] = level * scale + moved
+    np.multiply(slopes, half * scale, out=lines[1])
+    least = np.full((3, len(owner)), NEGLIGIBLE)
+    least[1:] /= np.maximum(offsets, 1.0)
+    lines *= np.abs(lines) >= least
+    error = _length(rows[:3]) * scale * sight.error[owner] + 3 * NEGLIGIBLE + np.abs(moved)
+    c, b = lines
+    return _Flat(start, geometry.plane_count[ix], plane, c, b, error)
+
+
+def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
+    matrix = np.take(geometry.quadric, ix, axis=-1)
+    has_quadric, is_patch = geometry.has_quadric[ix], geometry.is_patch[ix]
+    rounding = HOST_ROUNDINGS * _length(sight.eye)
+    gradient = _half_gradient(matrix, sight.eye)
+    value = _quadric_value(matrix, sight.eye)
+    error = 2 * _length(gradient) * rounding + _quadric_rounding(matrix, np.abs(sight.eye))
+    slope = 2 * np.einsum("ak,iak->ik", gradient, sight.directions)
+    bend = np.einsum("iak,abk,jbk->ijk", sight.directions, matrix[:3, :3], sight.directions)
+    reach = np.concatenate([np.ones((1, len(ix))), sight.offsets])
+    nearest = _nearest_root(
+        np.abs(value),
+        np.einsum("ik,ik->k", np.abs(slope), reach),
+        np.einsum("ijk,ik,jk->k", np.abs(bend), reach, reach),
+    )
+
+    _, owner, place = _lines_of(geometry, ix)
+    rows = np.take(geometry.planes, geometry.plane_start[ix][owner] + place, axis=-1)
+    height = np.einsum("an,an->n", rows[:3], sight.eye[:, owner]) + rows[3]
+    slopes = np.einsum("an,ian->in", rows[:3], sight.directions[..., owner])
+    steepest = np.einsum("in,in->n", np.abs(slopes), reach[:, owner])
+    reached = np.abs(height) / np.maximum(steepest, np.finfo(float).tiny)
+    nearest_flat = np.full(len(ix), np.inf)
+    # The bounds of a patch are never seen themselves.
+    seen = ~is_patch[owner] | (place == 0)
+    np.minimum.at(nearest_flat, owner[seen], reached[seen])
+
+    def all_of(condition: Bools) -> Bools:
+        return np.asarray(np.bincount(owner[~condition], minlength=len(ix)) == 0)
+
+    inside = all_of(height <= 0) & (~has_quadric | (value <= 0)) & ~is_patch
+    height_sure = all_of(np.abs(height) > _length(rows[:3]) * rounding[owner])
+    return _Eye(
+        inside=inside,
+        outside_quadric=value > 0,
+        sure=(~has_quadric | (np.abs(value) > error)) & (height_sure | ~inside),
+        nearest=np.minimum(np.where(has_quadric, nearest, np.inf), nearest_flat),
+    )
+
+
+def _lines_of(geometry: Geometry, ix: Ints) -> tuple[Ints, Ints, Ints]:
+    """The half-spaces of solids one after another: first of each solid; solid and place of each."""
+    count = geometry.plane_count[ix]
+    start = np.cumsum(count) - count
+    owner = np.repeat(np.arange(len(ix)), count)
+    return start, owner, np.arange(len(owner)) - start[owner]
 
 
 def _rectangles(box: Bounds, view: View) -> tuple[Ints, Bools]:
     """Pixels (i0, i1, j0, j1) whose centres lie within the tangents, and whether there are any."""
-    first = np.array([view.x_first, view.y_first])
-    last = np.array([view.width, view.height]) - 1
-    pixel = (box.tangent - first[:, None]) / view.pixel
-    low = np.clip(np.ceil(pixel[:, :, 0] - 1e-4), 0, last + 1)
-    high = np.clip(np.floor(pixel[:, :, 1] + 1e-4), -1, last)
-    rectangle = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=-1)
-    return rectangle.astype(np.int64), (low <= high).all(axis=1)
+    first = np.array([[view.x_first], [view.y_first]])
+    last = np.array([[view.width], [view.height]]) - 1
+    low = np.ceil((box.tangent[:, 0] - first) / view.pixel - 1e-4)
+    high = np.floor((box.tangent[:, 1] - first) / view.pixel + 1e-4)
+    low, high = np.clip(low, 0, last + 1), np.clip(high, -1, last)
+    rectangle = np.stack([low[0], high[0], low[1], high[1]])
+    return rectangle.astype(np.int64), (low <= high).all(axis=0)
 
 
-def _radius(box: Bounds, view: View, low: Floats, ix: Ints) -> Floats:
+def _radius(tangent: Floats, view: View, low: Floats) -> Floats:
     """A lower bound of how far what is seen of each solid reaches from its middle."""
-    first = np.array([view.x_first, view.y_first])
-    last = first + view.pixel * (np.array([view.width, view.height]) - 1)
-    left = np.maximum(box.tangent[ix, :, 0], first)
-    right = np.minimum(box.tangent[ix, :, 1], last)
-    width = np.maximum(right - left, 0.0) * low[ix, None]
-    return np.asarray(width.max(axis=1) / 2)
+    first = np.array([[view.x_first], [view.y_first]])
+    last = first + view.pixel * (np.array([[view.width], [view.height]]) - 1)
+    width = np.minimum(tangent[:, 1], last) - np.maximum(tangent[:, 0], first)
+    return np.asarray(np.maximum(np.maximum(*width), 0.0) * low / 2)
 
 
 def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[Ints, Floats]:
@@ -242,41 +394,53 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
     """
     extent = np.maximum(high - low, FLATNESS * radius) / far
     need = np.maximum(extent * (1 + 2 * PADDING), 2.0**-MAX_LEVEL)
-    level = np.clip(np.floor(-np.log2(need)), 0, MAX_LEVEL)
+    level = np.clip(np.floor(-np.log2(need)), 0, MAX_LEVEL).astype(np.int64)
     padding = np.where(low > 0, PADDING * extent, 0.0)
     end = np.minimum(high / far + padding, 1.0)
 
-    def start_at(level: Floats) -> Floats:
-        grid = 2.0 ** -(level + START_BITS)
+    def start_at(level: Ints) -> Floats:
+        grid = np.ldexp(1.0, -(level + START_BITS))
         start = np.floor((low / far - padding) / grid) * grid
-        return np.clip(start, 0.0, 1.0 - 2.0**-level)
+        return np.clip(start, 0.0, 1.0 - np.ldexp(1.0, -level))
 
-    too_short = start_at(level) + 2.0**-level < end
+    too_short = start_at(level) + np.ldexp(1.0, -level) < end
     level = np.maximum(level - too_short, 0)
-    return level.astype(np.int64), start_at(level)
+    return level, start_at(level)
 
 
-def _ray_directions(view: View, center: Ints, local_from_world: Floats) -> Floats:
-    """Directions per unit depth as [1, x, y] coefficients (V, 3, 3), local coordinates."""
+def _ray_directions(view: View, center: Ints, rotation: Floats) -> Floats:
+    """Directions per unit depth as [1, x, y] coefficients (3, 3, V), local coordinates."""
     right, down, _ = view.camera_from_world
-    directions = np.empty((len(center), 3, 3))
-    directions[:, 0] = view.directions(center[:, 0], center[:, 1])
-    directions[:, 1] = view.pixel * right
-    directions[:, 2] = view.pixel * down
-    return np.einsum("kij,kcj->kci", local_from_world, directions)
+    directions = np.empty((3, 3, center.shape[1]))
+    directions[0] = view.directions(*center).T
+    directions[1] = (view.pixel * right)[:, None]
+    directions[2] = (view.pixel * down)[:, None]
+    return np.einsum("jik,cjk->cik", rotation, directions)
 
 
-def _offsets(rectangle: Ints, center: Ints) -> Floats:
-    """Largest pixel offsets (V, 2) of each rectangle from its centre."""
-    x = np.maximum(rectangle[:, 1] - center[:, 0], center[:, 0] - rectangle[:, 0])
-    y = np.maximum(rectangle[:, 3] - center[:, 1], center[:, 1] - rectangle[:, 2])
-    return np.stack([x, y], axis=-1).astype(np.float64)
+def _length(vectors: Floats) -> Floats:
+    """Lengths (…, N) of vectors (…, 3, N)."""
+    return np.asarray(np.sqrt(np.einsum("...an,...an->...n", vectors, vectors)))
 
 
-def _half_space_forms(rows: Floats, points: Floats, steps: Floats) -> tuple[Floats, Floats]:
-    c = np.einsum("ni,nci->nc", rows[:, :3], points)
-    c[:, 0] += rows[:, 3]
-    return c, np.einsum("ni,nci->nc", rows[:, :3], steps)
+def _largest_linear(form: Floats, offsets: Floats) -> Floats:
+    """Largest magnitude (…, N) of forms (3, …, N) of 1, x, y over rectangles of ``offsets``."""
+    size = np.abs(form)
+    size[1:] *= offsets.reshape(2, *[1] * (size.ndim - 2), -1)
+    return np.asarray(size.sum(axis=0))
+
+
+def monomials_of(offsets: Floats) -> Floats:
+    """Largest magnitudes (6, V) of 1, x, y, x², xy, y² over rectangles of ``offsets`` (2, V)."""
+    x, y = offsets
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+
+
+def _power_of_two(largest: Floats) -> Floats:
+    """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
+    fraction, exponent = np.frexp(largest)
+    # A power of two itself has the fraction 1/2.
+    return np.asarray(np.ldexp(1.0, np.where(fraction == 0.5, 1, 0) - exponent))
 
 
 def _eye_clearance(height: Floats, of_patch: Bools) -> Floats:
@@ -289,66 +453,15 @@ def _eye_clearance(height: Floats, of_patch: Bools) -> Floats:
     return np.where(outside, np.copysign(missing, height), 0.0)
 
 
-def _largest_linear(form: Floats, offsets: Floats) -> Floats:
-    return np.asarray(np.abs(form[:, 0]) + (np.abs(form[:, 1:]) * offsets).sum(axis=1))
-
-
-def _quadric_forms(matrix: Floats, points: Floats, steps: Floats) -> tuple[Floats, Floats, Floats]:
-    """A, G, C of F = A u² + G u + C as coefficients (V, 6) of 1, x, y, x², xy, y²."""
-    second, linear, constant = matrix[:, :3, :3], matrix[:, :3, 3], matrix[:, 3, 3]
-
-    def product(left: Floats, right: Floats) -> Floats:
-        m = np.einsum("kia,kab,kjb->kij", left, second, right, optimize=True)
-        return np.stack(
-            [
-                m[:, 0, 0],
-                m[:, 0, 1] + m[:, 1, 0],
-                m[:, 0, 2] + m[:, 2, 0],
-                m[:, 1, 1],
-                m[:, 1, 2] + m[:, 2, 1],
-                m[:, 2, 2],
-            ],
-            axis=-1,
-        )
-
-    a = product(steps, steps)
-    g = 2 * product(points, steps)
-    g[:, :3] += 2 * np.einsum("ki,kci->kc", linear, steps)
-    c = product(points, points)
-    c[:, :3] += 2 * np.einsum("ki,kci->kc", linear, points)
-    c[:, 0] += constant
-    return a, g, c
-
-
-def _scale(a: Floats, g: Floats, c: Floats, offsets: Floats) -> Floats:
-    """The power of two that makes |A| + |G| + |C| about 1 over the rectangle."""
-    grid = np.linspace(-1, 1, 5)
-    x, y = offsets[:, :1] * np.repeat(grid, 5), offsets[:, 1:] * np.tile(grid, 5)
-    samples = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
-    total = sum(np.abs(np.einsum("kc,kcp->kp", form, samples)) for form in (a, g, c))
-    return _power_of_two(np.asarray(total).max(axis=1))
-
-
-def monomials_of(offsets: Floats) -> Floats:
-    """Largest magnitudes (V, 6) of 1, x, y, x², xy, y² over a rectangle."""
-    x, y = offsets.T
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-
-
-def _power_of_two(largest: Floats) -> Floats:
-    """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
-    return np.exp2(-np.ceil(np.log2(np.where(largest > 0, largest, 1.0))))
-
-
-def _significant(form: Floats, monomials: Floats) -> Floats:
-    """The form without terms that are negligible everywhere."""
-    return np.where(np.abs(form) * np.maximum(monomials, 1.0) < NEGLIGIBLE, 0.0, form)
+def _half_gradient(matrix: Floats, point: Floats) -> Floats:
+    """M p + q (3, V) of matrices (4, 4, V) at points (3, V)."""
+    return np.asarray(np.einsum("abk,bk->ak", matrix[:3, :3], point) + matrix[:3, 3])
 
 
 def _quadric_value(matrix: Floats, point: Floats) -> Floats:
-    second = np.einsum("ki,kij,kj->k", point, matrix[:, :3, :3], point)
-    linear = 2 * np.einsum("ki,ki->k", matrix[:, :3, 3], point)
-    return np.asarray(second + linear + matrix[:, 3, 3])
+    """F (V,) of matrices (4, 4, V) at points (3, V)."""
+    halved = _half_gradient(matrix, point) + matrix[:3, 3]
+    return np.asarray(np.einsum("ak,ak->k", halved, point) + matrix[3, 3])
 
 
 def _quadric_rounding(matrix: Floats, point: Floats) -> Floats:
@@ -360,41 +473,11 @@ def _quadric_rounding(matrix: Floats, point: Floats) -> Floats:
     return HOST_ROUNDINGS * _quadric_value(np.abs(matrix), point)
 
 
-def _nearest_curved(
-    matrix: Floats, eye: Floats, eye_value: Floats, directions: Floats, offsets: Floats
-) -> Floats:
-    """A lower bound of the depth at which any ray of the rectangle meets F = 0.
+def _nearest_root(level: Floats, slope: Floats, curvature: Floats) -> Floats:
+    """A lower bound of the depth at which any ray meets F = 0.
 
     Along a ray F = F(h) + B t + A t², so no root is nearer than that of |F(h)| = |B| t + |A| t²
     with the largest |A| and |B|.
     """
-    points = np.zeros_like(directions)
-    points[:, 0] = eye
-    a, b, _ = _quadric_forms(matrix, points, directions)
-    monomials = monomials_of(offsets)
-    a_most = (np.abs(a) * monomials).sum(axis=1)
-    b_most = (np.abs(b) * monomials).sum(axis=1)
-    level = np.abs(eye_value)
-    root = b_most + np.sqrt(b_most * b_most + 4 * a_most * level)
+    root = slope + np.sqrt(slope * slope + 4 * curvature * level)
     return np.asarray(2 * level / np.maximum(root, np.finfo(float).tiny))
-
-
-def _gradient_forms(matrix: Floats, points: Floats, steps: Floats) -> Floats:
-    """Half the gradient of F, M p + q, local axes: (V, 2, 3, 3), [1, u][1, x, y][axis]."""
-    forms = np.stack([points, steps], axis=1) @ matrix[:, None, :3, :3]
-    forms[:, 0, 0] += matrix[:, :3, 3]
-    return forms
-
-
-def _largest_gradient(forms: Floats, offsets: Floats) -> Floats:
-    """Largest magnitudes (V, 3) of its components over the rectangle and the interval."""
-    reach = np.concatenate([np.ones((len(offsets), 1)), offsets], axis=1)
-    return np.asarray(np.einsum("kpcj,kc->kj", np.abs(forms), reach))
-
-
-def _unit_gradient(forms: Floats, world_from_local: Floats, offsets: Floats) -> Floats:
-    """The gradient in world axes, times a power of two that makes it about 1."""
-    forms = np.einsum("kij,kpcj->kpci", world_from_local, forms)
-    scale = _power_of_two(_largest_gradient(forms, offsets).max(axis=1))
-    monomials = monomials_of(offsets)[:, None, :3, None]
-    return _significant(forms * scale[:, None, None, None], monomials)

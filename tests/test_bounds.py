@@ -61,15 +61,15 @@ def test_every_hit_is_within_its_rectangle_and_its_interval(
                 if depth.size:
                     assert start - room <= depth.min(), f"scene {number}, solid {index}"
                     assert depth.max() <= start + length + room, f"scene {number}, solid {index}"
-                    assert box.depth[index, 0] - room <= depth.min()
-                    assert depth.max() <= box.depth[index, 1] + room
+                    assert box.depth[0, index] - room <= depth.min()
+                    assert depth.max() <= box.depth[1, index] + room
     assert hits > 20_000, f"{hits} hits"
 
 
 def _everything(geometry: Geometry, _view: View) -> Bounds:
     """Bounds that leave nothing out."""
-    depth = np.tile([-np.inf, np.inf], (geometry.count, 1))
-    return Bounds(depth, np.tile([-np.inf, np.inf], (geometry.count, 2, 1)))
+    depth = np.repeat([[-np.inf], [np.inf]], geometry.count, axis=1)
+    return Bounds(depth, np.repeat(depth[None], 2, axis=0))
 
 
 @pytest.mark.parametrize("method", ["visible", "article"])
@@ -129,7 +129,7 @@ def test_uncut_solids_have_tight_bounds(rng: np.random.Generator) -> None:
             filled = (np.ptp(i) + 1) * (np.ptp(j) + 1)
             areas.append((i1 - i0 + 1) * (j1 - j0 + 1) / filled)
             extent = np.nanmax(trace.depth_exit) - np.nanmin(trace.depth)
-            extents.append(np.ptp(bounds(geometry, eye).depth[0]) / extent)
+            extents.append(np.ptp(bounds(geometry, eye).depth[:, 0]) / extent)
     sys.stdout.write(f"areas {np.quantile(areas, [0.5, 0.95])}, extents {np.median(extents)}\n")
     assert np.median(areas) <= 1.02
     assert np.quantile(areas, 0.95) <= 1.1

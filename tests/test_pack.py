@@ -1,11 +1,8 @@
-"""Lists of tiles, the sRGB table, depth keys and integer coefficients, each against its meaning."""
+"""The sRGB table, depth keys and integer coefficients, each against its meaning."""
 
 from __future__ import annotations
 
 from fractions import Fraction
-from itertools import pairwise
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +11,7 @@ from numpy.typing import NDArray
 from halfstep import camera, geometry
 from halfstep.accuracy import steps_for
 from halfstep.layout import TILE
-from halfstep.pack import FRACTION_BITS, Class, Packed, pack, srgb_table, surfaces, tile_lists
+from halfstep.pack import FRACTION_BITS, Packed, pack, srgb_table, surfaces
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
 from halfstep.setup import setup
 from halfstep.twin import encode, nearest
@@ -30,46 +27,6 @@ def packed_frame(scene: Scene) -> Packed:
     constants = setup(solids, view, near, far)
     steps = steps_for(scene, constants).count
     return pack(scene, solids, surfaces(scene, solids), constants, steps)
-
-
-@pytest.mark.parametrize("count", [0, 1, 50])
-def test_tile_lists_hold_what_touches_a_tile(count: int, rng: np.random.Generator) -> None:
-    present = (Class.ELLIPSOID, Class.POLYHEDRON, Class.PATCH)
-    listed = 0
-    for _ in range(40):
-        width, height = rng.integers(1, 300, 2).tolist()
-        first_row = int(rng.integers(0, height))
-        rows = int(rng.integers(1, height - first_row + 1))
-        i = np.sort(rng.integers(0, width, (count, 2)), axis=1)
-        j = np.sort(rng.integers(0, height, (count, 2)), axis=1)
-        classes = np.sort(rng.choice(present, count)).astype(np.int64)
-        order = rng.permutation(count)
-        constants = SimpleNamespace(
-            view=SimpleNamespace(width=width), rectangle=np.concatenate([i, j], axis=1), count=count
-        )
-        packed: Any = SimpleNamespace(setup=constants, order=order, classes=classes)
-        starts, members = tile_lists(packed, present, first_row, rows)
-
-        expected = []
-        for top in range(0, rows, TILE):
-            for left in range(0, width, TILE):
-                for klass in present:
-                    expected.append(
-                        [
-                            row
-                            for row, ix in enumerate(order)
-                            if classes[row] == klass
-                            and i[ix, 0] < left + TILE
-                            and i[ix, 1] >= left
-                            and j[ix, 0] < min(first_row + top + TILE, first_row + rows)
-                            and j[ix, 1] >= first_row + top
-                        ]
-                    )
-        assert starts.dtype == members.dtype == np.uint32
-        found = [members[a:b].tolist() for a, b in pairwise(starts.tolist())]
-        assert found == expected
-        listed += len(members)
-    assert listed > 0 or count == 0
 
 
 def level_of(linear: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -1,0 +1,1 @@
+"""What `halfstep bench` measures, on what scenes, and against what."""

@@ -1,0 +1,71 @@
+"""What times depend on: versions, adapter, driver, processor, threads."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from halfstep import __version__
+from halfstep.device import Adapter
+
+
+def facts(adapter: Adapter) -> dict[str, Any]:
+    """Names and values, in the order in which to print them."""
+    import wgpu
+
+    return {
+        "halfstep": __version__,
+        "commit": commit(),
+        "adapter": adapter.summary.name,
+        "driver": adapter.summary.driver,
+        "processor": processor(),
+        "threads": threads(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "wgpu": wgpu.__version__,
+    }
+
+
+def commit() -> str:
+    """The commit that the package is run from, and whether files differ from it; else a dash."""
+    folder = Path(__file__).parent
+    try:
+        # An installed package may lie in a checkout of something else.
+        _git(folder, "ls-files", "--error-unmatch", Path(__file__).name)
+        return _git(folder, "describe", "--always", "--dirty=, changed", "--exclude=*")
+    except (OSError, subprocess.CalledProcessError):
+        return "–"
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    done = subprocess.run(
+        ["git", *arguments], cwd=folder, capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip()
+
+
+def processor() -> str:
+    """The model of the processor, as Linux tells it where it does."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.machine()
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def threads() -> int:
+    """Threads of a driver that runs on the processor: LP_NUM_THREADS, or all there are."""
+    told = os.environ.get("LP_NUM_THREADS", "")
+    return int(told) if told.isdecimal() and int(told) else cores()

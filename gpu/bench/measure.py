@@ -1,0 +1,34 @@
+"""All that a benchmark measures, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from halfstep.bench import machine
+from halfstep.bench.parts import PARTS, Bench
+from halfstep.bench.report import Report
+from halfstep.device import Adapter
+
+
+def measure(
+    adapter: Adapter,
+    names: Sequence[str] = tuple(PARTS),
+    rounds: int = 5,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Report:
+    """The parts ``names`` of the benchmark on ``adapter``, median times of ``rounds`` rounds.
+
+    Raises:
+        DeviceError: the device was lost or the driver failed.
+        HalfstepError: a process that measures threads failed.
+    """
+    parts = []
+    for done, name in enumerate(names):
+        bench = Bench(adapter, rounds, partial(_report, progress, done, len(names)))
+        parts.append(PARTS[name](bench))
+    return Report(machine.facts(adapter), rounds, tuple(parts))
+
+
+def _report(progress: Callable[[float], None], done: int, count: int, part: float) -> None:
+    progress((done + part) / count)

@@ -1,0 +1,330 @@
+"""The comparisons: each a function from what they share to a table."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+
+from halfstep.api import Renderer
+from halfstep.bench import machine, povray, scenes
+from halfstep.bench.closed_form import closed_form
+from halfstep.bench.native import FLAGS, LANES, Native, NoCompilerError
+from halfstep.bench.report import Part, Value
+from halfstep.bench.timing import Case, Times, interleaved, line
+from halfstep.device import Adapter
+from halfstep.errors import HalfstepError
+from halfstep.formats import FLOAT_STEPS
+from halfstep.scene import Scene, load, with_overrides
+
+_SIZE = (1024, 1024)
+_HALVINGS = (4, 8, 12, 16)
+_STEPS = (2, 4, 6, 8, 10, 12, 14, 16, 20, 24)
+_SIDES = (256, 512, 1024, 2048)
+_LATTICES = (10, 100, 1000, 5000, 100_000)
+_SMALL = (256, 256)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What the parts share."""
+
+    adapter: Adapter
+    rounds: int
+    progress: Callable[[float], None] = lambda _: None
+
+    @contextmanager
+    def renderer(
+        self, scene: Scene, *, output: str = "image", backend: str = "gpu"
+    ) -> Iterator[Renderer]:
+        """A renderer of ``scene`` with one output."""
+        index = self.adapter.summary.index
+        with Renderer(scene, outputs=(output,), backend=backend, adapter=index) as renderer:
+            yield renderer
+
+    def times(
+        self, cases: Mapping[Case, Callable[[], float | None]], *, times: int = 1
+    ) -> dict[Case, Times]:
+        """Median times of ``cases``, taken in turn in so many times the rounds."""
+        return interleaved(cases, times * self.rounds, self.progress)
+
+    @property
+    def on_processor(self) -> bool:
+        """Whether the processor plays the device."""
+        return self.adapter.summary.kind == "cpu"
+
+
+def _frame(renderer: Renderer, scene: Scene) -> float | None:
+    """Render a frame; the device's time, ms."""
+    return renderer.render(scene).info.get("device_ms")
+
+
+def _row(times: Times) -> dict[str, Value]:
+    return {"device ms": times.device, "wall ms": times.wall}
+
+
+def halving(bench: Bench) -> Part:
+    """The cost of one halving of one ray on one solid, against C."""
+    scene = scenes.covering()
+    side = 4 * LANES if bench.on_processor else 32 * LANES
+    size = side, side
+    threads = machine.threads()
+    notes: list[str] = []
+    with bench.renderer(scene, output="solid") as renderer:
+        cases: dict[tuple[str, int], Callable[[], float | None]] = {
+            ("device", n): partial(_frame, renderer, with_overrides(scene, size=size, steps=n))
+            for n in _HALVINGS
+        }
+        try:
+            native = Native(scene, size, threads)
+        except NoCompilerError as error:
+            notes.append(f"Not compared with C: {error}.")
+        else:
+            cases |= {("C", n): partial(native.run, n) for n in _HALVINGS}
+            notes.append(f"C: {native.compiler} {' '.join(FLAGS)}, {threads} threads.")
+        # What counts is the difference of times that are nearly the same.
+        times = bench.times(cases, times=4)
+    unit = 1e6 / (size[0] * size[1] * len(scene.solids))
+    fits = {
+        where: line(_HALVINGS, [times[where, n].best * unit for n in _HALVINGS])
+        for where in dict.fromkeys(where for where, _ in cases)
+    }
+    rows: list[dict[str, Value]] = [
+        {
+            "where": where,
+            "ns per halving": fit.slope,
+            "against C": fit.slope / fits["C"].slope if "C" in fits else None,
+            "ns for the rest": fit.intercept,
+            "R²": fit.r_squared,
+        }
+        for where, fit in fits.items()
+    ]
+    found = f"{rows[0]['ns per halving']:.3f} ns"
+    if "C" in fits:
+        found += f", {fits['device'].slope / fits['C'].slope:.2f} × C"
+    title = f"One halving of one ray on one solid: {len(scene.solids)} solids that all rays meet"
+    return Part("halving", title, rows, {"one halving of one ray on one solid": found}, notes=notes)
+
+
+def steps(bench: Bench) -> Part:
+    """Frame time against n."""
+    scene = with_overrides(scenes.overlapping(), size=_SIZE)
+    with bench.renderer(scene) as renderer:
+        cases = {n: partial(_frame, renderer, with_overrides(scene, steps=n)) for n in _STEPS}
+        times = bench.times(cases, times=2)
+    rows: list[dict[str, Value]] = [{"n": n, **_row(times[n])} for n in _STEPS]
+    direct = [n for n in _STEPS if n <= FLOAT_STEPS]
+    fit = line(direct, [times[n].best for n in direct])
+    return Part(
+        "steps",
+        f"A frame against n, {_scene_and_size(scene)}",
+        rows,
+        {f"time against n, {_scene_and_size(scene)}": f"R² = {fit.r_squared:.4f}"},
+        {f"ms against n, to {FLOAT_STEPS}": fit},
+    )
+
+
+def closed(bench: Bench) -> Part:
+    """The whole frame against the same pipeline with closed-form roots."""
+    rows: list[dict[str, Value]] = []
+    with ExitStack() as stack:
+        cases: dict[tuple[int, str], Callable[[], float | None]] = {}
+        for scene in (scenes.overlapping(), scenes.equal_coverage(1000)):
+            for roots in ("halvings", "closed form"):
+                renderer = stack.enter_context(bench.renderer(scene))
+                shown = with_overrides(scene, size=_SIZE)
+                with closed_form() if roots == "closed form" else ExitStack():
+                    _frame(renderer, shown)
+                cases[len(scene.solids), roots] = partial(_frame, renderer, shown)
+        times = bench.times(cases)
+    for count in dict.fromkeys(count for count, _ in cases):
+        own, other = times[count, "halvings"], times[count, "closed form"]
+        rows.append(
+            {
+                "solids": count,
+                "halvings, device ms": own.device,
+                "closed form, device ms": other.device,
+                "ratio": own.best / other.best,
+            }
+        )
+    summary = {
+        f"{row['solids']:,} solids, {_named(_SIZE)}, against closed-form roots": (
+            f"{row['halvings, device ms']:.1f} ms, {row['ratio']:.2f} ×"
+        )
+        for row in rows
+    }
+    title = f"Frames at default accuracy with halvings and with closed-form roots, {_named(_SIZE)}"
+    return Part("closed", title, rows, summary)
+
+
+def twin(bench: Bench) -> Part:
+    """The device against NumPy."""
+    scene = with_overrides(scenes.overlapping(), size=_SMALL)
+    with ExitStack() as stack:
+        cases: dict[str, Callable[[], float | None]] = {
+            backend: partial(
+                _frame, stack.enter_context(bench.renderer(scene, backend=backend)), scene
+            )
+            for backend in ("gpu", "numpy")
+        }
+        times = bench.times(cases)
+    rows: list[dict[str, Value]] = [
+        {"backend": name, "wall ms": own.wall, "ratio": own.wall / times["gpu"].wall}
+        for name, own in times.items()
+    ]
+    found = {f"NumPy, {_scene_and_size(scene)}": f"{times['numpy'].wall / times['gpu'].wall:.1f} ×"}
+    return Part("twin", f"NumPy, {_scene_and_size(scene)}", rows, found)
+
+
+def pov(bench: Bench) -> Part:
+    """The same picture by POV-Ray."""
+    scene = with_overrides(scenes.overlapping(), size=_SIZE)
+    title = f"POV-Ray, the same picture, {_scene_and_size(scene)}"
+    try:
+        version = povray.version()
+    except povray.NoPovrayError as error:
+        return Part("povray", title, [], notes=[f"Left out: {error}."])
+    traced: list[float] = []
+    with bench.renderer(scene) as renderer:
+        times = bench.times(
+            {
+                "halfstep": partial(_frame, renderer, scene),
+                version: lambda: traced.append(povray.trace_time(scene, _SIZE, machine.threads())),
+            }
+        )
+    middle = sorted(traced[-bench.rounds :])[bench.rounds // 2]
+    own = times["halfstep"].wall
+    rows: list[dict[str, Value]] = [
+        {"program": "halfstep, image on the host", "ms": own, "ratio": 1.0},
+        {"program": f"{version}, its trace time", "ms": middle, "ratio": middle / own},
+    ]
+    what = f"POV-Ray's trace time, {_scene_and_size(scene)}"
+    return Part("povray", title, rows, {what: f"{middle / own:.1f} ×"})
+
+
+def solids(bench: Bench) -> Part:
+    """Frame time against the number of solids, which together cover the same area."""
+    with ExitStack() as stack:
+        cases: dict[int, Callable[[], float | None]] = {}
+        for count in _LATTICES:
+            scene = with_overrides(scenes.equal_coverage(count), size=_SIZE)
+            cases[count] = partial(_frame, stack.enter_context(bench.renderer(scene)), scene)
+        times = bench.times(cases)
+    least = times[_LATTICES[0]].wall
+    rows: list[dict[str, Value]] = [
+        {"solids": count, **_row(own), "ratio of wall times": own.wall / least}
+        for count, own in times.items()
+    ]
+    summary = {
+        f"{count:,} solids against {_LATTICES[0]} of the same area, {_named(_SIZE)}": (
+            f"{own.wall:.0f} ms, {own.wall / least:.1f} ×"
+        )
+        for count, own in times.items()
+        if count >= 1000
+    }
+    return Part("solids", f"Solids that cover an equal area, {_named(_SIZE)}", rows, summary)
+
+
+def pixels(bench: Bench) -> Part:
+    """Frame time against the number of pixels."""
+    scene = scenes.overlapping()
+    with bench.renderer(scene) as renderer:
+        times = bench.times(
+            {
+                side: partial(_frame, renderer, with_overrides(scene, size=(side, side)))
+                for side in _SIDES
+            }
+        )
+    rows: list[dict[str, Value]] = [
+        {"size": _named((side, side)), "megapixels": side * side / 1e6, **_row(times[side])}
+        for side in _SIDES
+    ]
+    fit = line([side * side / 1e6 for side in _SIDES], [times[side].best for side in _SIDES])
+    title = f"A frame against pixels, {len(scene.solids)} solids"
+    summary = {"time against pixels": f"R² = {fit.r_squared:.4f}"}
+    return Part("pixels", title, rows, summary, {"ms against megapixels": fit})
+
+
+def frames(bench: Bench) -> Part:
+    """Bundled scenes, from the request to the image on the host."""
+    with ExitStack() as stack:
+        cases: dict[str, Callable[[], float | None]] = {}
+        for name in ("figure", "gallery", "crowd"):
+            scene = with_overrides(load(name), size=(640, 480))
+            cases[name] = partial(_frame, stack.enter_context(bench.renderer(scene)), scene)
+        times = bench.times(cases)
+    rows: list[dict[str, Value]] = [
+        {"scene": name, **_row(own), "frames/s": 1e3 / own.wall} for name, own in times.items()
+    ]
+    summary = {
+        f"{name}, 640×480, image on the host": f"{1e3 / own.wall:.0f} frames/s"
+        for name, own in times.items()
+    }
+    return Part("frames", "Bundled scenes, 640×480", rows, summary)
+
+
+def threads(bench: Bench) -> Part:
+    """Frame time against the threads of a driver on the processor."""
+    title = "A frame against threads"
+    if not bench.on_processor:
+        return Part("threads", title, [], notes=["Left out: the device is not the processor."])
+    counts = sorted({1, *(2**k for k in range(8) if 2**k < machine.cores()), machine.cores()})
+    found = {count: _own_process(bench, count) for count in counts}
+    rows: list[dict[str, Value]] = [
+        {"threads": count, "device ms": found[count], "speed-up": found[1] / found[count]}
+        for count in counts
+    ]
+    last = counts[-1]
+    summary = {f"{last} threads against one": f"{found[1] / found[last]:.2f} ×"} if last > 1 else {}
+    fits = {}
+    # Any line goes through two points.
+    if len(counts) > 2:
+        speed_ups = [found[1] / found[count] for count in counts]
+        fits["speed-up against threads"] = line(counts, speed_ups)
+    return Part("threads", title, rows, summary, fits)
+
+
+def _own_process(bench: Bench, count: int) -> float:
+    """The device's time of the largest picture of ``pixels`` with ``count`` threads, ms.
+
+    Mesa reads the number of threads once, when it is loaded.
+    """
+    command = [sys.executable, "-m", "halfstep", "bench", "--only", "pixels", "--json"]
+    command += ["--rounds", str(bench.rounds), "--adapter", str(bench.adapter.summary.index)]
+    done = subprocess.run(
+        command,
+        env={**os.environ, "LP_NUM_THREADS": str(count)},
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        raise HalfstepError(f"with LP_NUM_THREADS={count}: {done.stderr.strip()}")
+    row = json.loads(done.stdout)["parts"]["pixels"]["rows"][-1]
+    return float(row["device ms"] or row["wall ms"])
+
+
+def _scene_and_size(scene: Scene) -> str:
+    return f"{len(scene.solids)} solids, {_named((scene.image.width, scene.image.height))}"
+
+
+def _named(size: tuple[int, int]) -> str:
+    return f"{size[0]}×{size[1]}"
+
+
+# By the name that asks for them, in the order of the report.
+PARTS: dict[str, Callable[[Bench], Part]] = {
+    "halving": halving,
+    "steps": steps,
+    "closed": closed,
+    "povray": pov,
+    "twin": twin,
+    "frames": frames,
+    "solids": solids,
+    "pixels": pixels,
+    "threads": threads,
+}

@@ -1,0 +1,62 @@
+"""The scenes of the benchmark, made by formula so that they come in any size."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from halfstep.scene import Scene
+
+_COLORS = ((0.8, 0.5, 0.2), (0.2, 0.5, 0.8), (0.6, 0.7, 0.3), (0.7, 0.3, 0.4))
+# Of the square in which the lattices of `equal_coverage` are; its area is that of their spheres.
+_SIDE = 8.0
+
+
+def overlapping() -> Scene:
+    """Sixteen spheres and ellipsoids, each of which hides a part of its neighbours."""
+    solids: list[dict[str, Any]] = []
+    for k in range(16):
+        x, z = 1.5 * (k % 4) - 2.25, 1.5 * (k // 4) - 2.25
+        solid: dict[str, Any] = {"origin": (x, 0.4 * (k % 3), z), "color": _COLORS[k % 4]}
+        if k % 2:
+            solid |= {"kind": "ellipsoid", "semi_axes": (1.2, 0.9, 1.0)}
+        else:
+            solid |= {"kind": "sphere", "radius": 1.1}
+        solids.append(solid)
+    return _seen(solids)
+
+
+def covering(count: int = 16) -> Scene:
+    """Spheres so large that every ray of a square picture meets each of them."""
+    solids = [
+        {"kind": "sphere", "radius": 20.0, "origin": (0.0, 0.1 * k, 0.0), "color": _COLORS[k % 4]}
+        for k in range(count)
+    ]
+    return _seen(solids, distance=40.0)
+
+
+def equal_coverage(count: int) -> Scene:
+    """``count`` spheres in a lattice, as large together at any number; neighbours overlap."""
+    columns = math.ceil(math.sqrt(count))
+    across, down = _SIDE / columns, _SIDE / math.ceil(count / columns)
+    radius = _SIDE / math.sqrt(math.pi * count)
+    solids = [
+        {
+            "kind": "sphere",
+            "radius": radius,
+            "origin": (
+                (k % columns + 0.5) * across - _SIDE / 2,
+                0.5 * radius * math.sin(k),
+                (k // columns + 0.5) * down - _SIDE / 2,
+            ),
+            "color": _COLORS[k % 4],
+        }
+        for k in range(count)
+    ]
+    return _seen(solids)
+
+
+def _seen(solids: list[dict[str, Any]], distance: float = 11.0) -> Scene:
+    camera = {"center": (0.0, -distance, 0.0), "look_at": (0.0, 0.0, 0.0), "fov_degrees": 40.0}
+    light = {"direction": (1.0, -1.0, 2.0)}
+    return Scene.from_dict({"format": 1, "camera": camera, "light": [light], "solid": solids})

@@ -1,0 +1,74 @@
+"""`halfstep bench`: times of this machine, each against something."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from halfstep.cli.output import print_json, progress_bar, say
+from halfstep.errors import UsageError
+
+# The parts by name; a test keeps them those of ``bench.parts``.
+PARTS = (
+    "halving",
+    "steps",
+    "closed",
+    "povray",
+    "twin",
+    "frames",
+    "solids",
+    "pixels",
+    "threads",
+)
+
+
+def add(commands: Any) -> None:
+    """Add the command to a parser's commands."""
+    bench = commands.add_parser("bench", help="measure this machine's speed, in about a minute")
+    bench.set_defaults(run=run)
+    bench.add_argument(
+        "--only", metavar="PART,…", help=f"some of the parts: {', '.join(PARTS)}", default=""
+    )
+    bench.add_argument("--rounds", metavar="N", type=int, default=5, help="frames of each case")
+    bench.add_argument(
+        "--adapter", metavar="NAME|INDEX", help="part of an adapter's name, or its number"
+    )
+    bench.add_argument("-o", "--output", metavar="FILE.png", help="a plot of the curves")
+    bench.add_argument("--json", action="store_true", help="the report for machines on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure; the exit code."""
+    names = _names(arguments.only)
+    if arguments.rounds < 1:
+        raise UsageError(f"rounds: {arguments.rounds} is not >= 1")
+    if arguments.output is not None:
+        from halfstep.bench.plot import check
+
+        check(arguments.output)
+
+    from halfstep.bench.measure import measure
+    from halfstep.device import choose_adapter
+
+    adapter = choose_adapter(arguments.adapter)
+    with progress_bar("measuring") as progress:
+        report = measure(adapter, names, arguments.rounds, progress)
+    if arguments.json:
+        print_json(report.as_dict())
+    else:
+        print(report.as_text())
+    if arguments.output is not None:
+        from halfstep.bench.plot import write
+
+        write(report, arguments.output)
+        say(arguments.output)
+    return 0
+
+
+def _names(only: str) -> tuple[str, ...]:
+    """The parts asked for, by default all, in the order of the report."""
+    asked = [name for name in only.split(",") if name]
+    unknown = [name for name in asked if name not in PARTS]
+    if unknown:
+        raise UsageError(f"only: {', '.join(unknown)}: the parts are {', '.join(PARTS)}")
+    return tuple(name for name in PARTS if not asked or name in asked)

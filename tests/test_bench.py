@@ -1,0 +1,302 @@
+"""The benchmark: what it compares is the same, what it says is what it measured."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import halfstep
+from halfstep.bench import closed_form, machine, native, parts, plot, povray, report, scenes, timing
+from halfstep.bench.measure import measure
+from halfstep.cli import bench as command
+from halfstep.cli import main
+from halfstep.device import Adapter
+from halfstep.errors import UsageError
+from halfstep.scene import with_overrides
+
+SIZE = (256, 128)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Makes every part take a moment."""
+    monkeypatch.setattr(timing, "WARM_UP", 0)
+    monkeypatch.setattr(parts, "_SIZE", (64, 64))
+    monkeypatch.setattr(parts, "_SMALL", (32, 32))
+    monkeypatch.setattr(parts, "_STEPS", (4, 12))
+    monkeypatch.setattr(parts, "_SIDES", (32, 64))
+    monkeypatch.setattr(parts, "_LATTICES", (10, 40))
+    monkeypatch.setattr(parts, "_own_process", lambda _, count: 12.0 / count)
+    monkeypatch.setattr(machine, "cores", lambda: 3)
+
+
+# ------------------------------------------------------------------------------ scenes
+
+
+def test_every_ray_meets_every_covering_solid() -> None:
+    scene = scenes.covering()
+    for solid in (scene.solids[0], scene.solids[-1]):
+        alone = scene.model_copy(update={"solids": (solid,)})
+        frame = halfstep.render(alone, size=(96, 96), backend="numpy", outputs=("solid",))
+        assert (frame.solid == 0).all()
+
+
+def test_lattices_cover_the_same_area() -> None:
+    areas = []
+    for count in (10, 100, 1000):
+        scene = scenes.equal_coverage(count)
+        assert len(scene.solids) == count
+        frame = halfstep.render(scene, size=(192, 192), backend="numpy", outputs=("solid",))
+        areas.append((frame.solid >= 0).mean())
+    assert max(areas) < 1.15 * min(areas)
+    assert min(areas) > 0.5
+
+
+# ------------------------------------------------------------------------------ yardsticks
+
+
+def test_c_sees_what_halfstep_sees() -> None:
+    scene = scenes.overlapping()
+    frame = halfstep.render(scene, size=SIZE, steps=12, backend="numpy", outputs=("solid",))
+    seen = native.Native(scene, SIZE, threads=3).render(12)
+    assert (seen == frame.solid).mean() > 0.999
+    assert (seen != native.Native(scene, SIZE, threads=1).render(1)).mean() > 0.01
+
+
+@pytest.mark.usefixtures("adapter")
+def test_closed_forms_find_the_same_cells() -> None:
+    scene = with_overrides(scenes.overlapping(), size=SIZE, steps=9)
+    outputs = ("solid", "depth")
+    halved = halfstep.render(scene, outputs=outputs, backend="gpu")
+    with closed_form.closed_form():
+        closed = halfstep.render(scene, outputs=outputs, backend="gpu")
+    same = halved.solid == closed.solid
+    assert same.mean() > 0.999
+    hit = same & (halved.solid >= 0)
+    assert hit.sum() > 10_000
+    assert (halved.depth == closed.depth)[hit].mean() > 0.99
+    assert np.abs(halved.depth - closed.depth)[hit].max() < 0.02
+
+
+def test_closed_forms_are_in_the_benchmark_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    needs: Any = None
+    monkeypatch.setattr(halfstep.source, "compose", lambda _: "fn halve(\n}\nfn other() {\n}\n")
+    text = closed_form.compose(needs)
+    assert "sqrt(" in text
+    assert text.endswith("fn other() {\n}\n")
+
+
+@pytest.mark.usefixtures("small")
+def test_without_a_compiler_the_part_says_so(
+    adapter: Adapter, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("PATH", os.fspath(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    part = parts.halving(parts.Bench(adapter, rounds=1))
+    assert [row["where"] for row in part.rows] == ["device"]
+    assert part.rows[0]["against C"] is None
+    assert part.notes == [
+        "Not compared with C: no C compiler: neither $CC nor cc, gcc or clang is on the path."
+    ]
+
+
+def fake(folder: Path, name: str, script: str) -> None:
+    """A program ``name`` in ``folder``."""
+    path = folder / name
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+
+
+def test_a_compiler_that_refuses_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    fake(tmp_path, "cc", "echo 'no room' >&2; exit 1")
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.delenv("CC", raising=False)
+    with pytest.raises(native.NoCompilerError) as caught:
+        native.Native(scenes.covering(), SIZE, threads=1)
+    assert str(caught.value) == f"{tmp_path}/cc cannot compile native.c: no room"
+
+
+# ------------------------------------------------------------------------------ POV-Ray
+
+
+def test_the_scene_for_povray_is_the_same_scene() -> None:
+    scene = scenes.overlapping()
+    lines = povray.text(scene, aspect=2.0).splitlines()
+    assert lines[3] == (
+        "camera { perspective location <0, -11, 0> sky <0, 0, 1> up y right -2*x"
+        " angle 72.104777464775822 look_at <0, 0, 0> }"
+    )
+    assert lines[4] == (
+        "light_source { <1000000, -1000000, 2000000> rgb <1, 1, 1> parallel point_at 0 shadowless }"
+    )
+    spheres = [line for line in lines if line.startswith("sphere")]
+    assert len(spheres) == len(scene.solids)
+    assert spheres[1] == (
+        "sphere { 0, 1 scale <1.2, 0.90000000000000002, 1> translate <-0.75,"
+        " 0.40000000000000002, -2.25> pigment { rgb <0.20000000000000001, 0.5,"
+        " 0.80000000000000004> } finish { ambient rgb <0.10000000000000001,"
+        " 0.10000000000000001, 0.10000000000000001> diffuse 1 } }"
+    )
+
+
+def test_povray_is_asked_for_the_picture_and_its_trace_time_is_read(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    fake(
+        tmp_path,
+        "povray",
+        f'echo "POV-Ray 3.9.1"; echo "$@" >{tmp_path}/asked\n'
+        'echo "  Trace Time:  0 hours  0 minutes  0 seconds (0.417 seconds)" >&2',
+    )
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    assert povray.version() == "POV-Ray 3.9.1"
+    assert povray.trace_time(scenes.overlapping(), (320, 200), threads=2) == 417.0
+    asked = (tmp_path / "asked").read_text().split()
+    assert asked[0].startswith("+I")
+    assert asked[1:] == ["+W320", "+H200", "+WT2", "-D", "-A", "-F"]
+
+
+def test_a_povray_that_fails_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    fake(tmp_path, "povray", "echo 'out of memory' >&2; exit 1")
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    with pytest.raises(povray.NoPovrayError, match=r"^povray does not render: out of memory$"):
+        povray.trace_time(scenes.overlapping(), (32, 20), threads=1)
+
+
+# ------------------------------------------------------------------------------ times
+
+
+def test_cases_take_turns_and_warm_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[str] = []
+    clock = iter(np.cumsum([0, 9, 0, 9, 0, 1, 0, 5, 0, 2, 0, 6, 0, 30, 0, 70]) / 1e3)
+    monkeypatch.setattr(timing, "WARM_UP", 1)
+    monkeypatch.setattr("time.perf_counter", lambda: float(next(clock)))
+
+    def case(name: str, device: float | None) -> Callable[[], float | None]:
+        def run() -> float | None:
+            order.append(name)
+            return device
+
+        return run
+
+    done: list[float] = []
+    times = timing.interleaved({"a": case("a", 0.5), "b": case("b", None)}, 3, done.append)
+    assert order == ["a", "b"] * 4
+    assert [times[name].wall for name in "ab"] == pytest.approx([2.0, 6.0])
+    assert [times[name].device for name in "ab"] == [0.5, None]
+    assert (times["a"].best, times["b"].best) == (0.5, times["b"].wall)
+    assert done == [0.25, 0.5, 0.75, 1.0]
+
+
+def test_a_line_is_the_least_squares_one() -> None:
+    exact = timing.line([0, 1, 2], [1, 3, 5])
+    assert (exact.slope, exact.intercept, exact.r_squared) == pytest.approx((2.0, 1.0, 1.0))
+    fit = timing.line([0, 1, 2, 3], [0, 1, 0, 1])
+    assert (fit.slope, fit.intercept, fit.r_squared) == pytest.approx((0.2, 0.2, 0.2))
+    assert timing.line([0, 1], [4, 4]).r_squared == 1.0
+
+
+# ------------------------------------------------------------------------------ reports
+
+
+def test_a_report_is_markdown_and_plain_values() -> None:
+    fit = timing.Line(2.0, -1.0, 0.998)
+    rows: list[dict[str, report.Value]] = [
+        {"scene": "one", "ms": 1234.5, "n": 10_000},
+        {"scene": "two", "ms": None, "n": 3},
+    ]
+    summary = {"a frame": "3 ms"}
+    part = report.Part("steps", "A title", rows, summary, {"ms against n": fit}, ["A note."])
+    whole = report.Report({"adapter": "a", "threads": 2}, 5, (part,))
+    assert whole.as_text() == (
+        "adapter a, threads 2; medians of 5 rounds\n\n"
+        "| what | measured |\n"
+        "|---|---|\n"
+        "| a frame | 3 ms |\n\n"
+        "**A title**\n\n"
+        "| scene | ms | n |\n"
+        "|---|--:|--:|\n"
+        "| one | 1,234 | 10,000 |\n"
+        "| two | – | 3 |\n\n"
+        "ms against n: 2 × + -1, R² = 0.9980\n\n"
+        "A note.\n"
+    )
+    assert json.loads(json.dumps(whole.as_dict())) == {
+        "machine": {"adapter": "a", "threads": 2},
+        "rounds": 5,
+        "parts": {
+            "steps": {
+                "title": "A title",
+                "rows": rows,
+                "summary": summary,
+                "fits": {"ms against n": {"slope": 2.0, "intercept": -1.0, "r_squared": 0.998}},
+                "notes": ["A note."],
+            }
+        },
+    }
+
+
+@pytest.mark.usefixtures("small")
+def test_every_part_measures(adapter: Adapter, tmp_path: Path) -> None:
+    progress: list[float] = []
+    whole = measure(adapter, rounds=1, progress=progress.append)
+    assert [part.name for part in whole.parts] == list(parts.PARTS)
+    by_name = {part.name: part for part in whole.parts}
+    assert progress == sorted(progress)
+    assert progress[-1] == pytest.approx((len(parts.PARTS) - 1) / len(parts.PARTS))
+    assert [row["n"] for row in by_name["steps"].rows] == [4, 12]
+    assert [row["solids"] for row in by_name["solids"].rows] == [10, 40]
+    assert [row["threads"] for row in by_name["threads"].rows] == [1, 2, 3]
+    assert [row["speed-up"] for row in by_name["threads"].rows] == [1.0, 2.0, 3.0]
+    assert by_name["threads"].fits["speed-up against threads"].r_squared == pytest.approx(1.0)
+    assert {row["where"] for row in by_name["halving"].rows} == {"device", "C"}
+    assert [row["backend"] for row in by_name["twin"].rows] == ["gpu", "numpy"]
+    assert whole.machine["adapter"] == adapter.summary.name
+    plot.write(whole, tmp_path / "bench.png")
+    assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
+
+
+# ------------------------------------------------------------------------------ the command
+
+
+def test_the_command_knows_all_parts() -> None:
+    assert tuple(parts.PARTS) == command.PARTS
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--only", "steps,stpes"], f"only: stpes: the parts are {', '.join(parts.PARTS)}"),
+        (["--rounds", "0"], "rounds: 0 is not >= 1"),
+        (["-o", "bench.gif"], "bench.gif: the ending '.gif' is not one of those written: .png"),
+    ],
+)
+def test_what_cannot_be_measured_is_told_at_once(
+    options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bench", *options]) == 2
+    assert capsys.readouterr().err == f"{message}\n"
+
+
+def test_a_plot_without_matplotlib_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
+    with pytest.raises(UsageError, match=r"needs Matplotlib: pip install 'halfstep\[plot\]'$"):
+        plot.check("bench.png")
+
+
+@pytest.mark.usefixtures("adapter", "small")
+def test_the_command_prints_what_it_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--only", "pixels,twin", "--rounds", "1", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert list(printed["parts"]) == ["twin", "pixels"]
+    assert printed["rounds"] == 1
+    assert {"commit", "adapter", "driver", "processor", "threads"} <= printed["machine"].keys()
+    assert main(["bench", "--only", "twin", "--rounds", "1"]) == 0
+    assert "| backend | wall ms | ratio |" in capsys.readouterr().out

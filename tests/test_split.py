@@ -1,0 +1,88 @@
+"""Frames whose solids do not fit a binding: the same bits as in one piece."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import halfstep
+from halfstep import run_gpu, split
+from halfstep.device import Adapter
+from halfstep.errors import DeviceError
+from halfstep.layout import SOLID
+from halfstep.pack import Packed
+from halfstep.scene import load
+
+SIZE = (160, 120)
+OUTPUTS = ("surface", "t", "depth_exit", "normal", "error", "steps")
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize(
+    ("outputs", "number_format"),
+    [(("image",), "float32"), (OUTPUTS, "float32"), (("t",), "fixed32")],
+)
+def test_a_frame_in_parts_is_that_of_one_piece(
+    outputs: tuple[str, ...], number_format: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    halves, parts = split.halves, []
+
+    def counted(packed: Packed) -> tuple[Packed, Packed]:
+        parts.append(len(packed.order))
+        return halves(packed)
+
+    monkeypatch.setattr(split, "halves", counted)
+    with halfstep.Renderer(
+        load("gallery"), size=SIZE, outputs=outputs, number_format=number_format, backend="gpu"
+    ) as renderer:
+        whole = renderer.render()
+        assert not parts
+        renderer._device.largest_binding = 6 * SOLID.dtype().itemsize
+        joined = renderer.render()
+    assert len(parts) > 3
+    assert (whole.solid >= 0).sum() > 5000
+    for name in whole.outputs:
+        expected, got = getattr(whole, name), getattr(joined, name)
+        assert np.array_equal(got, expected, equal_nan=expected.dtype.kind == "f"), name
+
+
+def test_the_nearer_of_two_parts_is_seen_and_the_earlier_of_the_equally_near() -> None:
+    far = np.uint64(0xFFFFFFFFFFFFFFFF)
+
+    def planes(keys: list[np.uint64], surfaces: list[int], low: list[int]) -> split.Planes:
+        surface = np.array([surfaces], np.uint32)
+        return {
+            "key": np.array([keys], np.uint64),
+            "surface": surface,
+            "normal": np.stack([surface] * 3, axis=-1).astype(np.float32),
+            "low": np.array([low], np.uint64),
+        }
+
+    first = planes([np.uint64(5), np.uint64(7), far, np.uint64(4), far], [1, 2, 0, 9, 0], [5] * 5)
+    second = planes(
+        [np.uint64(6), np.uint64(3), np.uint64(8), np.uint64(4), far],
+        [3, 4, 5, 6, 0],
+        [3, 9, 9, 9, 9],
+    )
+    joined = split.nearest(first, second)
+    assert joined["surface"].tolist() == [[1, 4, 5, 6, 0]]
+    assert joined["normal"][0, :, 1].tolist() == [1, 4, 5, 6, 0]
+    assert joined["key"][0, :4].tolist() == [5, 3, 8, 4]
+    assert joined["low"].tolist() == [[3, 5, 5, 5, 5]]
+
+
+def test_memory_that_cannot_be_had_is_told(adapter: Adapter) -> None:
+    device = run_gpu.Device(adapter)
+    try:
+        with pytest.raises(DeviceError) as caught:
+            device._buffer("solids", 2**45, "STORAGE")
+        assert str(caught.value).startswith(
+            f"adapter {adapter.summary}: 35,184,372,088,832 bytes for the solids: "
+        )
+        # The next frame may ask for less.
+        assert device._buffer("solids", 100, "STORAGE").size == 112
+        with pytest.raises(DeviceError):
+            device._buffer("solids", 2**45, "STORAGE")
+        assert device._buffer("solids", 100, "STORAGE").size == 112
+    finally:
+        device.close()

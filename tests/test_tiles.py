@@ -1,0 +1,132 @@
+"""The lists of tiles: what touches a tile is listed, and nothing that can be seen is left out."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import halfstep
+from halfstep import camera, geometry, run_gpu, tiles
+from halfstep import pack as packing
+from halfstep.accuracy import steps_for
+from halfstep.layout import TILE
+from halfstep.pack import Class, Packed, pack, surfaces
+from halfstep.scene import Scene, bundled_scenes, load, with_overrides
+from halfstep.setup import setup
+from halfstep.tiles import tile_lists
+from tests.scenes_random import PLACES, random_scene
+
+SIZE = (160, 120)
+OUTPUTS = ("solid", "surface", "t", "normal")
+
+
+def packed_frame(scene: Scene) -> Packed:
+    """The records of a frame as the renderer packs them."""
+    solids = geometry.build(scene)
+    view = camera.view(scene.camera, (scene.image.width, scene.image.height))
+    near, far = camera.base_planes(view, *geometry.volume_box(scene, solids))
+    constants = setup(solids, view, near, far)
+    steps = steps_for(scene, constants).count
+    return pack(scene, solids, surfaces(scene, solids), constants, steps)
+
+
+@pytest.mark.parametrize("count", [0, 1, 50])
+def test_lists_hold_what_touches_a_tile(count: int, rng: np.random.Generator) -> None:
+    present = (Class.ELLIPSOID, Class.POLYHEDRON, Class.PATCH)
+    listed = 0
+    for _ in range(40):
+        width, height = rng.integers(1, 300, 2).tolist()
+        first_row = int(rng.integers(0, height))
+        rows = int(rng.integers(1, height - first_row + 1))
+        i = np.sort(rng.integers(0, width, (count, 2)), axis=1)
+        j = np.sort(rng.integers(0, height, (count, 2)), axis=1)
+        classes = np.sort(rng.choice(present, count)).astype(np.int64)
+        order = rng.permutation(count)
+        constants = SimpleNamespace(
+            view=SimpleNamespace(width=width),
+            rectangle=np.concatenate([i, j], axis=1),
+            count=count,
+            is_loose=np.zeros(count, bool),
+        )
+        packed: Any = SimpleNamespace(setup=constants, order=order, classes=classes)
+        starts, members = tile_lists(packed, present, first_row, rows)
+
+        expected = []
+        for top in range(0, rows, TILE):
+            for left in range(0, width, TILE):
+                for klass in present:
+                    expected.append(
+                        [
+                            row
+                            for row, ix in enumerate(order)
+                            if classes[row] == klass
+                            and i[ix, 0] < left + TILE
+                            and i[ix, 1] >= left
+                            and j[ix, 0] < min(first_row + top + TILE, first_row + rows)
+                            and j[ix, 1] >= first_row + top
+                        ]
+                    )
+        assert starts.dtype == members.dtype == np.uint32
+        found = [members[a:b].tolist() for a, b in pairwise(starts.tolist())]
+        assert found == expected
+        listed += len(members)
+    assert listed > 0 or count == 0
+
+
+def everything(
+    packed: Packed, classes: tuple[Class, ...], _first_row: int, rows: int
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Lists of all solids for every tile."""
+    count = -(-packed.setup.view.width // TILE) * -(-rows // TILE)
+    of_class = np.searchsorted(packed.classes, [*classes, classes[-1] + 1])
+    starts = np.arange(count)[:, None] * of_class[-1] + of_class[:-1]
+    members = np.tile(np.arange(of_class[-1], dtype=np.uint32), count)
+    return np.append(starts.ravel(), len(members)).astype(np.uint32), members
+
+
+@pytest.mark.usefixtures("adapter")
+def test_frames_without_lists_are_the_same(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With all solids tested that have a loose rectangle, and with every solid in every tile."""
+    monkeypatch.setattr(tiles, "LEAST_PIXELS", 1)
+    monkeypatch.setattr(tiles, "LEAST_PIXELS_IN_ALL", 1)
+    # Bands of one row of tiles, and one shader for all scenes.
+    monkeypatch.setattr(run_gpu, "BAND_BYTES", 1)
+    monkeypatch.setattr(packing, "_present", lambda *_: tuple(Class))
+    scenes = [load(name) for name in bundled_scenes()]
+    scenes += [random_scene(rng, PLACES[k % len(PLACES)], most=8).scene for k in range(40)]
+    struck = hits = 0
+    with halfstep.Renderer(
+        scenes[0], size=SIZE, steps=12, outputs=OUTPUTS, backend="gpu"
+    ) as renderer:
+        for number, scene in enumerate(scenes):
+            selected = renderer.render(scene)
+            with monkeypatch.context() as context:
+                context.setattr(run_gpu, "tile_lists", everything)
+                whole = renderer.render(scene)
+            for name in OUTPUTS:
+                got, expected = getattr(selected, name), getattr(whole, name)
+                assert np.array_equal(got, expected, equal_nan=True), f"scene {number}: {name}"
+            packed = packed_frame(with_overrides(scene, size=SIZE))
+            listed = len(tile_lists(packed, packed.present, 0, SIZE[1])[1])
+            struck += len(everything(packed, packed.present, 0, SIZE[1])[1]) - listed
+            hits += int((selected.solid >= 0).sum())
+    assert struck > 1000
+    assert hits > 100_000
+
+
+def test_a_loose_rectangle_is_not_what_its_solid_costs() -> None:
+    """The crowd's saddles are bounded by F and by cuts together: each could be anywhere."""
+    packed = packed_frame(load("crowd"))
+    tested = len(tile_lists(packed, packed.present, 0, 480)[1])
+    loose = np.where(packed.setup.is_loose, 0, 1)
+    i0, i1, j0, j1 = packed.setup.rectangle.T // TILE
+    cells = (i1 - i0 + 1) * (j1 - j0 + 1)
+    assert cells.sum() > 25_000
+    assert tested < 1.5 * (cells * loose).sum()
