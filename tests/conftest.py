@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import random
 import sys
 
 import numpy as np
 import pytest
 
-from halfstep.device import Adapter, choose_adapter
-from halfstep.errors import AdapterError
+from halfstep.device import Adapter
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -46,18 +44,9 @@ def rng(seed: int) -> np.random.Generator:
 
 
 @pytest.fixture(scope="session")
-def adapter() -> Adapter:
-    """The adapter to test on.
-
-    Without one the test is skipped, or fails where lavapipe is expected: a run that was to test
-    the shaders does not pass by not running them.
-    """
-    try:
-        return choose_adapter()
-    except AdapterError as error:
-        if os.environ.get("HALFSTEP_EXPECT_LAVAPIPE") == "1":
-            pytest.fail(str(error))
-        pytest.skip(str(error).splitlines()[0])
+def adapter(halfstep_adapter: Adapter) -> Adapter:
+    """The adapter to test on."""
+    return halfstep_adapter
 
 
 @pytest.fixture(params=["numpy", "gpu"])

@@ -1,14 +1,17 @@
-"""`halfstep doctor`: adapters and drivers, what is chosen and why."""
+"""`halfstep doctor`: adapters and drivers, what is chosen and why, and whether it computes."""
 
 from __future__ import annotations
 
 import argparse
 import platform
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from halfstep import __version__
 from halfstep.cli.output import print_json
-from halfstep.errors import AdapterError
+from halfstep.errors import AdapterError, DeviceError, HalfstepError
+
+if TYPE_CHECKING:
+    from halfstep.canary import Fingerprint
 
 
 def add(commands: Any) -> None:
@@ -24,18 +27,49 @@ def run(arguments: argparse.Namespace) -> int:
 
     from halfstep.device import describe
 
-    report = {"halfstep": __version__, "python": platform.python_version(), "numpy": np.__version__}
-    report |= describe()
+    report: dict[str, Any] = {
+        "halfstep": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        **describe(),
+        "canary": None,
+    }
+    found: Fingerprint | None = None
+    fault: HalfstepError | None = None
+    try:
+        if report["chosen"] is None:
+            raise AdapterError(report["reason"])
+        found = _canary()
+        report["canary"] = found.as_dict()
+    except (AdapterError, DeviceError) as error:
+        fault = error
     if arguments.json:
         print_json(report)
     else:
-        _print_report(report)
-    if report["chosen"] is None:
-        raise AdapterError(report["reason"])
+        _print_report(report, found)
+    if fault is not None:
+        raise fault
     return 0
 
 
-def _print_report(report: dict[str, Any]) -> None:
+def _canary() -> Fingerprint:
+    """What the chosen adapter makes of a kernel with known answers.
+
+    Raises:
+        DeviceError: it makes something else of it.
+    """
+    from halfstep.canary import INT64, fingerprint
+    from halfstep.device import choose_adapter, open_device
+
+    adapter = choose_adapter()
+    device = open_device(adapter, features={INT64} & adapter.handle.features)
+    try:
+        return fingerprint(device)
+    finally:
+        device.destroy()
+
+
+def _print_report(report: dict[str, Any], found: Fingerprint | None) -> None:
     print(
         f"halfstep {report['halfstep']}, Python {report['python']}, NumPy {report['numpy']}, "
         f"wgpu {report['wgpu']}, wgpu-native {report['wgpu_native']}"
@@ -51,3 +85,5 @@ def _print_report(report: dict[str, Any]) -> None:
     if report["chosen"] is not None:
         print(f"chosen: adapter {report['chosen']}, {report['reason']}")
         print(f"features: {', '.join(report['features']) or 'none that Halfstep uses'}")
+    if found is not None:
+        print(f"canary: right answers; {found}")

@@ -1,0 +1,191 @@
+"""A scene on a device against the twin: the whole frame, and every stage function alone.
+
+The frame says whether something is wrong, the stages what. While the twin renders the scene, the
+arguments and results of its functions are noted; the shader's function of the same name is then
+given the same arguments and must return the same results. If all of them agree and the frame does
+not, the fault lies in the kernel that joins them, or in what the driver makes of it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from halfstep.api import Renderer
+from halfstep.calls import Calls, noted
+from halfstep.canary import INT64, Fingerprint, fingerprint
+from halfstep.device import choose_adapter, is_lavapipe, open_device
+from halfstep.formats import FIXED32
+from halfstep.frame import SOURCES, device_outputs
+from halfstep.pack import Packed, frame_record, srgb_table
+from halfstep.replay import Replay, replay
+from halfstep.run_gpu import needs_of
+from halfstep.scene import Scene, with_overrides
+from halfstep.source import compose, stage_names
+from halfstep.testing.census import Census, MismatchError
+from halfstep.testing.frames import FrameCensus, compare_frames, picture_file
+from halfstep.testing.kit import Kit
+from halfstep.testing.module import Module
+
+
+@dataclass(frozen=True)
+class SceneReport:
+    """How a scene on the device agrees with the twin.
+
+    Attributes:
+        scene: as it was rendered.
+        frame: the whole frame.
+        stages: stage function -> its census; those that the scene does not use are left out.
+        exact: whether the device promises every bit; otherwise the stages are for information.
+        picture: a PNG file of where the frame differs, None where it does not.
+    """
+
+    scene: Scene
+    frame: FrameCensus
+    stages: dict[str, Census]
+    exact: bool
+    picture: bytes | None
+
+    @property
+    def faulty(self) -> list[str]:
+        """Stage functions that differ from the twin's."""
+        return [name for name, census in self.stages.items() if census.failed]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether nothing differs that must not."""
+        return not (self.frame.failed.any() or (self.exact and self.faulty))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report for JSON."""
+        accuracy = self.scene.accuracy
+        return {
+            "scene": self.scene.name,
+            "method": accuracy.method,
+            "number_format": accuracy.number_format,
+            "agrees": self.agrees,
+            "frame": self.frame.as_dict(),
+            "stages": {name: census.as_dict() for name, census in self.stages.items()},
+            "scene_sha256": self.scene.sha256,
+        }
+
+    def __str__(self) -> str:
+        """The report for people."""
+        accuracy, image = self.scene.accuracy, self.scene.image
+        head = (
+            f"{self.scene.name}, {image.width}x{image.height}, {accuracy.method}, "
+            f"{accuracy.number_format}"
+        )
+        ambiguous = int(self.frame.ambiguous.sum())
+        if self.agrees:
+            rest = f", {ambiguous} of them ambiguous" if ambiguous else ""
+            return f"{head}: {self.frame.failed.size} pixels{rest}, {len(self.stages)} stages agree"
+        lines = [f"{head}: {self.frame}", *(str(self.stages[name]) for name in self.faulty)]
+        if not self.faulty:
+            lines.append(
+                "every stage function agrees alone: the fault is in the kernel that joins them, or "
+                "in what the driver makes of it"
+            )
+        return "\n".join(lines)
+
+
+class Checker:
+    """Checks scenes on one device, whose pipelines are kept; close it or use it in a ``with``.
+
+    Attributes:
+        fingerprint: what the canary found.
+    """
+
+    def __init__(self, adapter: str | int | None = None) -> None:
+        """``adapter`` is as for ``render``.
+
+        Raises:
+            AdapterError: there is no such adapter.
+            DeviceError: the driver gives wrong answers to what is known.
+        """
+        self._adapter = adapter
+        chosen = choose_adapter(adapter)
+        self._exact = is_lavapipe(chosen.summary)
+        self._device = open_device(chosen, features={INT64} & chosen.handle.features)
+        self.fingerprint: Fingerprint = fingerprint(self._device)
+        self._kit = Kit(self._device)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the device back."""
+        self._device.destroy()
+
+    def check(self, scene: Scene) -> SceneReport:
+        """Compare ``scene`` on the device with the twin; one sample in each pixel.
+
+        Raises:
+            AdapterError, DeviceError: as ``render``.
+        """
+        scene = with_overrides(scene, samples=1)
+        with Renderer(scene, backend="gpu", adapter=self._adapter, outputs=SOURCES) as renderer:
+            found = renderer.render()
+        with warnings.catch_warnings(), noted() as calls:
+            warnings.simplefilter("ignore")  # it says what has just been said
+            twin = Twin(scene, backend="numpy", outputs=SOURCES)
+            expected = twin.render()
+        replayed = None if self._exact else twin.replayed()
+        census = compare_frames(found, expected, exact=self._exact, replay=replayed)
+        return SceneReport(
+            scene=scene,
+            frame=census,
+            stages=dict(self._stages(twin, calls)),
+            exact=self._exact,
+            picture=None if census.equal else picture_file(found, expected, census),
+        )
+
+    def _stages(
+        self, twin: Twin, calls: Mapping[tuple[str, str], Calls]
+    ) -> Iterator[tuple[str, Census]]:
+        """The stage functions of the shader that were called, each with its census."""
+        needs = needs_of(twin.packed, twin.scene.accuracy.method, device_outputs(SOURCES))
+        shader = Module("the shader", compose(needs))
+        bindings = {
+            "frame": frame_record(twin.scene, twin.packed.setup, 0, twin.scene.image.height)[0],
+            "lights": twin.packed.lights,
+            "srgb_table": np.repeat(srgb_table(), 4).reshape(-1, 4),
+        }
+        for (file, name), noted_calls in calls.items():
+            there = file in stage_names(needs) and name in shader.functions()
+            if there and noted_calls.rows:
+                yield f"{file}.{name}", self._stage(shader, name, noted_calls, bindings)
+
+    def _stage(
+        self, shader: Module, name: str, calls: Calls, bindings: Mapping[str, Any]
+    ) -> Census:
+        """The census of one function."""
+        signature = shader.signature(name)
+        inputs = {other: calls.argument(other, t) for other, t in signature.parameters.items()}
+        expected = calls.result(signature.result)
+        used = {other: bindings[other] for other in bindings if other in shader.reached(name)}
+        try:
+            return self._kit.check(shader.text, name, lambda *_: expected, inputs, bindings=used)
+        except MismatchError as mismatch:
+            return mismatch.census
+
+
+class Twin(Renderer):
+    """Renders with NumPy; ``scene`` and ``packed`` are what it has rendered."""
+
+    def _pack(self, scene: Scene, samples: int) -> Packed:
+        self.scene, self.packed = scene, super()._pack(scene, samples)
+        return self.packed
+
+    def replayed(self) -> Replay | None:
+        """What no device may decide otherwise; None where that is known without, or not at all."""
+        if self.packed.format is FIXED32 or self.scene.accuracy.method == "article":
+            return None
+        return replay(self.scene, self.packed, self._solids.tables)

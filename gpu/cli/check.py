@@ -1,0 +1,96 @@
+"""`halfstep check`: scenes on the device against NumPy."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from halfstep import __version__
+from halfstep.cli.options import add_adapter, add_conveyor, add_size
+from halfstep.cli.output import print_json, say
+from halfstep.errors import UsageError
+
+if TYPE_CHECKING:
+    from halfstep.check import SceneReport
+
+
+def add(commands: Any) -> None:
+    """Add the command to a parser's commands."""
+    check = commands.add_parser("check", help="compare a device with NumPy, scene by scene")
+    check.set_defaults(run=run)
+    which = check.add_mutually_exclusive_group(required=True)
+    which.add_argument(
+        "scene", metavar="SCENE", nargs="?", help="a scene file, or a name `scenes` lists"
+    )
+    which.add_argument("--all", action="store_true", help="all bundled scenes")
+    add_size(check)
+    add_conveyor(check)
+    add_adapter(check)
+    check.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        help="folder for check.json and a picture of the differences of each scene that has some",
+    )
+    check.add_argument("--json", action="store_true", help="the report for machines on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check; the exit code."""
+    from halfstep.check import Checker
+    from halfstep.image import check_output_folder
+    from halfstep.scene import bundled_scenes, load, with_overrides
+
+    if arguments.output is not None:
+        check_output_folder(arguments.output)
+    names = bundled_scenes() if arguments.all else [arguments.scene]
+    scenes = [
+        with_overrides(
+            load(name),
+            size=arguments.size,
+            number_format=arguments.number_format,
+            method=arguments.method,
+        )
+        for name in names
+    ]
+    reports: list[SceneReport] = []
+    with Checker(arguments.adapter) as checker:
+        fingerprint = checker.fingerprint
+        say(f"{fingerprint.stack['adapter']}, {fingerprint.stack['driver']}: {fingerprint}")
+        for scene in scenes:
+            reports.append(checker.check(scene))
+            if not arguments.json:
+                print(reports[-1], flush=True)
+    agree = all(report.agrees for report in reports)
+    result = {
+        "halfstep": __version__,
+        "agree": agree,
+        "canary": fingerprint.as_dict(),
+        "scenes": [report.as_dict() for report in reports],
+    }
+    if arguments.output is not None:
+        _write(Path(arguments.output), result, reports)
+    if arguments.json:
+        print_json(result)
+    return 0 if agree else 1
+
+
+def _write(folder: Path, result: dict[str, Any], reports: list[SceneReport]) -> None:
+    """Write the report, and the pictures there are.
+
+    Raises:
+        UsageError: the folder cannot be made.
+        HalfstepError: the system refuses to write, as on a full disk.
+    """
+    from halfstep.image import write_file
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder}: {error.strerror}") from error
+    write_file(folder / "check.json", (json.dumps(result, indent=2) + "\n").encode())
+    for report in reports:
+        if report.picture is not None:
+            write_file(folder / f"{report.scene.name}.png", report.picture)

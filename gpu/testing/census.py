@@ -1,0 +1,433 @@
+"""Two arrays compared row by row: how many differ, by how much, and which.
+
+The distance of two floats is counted in units in the last place (ULP): how many numbers of their
+type there are from one to the other. The two zeros are one apart; a NaN is equal to any NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from halfstep.compute import UNWRITTEN
+from halfstep.errors import UsageError
+
+Values = NDArray[Any]
+Bools = NDArray[np.bool_]
+
+# Rows that a census shows.
+SHOWN = 5
+# Elements along each axis of an array that it shows.
+SHOWN_ELEMENTS = 8
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What is not counted as a difference; by default two values must be the same bits.
+
+    Attributes:
+        ulp: distance of two floats in units in the last place.
+        atol: abs(found - expected) of numbers; with it ``rtol`` times abs(expected) of floats.
+        rtol: see ``atol``.
+    """
+
+    ulp: int = 0
+    atol: float = 0.0
+    rtol: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("ulp", "atol", "rtol"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise UsageError(f"{name}: {value} is not a finite number >= 0")
+
+    def __str__(self) -> str:
+        stated = [f"{name}={value:g}" for name, value in vars(self).items() if value]
+        return f"tolerance {', '.join(stated)}" if stated else "exact"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row that differs.
+
+    Attributes:
+        index: its number.
+        inputs: what the function was given, by name.
+        found, expected: the values of the members that differ, by name; "" is the whole result.
+        distance: in words, by the same names; "" of truth values.
+    """
+
+    index: int
+    inputs: dict[str, Any]
+    found: dict[str, Any]
+    expected: dict[str, Any]
+    distance: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Census:
+    """All differences of two arrays.
+
+    Attributes:
+        name: what was compared.
+        tolerance: what counts as a difference.
+        rows: how many there are.
+        differing: rows that differ by more than the tolerance.
+        ambiguous: those of them that are within the margin of a decision.
+        unwritten: those of them that hold what was in the buffer before.
+        worst_ulp: the largest distance of two finite floats, in tolerance or not.
+        worst_row: its row; None where no floats differ.
+        histogram: distance in words -> values that are so far apart, in tolerance or not.
+        members: rows that differ in each member of the result; "" is the whole.
+        first: the first rows that differ and are not ambiguous.
+        stack: what the device stands on.
+    """
+
+    name: str
+    tolerance: Tolerance
+    rows: int
+    differing: int = 0
+    ambiguous: int = 0
+    unwritten: int = 0
+    worst_ulp: int = 0
+    worst_row: int | None = None
+    histogram: dict[str, int] = field(default_factory=dict)
+    members: dict[str, int] = field(default_factory=dict)
+    first: tuple[Row, ...] = ()
+    stack: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> int:
+        """Rows that differ and have no excuse."""
+        return self.differing - self.ambiguous
+
+    def as_dict(self) -> dict[str, Any]:
+        """The census for JSON, in which a number that is not finite is a string."""
+        return {
+            "name": self.name,
+            "tolerance": vars(self.tolerance),
+            "rows": self.rows,
+            "differing": self.differing,
+            "ambiguous": self.ambiguous,
+            "failed": self.failed,
+            "unwritten": self.unwritten,
+            "worst_ulp": self.worst_ulp,
+            "worst_row": self.worst_row,
+            "histogram": self.histogram,
+            "members": self.members,
+            "first": [plain(vars(row)) for row in self.first],
+            "stack": dict(self.stack),
+        }
+
+    def __str__(self) -> str:
+        """The census for people."""
+        lines = [f"{self.name}: {self.differing} of {self.rows} rows differ ({self.tolerance})"]
+        if self.ambiguous:
+            lines.append(f"  {self.ambiguous} of them within the margin of a decision")
+        if self.unwritten:
+            lines.append(f"  {self.unwritten} of them never written")
+        if self.worst_row is not None:
+            lines.append(f"  worst: {self.worst_ulp} ulp in row {self.worst_row}")
+        lines += [f"  in {name}: {count}" for name, count in self.members.items() if name]
+        if self.histogram:
+            bins = ", ".join(f"{label}: {count}" for label, count in self.histogram.items())
+            lines.append(f"  values by distance: {bins}")
+        for row in self.first:
+            lines += _row_lines(row)
+        if self.failed > len(self.first):
+            lines.append(f"  and {self.failed - len(self.first)} more")
+        if self.stack:
+            lines.append(
+                "  on {adapter}, {driver}, wgpu {wgpu}, wgpu-native {wgpu_native}".format(
+                    **self.stack
+                )
+            )
+        return "\n".join(lines)
+
+
+class MismatchError(AssertionError):
+    """Two arrays differ; its text is the census.
+
+    Attributes:
+        census: what differs.
+    """
+
+    def __init__(self, census: Census) -> None:
+        super().__init__(str(census))
+        self.census = census
+
+
+def take(
+    name: str,
+    found: Values,
+    expected: Values,
+    tolerance: Tolerance,
+    *,
+    inputs: Mapping[str, Values],
+    excused: Bools,
+    stack: Mapping[str, str],
+) -> Census:
+    """The census of two arrays (rows, …) of the same type, which may be structured.
+
+    Args:
+        name: what is compared.
+        found: what a device gave.
+        expected: what it should have given.
+        tolerance: what does not count as a difference.
+        inputs: name -> (rows, …), to be shown with a row.
+        excused: (rows,), where a row that differs is ambiguous.
+        stack: what the device stands on.
+    """
+    rows = len(found)
+    count = _Count(rows, tolerance)
+    pairs = zip(leaves(found), leaves(expected), strict=True)
+    for (member, values), (_, others) in pairs:
+        count.add(member, values.reshape(rows, -1), others.reshape(rows, -1))
+    failed = np.flatnonzero(count.differs & ~excused)
+    return Census(
+        name=name,
+        tolerance=tolerance,
+        rows=rows,
+        differing=int(count.differs.sum()),
+        ambiguous=int((count.differs & excused).sum()),
+        unwritten=int((count.differs & _unwritten(found)).sum()) if len(failed) else 0,
+        worst_ulp=count.worst_ulp,
+        worst_row=count.worst_row,
+        histogram=_histogram(count.values),
+        members=count.members,
+        first=tuple(_row(int(ix), found, expected, inputs) for ix in failed[:SHOWN]),
+        stack=stack,
+    )
+
+
+def within(margin: ArrayLike | None, rows: int) -> Bools:
+    """Rows (rows,) so close to their decisions that either answer is right.
+
+    Args:
+        margin: (rows,), the distance of each row from its decision, in units of the rounding error
+            that the decision may have; None where there is none.
+        rows: how many there are.
+
+    Raises:
+        UsageError: the margin is something else.
+    """
+    if margin is None:
+        return np.zeros(rows, bool)
+    distance = np.asarray(margin)
+    if distance.shape != (rows,) or distance.dtype.kind not in "iuf":
+        raise UsageError(
+            f"margin: {distance.dtype} of shape {distance.shape}, not a number for each of "
+            f"{rows} rows"
+        )
+    return np.asarray(distance <= 1)
+
+
+class _Count:
+    """What differs in the members seen so far."""
+
+    def __init__(self, rows: int, tolerance: Tolerance) -> None:
+        self.differs: Bools = np.zeros(rows, bool)
+        self.worst_ulp = 0
+        self.worst_row: int | None = None
+        self.members: dict[str, int] = {}
+        self.values: list[Distance] = []
+        self._tolerance = tolerance
+
+    def add(self, member: str, found: Values, expected: Values) -> None:
+        """Count a member's values, (rows, values) each."""
+        row, column = np.nonzero(_unequal(found, expected))
+        if not len(row):
+            return
+        values, others = found[row, column], expected[row, column]
+        distance = Distance(values, others)
+        beyond = ~_tolerated(values, others, distance, self._tolerance)
+        wrong = np.unique(row[beyond])
+        self.differs[wrong] = True
+        self.values.append(distance)
+        if len(wrong):
+            self.members[member] = len(wrong)
+        if distance.finite.any():
+            ulps = np.where(distance.finite, distance.ulps, 0)
+            if self.worst_row is None or int(ulps.max()) > self.worst_ulp:
+                self.worst_ulp, self.worst_row = int(ulps.max()), int(row[ulps.argmax()])
+
+
+class Distance:
+    """How far numbers are apart.
+
+    Attributes:
+        kind: "f", "i", "u" or "b" as NumPy's.
+        ulps: uint64; of floats units in the last place, of other types abs(found - expected).
+        nan: where one is a NaN.
+        finite: where both are finite floats.
+    """
+
+    def __init__(self, found: Values, expected: Values) -> None:
+        self.kind = found.dtype.kind
+        if self.kind != "f":
+            self.nan = self.finite = np.zeros(found.shape, bool)
+            low, high = np.minimum(found, expected), np.maximum(found, expected)
+            # The difference of two 64-bit integers is right modulo 2^64, which is all it needs.
+            self.ulps = high.astype(np.uint64) - low.astype(np.uint64)
+            return
+        self.nan = np.isnan(found) | np.isnan(expected)
+        self.finite = np.isfinite(found) & np.isfinite(expected)
+        low, high = (pick(_ordinal(found), _ordinal(expected)) for pick in (np.minimum, np.maximum))
+        self.ulps = high.astype(np.uint64) - low.astype(np.uint64)
+
+    def words(self) -> list[str]:
+        """The distance of each number for people."""
+        return [
+            self._word(ulps, nan, finite)
+            for ulps, nan, finite in zip(
+                self.ulps.tolist(), self.nan.tolist(), self.finite.tolist(), strict=True
+            )
+        ]
+
+    def _word(self, ulps: int, nan: bool, finite: bool) -> str:
+        if self.kind == "b":
+            return ""
+        if self.kind != "f":
+            return f"by {ulps}"
+        if nan:
+            return "NaN"
+        return f"{ulps} ulp" if finite else "infinite"
+
+
+def leaves(values: Values, name: str = "") -> Iterator[tuple[str, Values]]:
+    """The plain arrays that a structured one is made of, by their names joined with dots."""
+    if values.dtype.names is None:
+        yield name, values
+        return
+    for member in values.dtype.names:
+        yield from leaves(values[member], f"{name}.{member}" if name else member)
+
+
+def _ordinal(values: Values) -> Values:
+    """Unsigned integers in the order of floats, one more from each to the next."""
+    bits = values.view(f"u{values.itemsize}")
+    sign = bits.dtype.type(1 << (8 * values.itemsize - 1))
+    return np.where(bits & sign, ~bits, bits | sign)
+
+
+def _unequal(found: Values, expected: Values) -> Bools:
+    if found.dtype.kind != "f":
+        return found != expected
+    bits = f"u{found.itemsize}"
+    unequal = found.view(bits) != expected.view(bits)
+    return unequal & ~(np.isnan(found) & np.isnan(expected)) if unequal.any() else unequal
+
+
+def _tolerated(found: Values, expected: Values, distance: Distance, tolerance: Tolerance) -> Bools:
+    """Where numbers that are not equal are close enough; infinities and NaNs never are."""
+    if distance.kind == "b":
+        return np.zeros(found.shape, bool)
+    if distance.kind != "f":
+        return distance.ulps <= tolerance.atol
+    close = distance.ulps <= tolerance.ulp
+    if tolerance.atol or tolerance.rtol:
+        with np.errstate(all="ignore"):
+            off = np.abs(found.astype(np.float64) - expected.astype(np.float64))
+            room = tolerance.atol + tolerance.rtol * np.abs(expected.astype(np.float64))
+        close |= off <= room
+    return distance.finite & close
+
+
+def _unwritten(values: Values) -> Bools:
+    """Rows in which every number still is what was in the buffer before."""
+    rows = np.ones(len(values), bool)
+    for _, leaf in leaves(values):
+        words = leaf.reshape(len(values), -1)
+        if words.dtype.kind == "b":
+            continue
+        bits = words.view(f"u{words.itemsize}")
+        halves = {UNWRITTEN >> 16, UNWRITTEN & 0xFFFF}
+        pattern = {2: halves, 4: {UNWRITTEN}, 8: {UNWRITTEN << 32 | UNWRITTEN}}
+        rows &= np.isin(bits, list(pattern.get(words.itemsize, ()))).all(axis=1)
+    return rows
+
+
+def _histogram(distances: list[Distance]) -> dict[str, int]:
+    """Values by distance: floats in powers of two of their units, then all others."""
+    counts: dict[str, int] = {}
+    ulps = [distance.ulps[distance.finite] for distance in distances]
+    exponents = np.frexp(np.concatenate([*ulps, np.empty(0, np.uint64)]).astype(np.float64))[1] - 1
+    for exponent, count in zip(*np.unique(exponents, return_counts=True), strict=True):
+        counts[_bin(int(exponent))] = int(count)
+    for distance in distances:
+        others = {
+            "NaN": distance.nan.sum(),
+            "infinite": (~distance.nan & ~distance.finite).sum() if distance.kind == "f" else 0,
+            "integers": distance.ulps.size if distance.kind in "iu" else 0,
+            "bools": distance.ulps.size if distance.kind == "b" else 0,
+        }
+        for label, count in others.items():
+            if count:
+                counts[label] = counts.get(label, 0) + int(count)
+    return counts
+
+
+def _bin(exponent: int) -> str:
+    if exponent == 0:
+        return "1 ulp"
+    if exponent < 10:
+        return f"{1 << exponent}…{(2 << exponent) - 1} ulp"
+    return f"2^{exponent}… ulp"
+
+
+def _row(index: int, found: Values, expected: Values, inputs: Mapping[str, Values]) -> Row:
+    shown = Row(index, {}, {}, {}, {})
+    for name, values in inputs.items():
+        shown.inputs.update({n: v[0] for n, v in leaves(values[index : index + 1], name)})
+    here = slice(index, index + 1)
+    for (member, value), (_, other) in zip(
+        leaves(found[here]), leaves(expected[here]), strict=True
+    ):
+        unequal = _unequal(value, other)
+        if unequal.any():
+            shown.found[member], shown.expected[member] = value[0], other[0]
+            distance = Distance(value[unequal], other[unequal])
+            words = distance.words()
+            shown.distance[member] = words[int(distance.ulps.argmax())]
+    return shown
+
+
+def _row_lines(row: Row) -> list[str]:
+    inputs = ", ".join(f"{name} = {as_text(value)}" for name, value in row.inputs.items())
+    lines = [f"  row {row.index}{': ' if inputs else ''}{inputs}"]
+    for member, value in row.found.items():
+        label = f" {member}" if member else ""
+        distance = f" ({row.distance[member]})" if row.distance[member] else ""
+        lines += [
+            f"    found{label} {as_text(value)}",
+            f"    expected{label} {as_text(row.expected[member])}{distance}",
+        ]
+    return lines
+
+
+def as_text(value: Any) -> str:
+    """A value of one row, with as many digits as tell it from others of its type."""
+    array = np.asarray(value)
+    if array.ndim == 0:
+        return str(array[()])
+    parts = ", ".join(map(as_text, array[:SHOWN_ELEMENTS]))
+    more = f", … {len(array)} in all" if len(array) > SHOWN_ELEMENTS else ""
+    return f"[{parts}{more}]"
+
+
+def plain(value: Any) -> Any:
+    """``value`` as JSON can hold it."""
+    if isinstance(value, Mapping):
+        return {name: plain(part) for name, part in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list):
+        return [plain(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value

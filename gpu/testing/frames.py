@@ -1,0 +1,261 @@
+"""Two frames of one scene compared pixel by pixel.
+
+On Mesa's driver for the processor and in NumPy they are the same bits; in the number format fixed32
+what is decided is the same everywhere. In float32 a device that contracts a·b + c may decide
+otherwise where a decision is within its rounding: there a pixel that differs is ambiguous, and so
+it is where both depths are right within their bounds. Everywhere else it is a failure. Where
+decisions are within rounding a replay in float64 says; without one, the output ``error`` of the
+frames does, and either may excuse itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from operator import methodcaller
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.device import LAVAPIPE
+from halfstep.errors import UsageError
+from halfstep.frame import Array, Frame
+from halfstep.replay import Replay
+from halfstep.testing.census import as_text, plain
+from halfstep.testing.results import keep
+
+Bools = NDArray[np.bool_]
+Pixels = NDArray[np.uint8]
+
+# Arrays that follow from decisions, and those that follow from shading; the rest say how sure a
+# device is, or have no bound: they are judged only where every bit is to be the same.
+DECIDED = ("solid", "surface", "t", "depth", "position", "steps")
+SHADED = ("image", "color", "normal")
+# A device that computes a decided pixel otherwise may shade it so much otherwise: one 8-bit level.
+LEVEL = 1 / 255
+# Pixels that a census shows.
+SHOWN = 5
+
+_AMBIGUOUS = (255, 176, 0)
+_FAILED = (255, 0, 96)
+
+
+@dataclass(frozen=True)
+class Pixel:
+    """A pixel that is a failure, with what was found and expected of the arrays that differ."""
+
+    column: int
+    row: int
+    found: dict[str, Any]
+    expected: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class FrameCensus:
+    """All differences of two frames.
+
+    Attributes:
+        exact: whether every bit was to be the same.
+        ambiguous: (H, W), pixels that differ and may.
+        failed: (H, W), pixels that differ and must not.
+        arrays: name -> pixels that differ in it.
+        first: the first failures.
+        stack: adapter and driver of each frame.
+    """
+
+    exact: bool
+    ambiguous: Bools
+    failed: Bools
+    arrays: dict[str, int]
+    first: tuple[Pixel, ...]
+    stack: dict[str, str]
+
+    @property
+    def equal(self) -> bool:
+        """Whether no decision differs."""
+        return not (self.failed.any() or self.ambiguous.any())
+
+    def as_dict(self) -> dict[str, Any]:
+        """The census for JSON."""
+        height, width = self.failed.shape
+        return {
+            "size": [width, height],
+            "exact": self.exact,
+            "pixels": self.failed.size,
+            "ambiguous": int(self.ambiguous.sum()),
+            "failed": int(self.failed.sum()),
+            "arrays": self.arrays,
+            "first": [plain(vars(pixel)) for pixel in self.first],
+            "stack": self.stack,
+        }
+
+    def __str__(self) -> str:
+        """The census for people."""
+        failed, ambiguous = int(self.failed.sum()), int(self.ambiguous.sum())
+        how = "every bit counts" if self.exact else f"{ambiguous} more are within rounding"
+        lines = [f"{failed} of {self.failed.size} pixels differ ({how})"]
+        lines += [f"  {name}: {count} pixels" for name, count in self.arrays.items() if count]
+        for pixel in self.first:
+            lines.append(f"  pixel {pixel.column}, {pixel.row}")
+            for name, value in pixel.found.items():
+                lines.append(f"    {name} {as_text(value)}, not {as_text(pixel.expected[name])}")
+        if failed > len(self.first):
+            lines.append(f"  and {failed - len(self.first)} pixels more")
+        lines.append("  found on {found}, expected from {expected}".format(**self.stack))
+        return "\n".join(lines)
+
+
+class FrameMismatchError(AssertionError):
+    """Two frames differ; its text is the census.
+
+    Attributes:
+        census: what differs.
+    """
+
+    def __init__(self, census: FrameCensus) -> None:
+        super().__init__(str(census))
+        self.census = census
+
+
+# As in `kit`.
+__tracebackhide__ = methodcaller("errisinstance", (FrameMismatchError, UsageError))
+
+
+def assert_frames_match(found: Frame, expected: Frame, *, exact: bool | None = None) -> FrameCensus:
+    """Compare two frames of one scene; the census if they match.
+
+    Args:
+        found: a frame.
+        expected: what it should be.
+        exact: whether every bit of every array must be the same; by default where both are from
+            Mesa's driver for the processor or from NumPy. Otherwise see the module.
+
+    Raises:
+        FrameMismatchError: they do not match.
+        UsageError: they have other sizes or outputs.
+    """
+    census = compare_frames(found, expected, exact=exact)
+    keep(census.as_dict(), None if census.equal else lambda: picture_file(found, expected, census))
+    if census.failed.any():
+        raise FrameMismatchError(census)
+    return census
+
+
+def compare_frames(
+    found: Frame, expected: Frame, *, exact: bool | None = None, replay: Replay | None = None
+) -> FrameCensus:
+    """The census of two frames; arguments and exceptions are those of `assert_frames_match`.
+
+    ``replay`` judges pixels that differ in place of the outputs ``error``, which it can only do
+    for frames of the method ``visible``.
+    """
+    _check_alike(found, expected)
+    if exact is None:
+        exact = is_exact(found) and is_exact(expected)
+    pairs = {name: (getattr(found, name), getattr(expected, name)) for name in found.outputs}
+    differs = {name: _differs(*pair) for name, pair in pairs.items()}
+    if exact:
+        failed = _any(differs, differs)
+        ambiguous = np.zeros_like(failed)
+    else:
+        decided = _any(differs, DECIDED)
+        ambiguous = decided & _within_bounds(found, expected, replay)
+        off = {name: _off_by_a_level(*pairs[name]) for name in SHADED if name in pairs}
+        off["nothing"] = np.zeros_like(decided)
+        failed = (decided & ~ambiguous) | (_any(off, off) & ~decided)
+    places = np.argwhere(failed)[:SHOWN].tolist()
+    return FrameCensus(
+        exact=exact,
+        ambiguous=ambiguous,
+        failed=failed,
+        arrays={name: int(mask.sum()) for name, mask in differs.items() if mask.any()},
+        first=tuple(_pixel(j, i, pairs, differs) for j, i in places),
+        stack={
+            word: f"{frame.info['adapter']}, {frame.info['driver']}"
+            for word, frame in (("found", found), ("expected", expected))
+        },
+    )
+
+
+def is_exact(frame: Frame) -> bool:
+    """Whether the frame is from a device that promises every bit: NumPy, or Mesa's processor."""
+    adapter: str = frame.info["adapter"]
+    return adapter == "numpy" or adapter.startswith(LAVAPIPE)
+
+
+def picture_file(found: Frame, expected: Frame, census: FrameCensus) -> bytes:
+    """A PNG file of what was found, what was expected, and where they differ.
+
+    In the last the picture is dark, failures are red and ambiguous pixels yellow. Frames without
+    the output image have only that.
+    """
+    from halfstep.image import png
+
+    height, width = census.failed.shape
+    pictures: list[Pixels] = []
+    places: Pixels = np.full((height, width, 3), 32, np.uint8)
+    if "image" in expected.outputs:
+        pictures = [found.image, expected.image]
+        places = expected.image // 4
+    for mask, color in ((census.ambiguous, _AMBIGUOUS), (census.failed, _FAILED)):
+        places = np.where(mask[..., None], np.array(color, np.uint8), places)
+    return png(np.concatenate([*pictures, places], axis=1))
+
+
+def _check_alike(found: Frame, expected: Frame) -> None:
+    if found.solid.shape != expected.solid.shape:
+        sizes = (f"{shape[1]}x{shape[0]}" for shape in (found.solid.shape, expected.solid.shape))
+        raise UsageError(f"frames of different sizes: {' and '.join(sizes)}")
+    if set(found.outputs) != set(expected.outputs):
+        odd = sorted(set(found.outputs) ^ set(expected.outputs))
+        raise UsageError(f"only one of the frames has {', '.join(odd)}")
+
+
+def _differs(found: Array, expected: Array) -> Bools:
+    """Pixels (H, W) with other bits; a NaN is as good as another."""
+    bits = f"u{found.itemsize}"
+    same = np.ascontiguousarray(found).view(bits) == np.ascontiguousarray(expected).view(bits)
+    if found.dtype.kind == "f":
+        same |= np.isnan(found) & np.isnan(expected)
+    return _by_pixel(~same)
+
+
+def _off_by_a_level(found: Array, expected: Array) -> Bools:
+    """Pixels (H, W) whose shading differs by more than `LEVEL`."""
+    if found.dtype == np.uint8:
+        return _by_pixel(np.abs(found.astype(int) - expected) > 1)
+    return _by_pixel(~(np.abs(found - expected) <= LEVEL * np.maximum(np.abs(expected), 1)))
+
+
+def _within_bounds(found: Frame, expected: Frame, replay: Replay | None) -> Bools:
+    """Pixels (H, W) in which either answer may be right, as the bounds of their errors say."""
+    integers = {frame.info["number_format"] for frame in (found, expected)} == {"fixed32"}
+    if integers or "error" not in found.outputs:
+        return np.zeros(found.solid.shape, bool)
+    own = found.error
+    if replay is not None:
+        own = np.where(np.isinf(own), replay.error, own)
+    room = own + (expected if replay is None else replay).error
+    if "depth" not in found.outputs:
+        return np.isinf(room)
+    # The difference is NaN where one is a hit and the other is not.
+    depth = (expected if replay is None else replay).depth
+    return np.asarray(np.isinf(room) | (np.abs(found.depth - depth) <= room))
+
+
+def _by_pixel(mask: Bools) -> Bools:
+    return np.any(mask, axis=-1) if mask.ndim > 2 else mask
+
+
+def _any(masks: Mapping[str, Bools], names: Iterable[str]) -> Bools:
+    """Where any of those of the masks that have these names is true."""
+    return np.logical_or.reduce([masks[name] for name in names if name in masks])
+
+
+def _pixel(
+    row: int, column: int, pairs: Mapping[str, tuple[Array, Array]], differs: Mapping[str, Bools]
+) -> Pixel:
+    odd = [name for name, mask in differs.items() if mask[row, column]]
+    found, expected = ({name: pairs[name][k][row, column] for name in odd} for k in (0, 1))
+    return Pixel(column, row, found, expected)

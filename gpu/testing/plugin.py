@@ -1,0 +1,95 @@
+"""The pytest plugin: the fixture ``wgsl``, on a device that the user may choose.
+
+Loaded by pytest wherever Halfstep is installed, so it imports nothing of weight before a test asks
+for the fixture.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from halfstep.device import Adapter
+    from halfstep.testing.kit import Kit
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that says where results are kept."""
+    group = parser.getgroup("halfstep", "shader tests by Halfstep")
+    group.addoption(
+        "--halfstep-results-path",
+        metavar="DIR",
+        type=Path,
+        help="keep the census of every comparison in DIR as JSON, and pictures of differences",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """See before any test whether results can be kept."""
+    folder: Path | None = config.getoption("--halfstep-results-path")
+    try:
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise pytest.UsageError(f"--halfstep-results-path {folder}: {error.strerror}") from error
+
+
+@pytest.fixture(scope="session")
+def halfstep_adapter() -> Adapter:
+    """The adapter that `halfstep doctor` says is chosen.
+
+    Without one tests are skipped, or fail if HALFSTEP_EXPECT_LAVAPIPE is 1: a run that was to test
+    shaders does not pass by not running them.
+    """
+    from halfstep.device import choose_adapter
+    from halfstep.errors import AdapterError
+
+    try:
+        return choose_adapter()
+    except AdapterError as error:
+        if os.environ.get("HALFSTEP_EXPECT_LAVAPIPE") == "1":
+            pytest.fail(str(error), pytrace=False)
+        pytest.skip(str(error).splitlines()[0])
+
+
+@pytest.fixture(scope="session")
+def halfstep_device(halfstep_adapter: Adapter) -> Iterator[Any]:
+    """The wgpu.GPUDevice that shaders are tested on; override it to test on one of your own.
+
+    It has 64-bit integers, 16- and 64-bit floats and subgroups where the adapter has them.
+    """
+    from halfstep.device import open_device
+    from halfstep.testing.types import FEATURES
+
+    features = {*FEATURES.values(), "subgroup"} & halfstep_adapter.handle.features
+    device = open_device(halfstep_adapter, features=features)
+    yield device
+    device.destroy()
+
+
+@pytest.fixture(scope="session")
+def wgsl(halfstep_device: Any) -> Kit:
+    """Runs WGSL and compares it with NumPy: `halfstep.testing.Kit`."""
+    from halfstep.canary import fingerprint
+    from halfstep.testing.kit import Kit
+
+    # A driver that cannot add would fail every test, and none of them would say why.
+    fingerprint(halfstep_device)
+    return Kit(halfstep_device)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Name the results that a test keeps for it."""
+    folder = item.config.getoption("--halfstep-results-path")
+    if folder is None:
+        return (yield)
+    from halfstep.testing.results import results_of
+
+    with results_of(item.nodeid, folder):
+        return (yield)

@@ -1,0 +1,234 @@
+"""NumPy values into the bytes of a buffer and back, and into the exact types that WGSL has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from operator import methodcaller
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.compute import UNWRITTEN, Bytes
+from halfstep.errors import HalfstepError, UsageError
+from halfstep.testing.types import (
+    SCALARS,
+    Array,
+    DType,
+    Leaf,
+    Struct,
+    Type,
+    align_of,
+    dtype_of,
+    leaves_of,
+    round_up,
+    stride_of,
+)
+
+# As in `kit`.
+__tracebackhide__ = methodcaller("errisinstance", HalfstepError)
+
+Values = NDArray[Any]
+
+
+def unwritten(shape: int | tuple[int, ...], dtype: np.typing.DTypeLike) -> Values:
+    """An array to give to `Kit.kernel` for a buffer that its shader is to write.
+
+    Every word of it is 0xDEADBEEF, and a census tells values that still are.
+    """
+    values = np.empty(shape, dtype)
+    values.reshape(-1).view(np.uint8)[:] = prefilled(values.nbytes)
+    return values
+
+
+def prefilled(size: int) -> Bytes:
+    """So many bytes that no shader has written to."""
+    return np.full(-(-size // 4), UNWRITTEN, "<u4").view(np.uint8)[:size]
+
+
+def conform(value: Any, dtype: DType, where: str, *, rounded: bool = False) -> Values:
+    """``value`` with exactly ``dtype``: (rows, …), or structured with these fields.
+
+    A struct may be a structured array, a mapping of its members, or a tuple of them in order. A
+    number stands for the same number in every row. Unless ``rounded``, no value may change.
+
+    Raises:
+        UsageError: another shape or other members, or a value that the type does not hold.
+    """
+    scalar, shape = dtype.base, dtype.shape
+    if scalar.names is None:
+        return _numbers(value, scalar, shape, where, rounded=rounded)
+    members = _members(value, scalar.names, where)
+    parts = {}
+    for name in scalar.names:
+        # An array of structs has its axes before those of the member.
+        member = scalar[name]
+        full = np.dtype((member.base, (*shape, *member.shape)))
+        parts[name] = conform(members[name], full, f"{where}.{name}", rounded=rounded)
+    lengths = {part.shape[: 1 + len(shape)] for part in parts.values() if part.ndim}
+    if len(lengths) > 1:
+        counts = ", ".join(f"{name} {part.shape}" for name, part in parts.items())
+        raise UsageError(f"{where}: members of different lengths: {counts}")
+    result = np.empty(lengths.pop() if lengths else (), scalar)
+    for name, part in parts.items():
+        result[name] = part
+    return result
+
+
+def spread(values: Values, rows: int, dtype: DType, where: str) -> Values:
+    """Values of ``rows`` rows; what `conform` left without an axis of rows gets one.
+
+    Raises:
+        UsageError: there are more rows or fewer.
+    """
+    if values.ndim == 0:
+        values = np.broadcast_to(values, (rows, *dtype.shape))
+    if len(values) != rows:
+        raise UsageError(f"{where}: {len(values)} rows, not {rows}")
+    return values
+
+
+def pack(type_: Type, values: Values | Mapping[str, Values], rows: int) -> Bytes:
+    """The bytes of an array of ``type_`` with ``values`` (rows, …); padding is 0.
+
+    Of a struct the values may also be a mapping of its members.
+    """
+    stride = stride_of(type_)
+    raw = np.zeros(round_up(rows * stride, 4), np.uint8)
+    for leaf in leaves_of(type_):
+        view(raw, leaf, rows, stride)[...] = member(values, leaf.path)
+    return raw
+
+
+def unpack(type_: Type, raw: Bytes, rows: int) -> Values:
+    """The values (rows, …) of an array of ``type_`` in ``raw``."""
+    values = np.empty(rows, dtype_of(type_))
+    for leaf in leaves_of(type_):
+        words = view(raw, leaf, rows, stride_of(type_))
+        target = member(values, leaf.path)
+        target[...] = words != 0 if leaf.scalar == "bool" else words
+    return values
+
+
+def view(raw: Bytes, leaf: Leaf, rows: int, stride: int) -> Values:
+    """The scalars of a leaf in ``raw``, (rows, …), to read or to write."""
+    dtype = SCALARS["u32" if leaf.scalar == "bool" else leaf.scalar]
+    return np.ndarray((rows, *leaf.shape), dtype, raw.data, leaf.offset, (stride, *leaf.strides))
+
+
+def member(values: Values | Mapping[str, Values], path: tuple[str, ...]) -> Values:
+    """The array that is reached in a structured one, or in a mapping, by the names of ``path``."""
+    array: Any = values
+    for name in path:
+        array = array[name]
+    return array
+
+
+class Resource:
+    """What is bound to a resource variable.
+
+    Its value is what `conform` takes, without an axis of rows. An array without a count has its
+    elements along the first axis; a struct that ends with one is a mapping of its members.
+
+    Attributes:
+        raw: the bytes.
+    """
+
+    def __init__(self, type_: Type, value: Any, where: str) -> None:
+        """Raises UsageError as `conform`."""
+        self._type = type_
+        self._rows: int | None = None
+        self._members: dict[str, tuple[int, Resource]] = {}
+        if _is_open(type_):
+            assert isinstance(type_, Struct)
+            self._bind_members(type_, value, where)
+        elif isinstance(type_, Array) and type_.count is None:
+            values = conform(value, dtype_of(type_), where)
+            if values.shape == dtype_of(type_).shape or not len(values):
+                raise UsageError(f"{where}: no elements along a first axis: shape {values.shape}")
+            self._rows = len(values)
+            self.raw = pack(type_, values, len(values))
+        else:
+            self.raw = pack(type_, conform(_one_row(value), dtype_of(type_), where), 1)
+
+    def _bind_members(self, struct: Struct, value: Any, where: str) -> None:
+        values = _members(value, tuple(member.name for member in struct.members), where)
+        for member in struct.members:
+            part = Resource(member.type, values[member.name], f"{where}.{member.name}")
+            self._members[member.name] = member.offset, part
+        end, last = list(self._members.values())[-1]
+        self.raw = np.zeros(round_up(end + len(last.raw), max(align_of(struct), 4)), np.uint8)
+        for offset, part in self._members.values():
+            self.raw[offset : offset + len(part.raw)] = part.raw
+
+    def value(self, raw: Bytes) -> Any:
+        """The value that ``raw`` holds, formed as the one that was bound."""
+        if self._members:
+            return {name: part.value(raw[at:]) for name, (at, part) in self._members.items()}
+        if self._rows is None:
+            return unpack(self._type, raw, 1)[0]
+        return unpack(self._type, raw, self._rows)
+
+
+def _is_open(type_: Type) -> bool:
+    """Whether a struct ends with an array without a count."""
+    if not isinstance(type_, Struct):
+        return False
+    last = type_.members[-1].type
+    return isinstance(last, Array) and last.count is None
+
+
+def _one_row(value: Any) -> Any:
+    """``value`` with an axis of one row before the others."""
+    if isinstance(value, Mapping):
+        return {name: _one_row(part) for name, part in value.items()}
+    if isinstance(value, tuple):
+        return tuple(map(_one_row, value))
+    return np.asarray(value)[None]
+
+
+def _members(value: Any, names: tuple[str, ...], where: str) -> Mapping[str, Any]:
+    """The members of a struct by name."""
+    if isinstance(value, tuple):
+        if len(value) != len(names):
+            raise UsageError(f"{where}: {len(value)} members, not {len(names)}: {', '.join(names)}")
+        return dict(zip(names, value, strict=True))
+    if isinstance(value, Mapping):
+        given = tuple(value)
+    elif isinstance(value, np.ndarray | np.void) and value.dtype.names is not None:
+        given, value = value.dtype.names, {name: value[name] for name in value.dtype.names}
+    else:
+        raise UsageError(f"{where}: not a struct of {', '.join(names)}")
+    if odd := sorted(set(names) ^ set(given)):
+        fault = "missing" if odd[0] in names else "not a member"
+        raise UsageError(f"{where}: {odd[0]} is {fault}; the members are {', '.join(names)}")
+    members: Mapping[str, Any] = value
+    return members
+
+
+def _numbers(
+    value: Any, dtype: DType, shape: tuple[int, ...], where: str, *, rounded: bool
+) -> Values:
+    array = np.asarray(value)
+    if array.ndim and array.shape[1:] != shape:
+        wanted = ", ".join(["rows", *map(str, shape)])
+        raise UsageError(f"{where}: shape {array.shape}, not ({wanted})")
+    if array.dtype == dtype:
+        return array
+    numeric = array.dtype.kind in "iuf" and dtype.kind in "iuf"
+    if not numeric or (dtype.kind in "iu" and array.dtype.kind == "f"):
+        raise UsageError(f"{where}: {array.dtype} where {dtype} is wanted")
+    with np.errstate(all="ignore"):
+        result = array.astype(dtype)
+        lost = result.astype(array.dtype) != array
+    # 2^63 as an i64 is -2^63, and back 2^63.
+    lost |= result != array
+    if array.dtype.kind == "f":
+        lost &= ~np.isnan(array)
+    if lost.any() and not (rounded and dtype.kind == "f"):
+        first = tuple(np.argwhere(lost)[0].tolist())
+        raise UsageError(
+            f"{where}: {dtype} does not hold the {array.dtype} {array[first].item()!r}"
+            f"{f' of row {first[0]}' if first else ''}; convert it first"
+        )
+    return result

@@ -1,0 +1,228 @@
+"""`halfstep check`: a device that agrees passes, and a fault is found in the place where it is."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+import halfstep
+from halfstep import canary, check, run_gpu, source
+from halfstep.calls import Calls, noted
+from halfstep.check import Checker
+from halfstep.cli import main
+from halfstep.device import Adapter
+from halfstep.scene import Scene, bundled_scenes, with_overrides
+from halfstep.source import Needs
+from halfstep.testing import frames
+from halfstep.twin import halve, piece
+
+SIZE = (96, 72)
+
+
+def small(name: str, **overrides: Any) -> Scene:
+    return with_overrides(halfstep.load(name), size=SIZE, **overrides)
+
+
+@pytest.fixture(scope="module")
+def checker(adapter: Adapter) -> Iterator[Checker]:
+    with Checker(adapter.summary.index) as checker:
+        yield checker
+
+
+@pytest.mark.parametrize(("scene", "method"), [("figure", "visible"), ("one_box", "article")])
+def test_the_device_agrees(checker: Checker, scene: str, method: str) -> None:
+    report = checker.check(small(scene, method=method))
+    assert report.agrees, str(report)
+    assert report.picture is None
+    assert report.frame.exact
+    # Of every part of the pipeline something was tried, on many pixels.
+    files = {name.split(".")[0] for name in report.stages}
+    files_of_method = {"article"} if method == "article" else {"piece", "root"}
+    assert files >= {"nearest", "certify", "normal", "ray", "shade", "encode"} | files_of_method
+    assert all(census.rows >= 100 for census in report.stages.values())
+
+
+def test_more_than_16_halvings_are_checked(checker: Checker) -> None:
+    report = checker.check(small("figure", steps=20))
+    assert report.agrees, str(report)
+    assert "halve_incremental.halve" in report.stages
+
+
+@pytest.fixture
+def slip(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slip in a stage function of the shader."""
+    stage = source.stage
+
+    def faulty(name: str) -> str:
+        text = stage(name)
+        if name != "nearest":
+            return text
+        assert "position + i4(1i << steps)" in text
+        return text.replace("position + i4(1i << steps)", "position + i4(2i << steps)")
+
+    monkeypatch.setattr(source, "stage", faulty)
+
+
+@pytest.mark.usefixtures("slip")
+def test_a_fault_in_a_stage_is_found_there(checker: Checker) -> None:
+    report = checker.check(small("one_box"))
+    assert not report.agrees
+    assert report.faulty == ["nearest.depth_key"]
+    assert report.frame.failed.any()
+    text = str(report)
+    census = report.stages["nearest.depth_key"]
+    assert f"depth_key: {census.failed} of {census.rows} rows differ (exact)" in text
+    assert "in low: " in text
+    assert "every stage function agrees alone" not in text
+
+
+@pytest.fixture
+def broken_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slip in the kernel that joins the stages."""
+
+    def faulty(needs: Needs) -> str:
+        text = source.compose(needs)
+        assert "hit & before(" in text
+        return text.replace("hit & before(", "before(")
+
+    monkeypatch.setattr(run_gpu, "compose", faulty)
+
+
+@pytest.mark.usefixtures("broken_kernel")
+def test_a_fault_between_the_stages_is_told_from_one_in_them(checker: Checker) -> None:
+    report = checker.check(small("one_box"))
+    assert (report.agrees, report.faulty) == (False, [])
+    assert "every stage function agrees alone" in str(report)
+    assert report.picture is not None
+    picture = imageio.imread(io.BytesIO(report.picture))
+    red = (picture[:, 2 * SIZE[0] :] == (255, 0, 96)).all(axis=-1)
+    np.testing.assert_array_equal(red, report.frame.failed)
+
+
+@pytest.mark.usefixtures("slip")
+def test_where_bits_are_not_promised_stages_only_inform(
+    checker: Checker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compare = frames.compare_frames
+    monkeypatch.setattr(checker, "_exact", False)
+    monkeypatch.setattr(check, "compare_frames", lambda found, *_, **__: compare(found, found))
+    report = checker.check(small("one_box"))
+    assert report.faulty == ["nearest.depth_key"]
+    assert report.agrees
+
+
+def test_where_bits_are_not_promised_a_device_is_no_excuse_for_itself(
+    checker: Checker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Of a plane that is met at the wrong place the shader's own certificate says: not certain.
+    stage = source.stage
+    wrong = "!outside & (piece.id_in > i4(0))", "!outside & (piece.id_in > i4(2))"
+    assert wrong[0] in stage("root")
+    monkeypatch.setattr(source, "stage", lambda name: stage(name).replace(*wrong))
+    monkeypatch.setattr(checker, "_exact", False)
+    report = checker.check(small("gallery"))
+    assert (report.agrees, report.frame.exact) == (False, False)
+    assert report.frame.failed.any()
+    monkeypatch.setattr(check.Twin, "replayed", lambda _: None)
+    assert checker.check(small("gallery")).agrees
+
+
+def test_the_calls_of_the_twin_are_noted_and_nothing_is_left() -> None:
+    before = halve.halve, piece.clip
+    with noted() as calls:
+        halfstep.render(small("one_box"), backend="numpy")
+        assert halve.halve is not before[0]
+    assert (halve.halve, piece.clip) == before
+    with pytest.raises(ZeroDivisionError), noted():
+        _ = 1 // 0
+    assert (halve.halve, piece.clip) == before
+    assert sum(calls["piece", "clip"].rows) > 0
+    assert not calls["article", "article_patch"].rows
+
+
+def test_pixels_are_noted_in_groups_of_four() -> None:
+    calls = Calls()
+    x = np.arange(2 * 6, dtype=np.float32).reshape(2, 6)
+    calls.note({"x": x, "n": 3}, x > 4)
+    assert calls.rows == [4]
+    # The last group of a row goes on with its last pixel.
+    expected = [[0, 1, 2, 3], [4, 5, 5, 5], [6, 7, 8, 9], [10, 11, 11, 11]]
+    assert calls.given[0]["x"].tolist() == expected
+    assert (calls.returned[0] == (np.array(expected) > 4)).all()
+    assert calls.given[0]["n"] == 3
+
+
+@pytest.mark.usefixtures("adapter")
+def test_the_command_says_that_all_is_well(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "one_sphere", "--size", "64x48"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("one_sphere, 64x48, visible, float32: 3072 pixels, ")
+    assert out.endswith(" stages agree\n")
+    assert "a·b + c" in err
+
+
+@pytest.mark.usefixtures("broken_kernel", "adapter")
+def test_the_command_fails_and_leaves_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "deep" / "check"
+    assert main(["check", "one_box", "--size", "64x48", "--json", "-o", str(folder)]) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert report == json.loads((folder / "check.json").read_text())
+    assert sorted(path.name for path in folder.iterdir()) == ["check.json", "one_box.png"]
+    assert (report["agree"], report["halfstep"]) == (False, halfstep.__version__)
+    assert report["canary"]["stack"].keys() >= {"adapter", "driver", "wgpu", "wgpu_native"}
+    [scene] = report["scenes"]
+    assert (scene["scene"], scene["agrees"]) == ("one_box", False)
+    assert scene["frame"]["failed"] > 0
+    assert all(stage["failed"] == 0 for stage in scene["stages"].values())
+
+
+@pytest.mark.usefixtures("adapter")
+def test_all_are_the_bundled_scenes(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = {name: title for name, title in bundled_scenes().items() if "plane" in name}
+    assert len(few) > 1
+    monkeypatch.setattr(halfstep.scene, "bundled_scenes", lambda: few)
+    assert main(["check", "--all", "--size", "32x24"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(",")[0] for line in lines] == list(few)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "one of the arguments SCENE --all is required"),
+        (["figure", "--all"], "not allowed with argument"),
+        (["nothing"], "nothing"),
+        (["figure", "--size", "0x1"], "0 is not"),
+        (["figure", "--size", "32x24", "-o", "/dev/null/in"], "/dev/null is not a folder"),
+    ],
+)
+def test_what_cannot_be_checked_is_said(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert message in err
+
+
+@pytest.mark.usefixtures("adapter")
+def test_a_driver_with_wrong_answers_checks_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = canary.shader
+    monkeypatch.setattr(canary, "shader", lambda name: text(name).replace("x.i * x.j", "x.i"))
+    assert main(["check", "figure"]) == 4
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("the driver compiles shaders wrongly")

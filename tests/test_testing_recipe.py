@@ -1,0 +1,71 @@
+"""What the README says of testing shaders is so: its example, its calls, and the recipe for CI."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from halfstep import testing
+from halfstep.testing import Kit, MismatchError
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SECTION = README[README.index("\n## Testing shaders\n") :].split("\n## ")[1]
+WORKFLOW = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
+
+
+def example() -> dict[str, Any]:
+    """The names that the program of the section defines."""
+    [program] = re.findall(r"^```python\n(.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(compile(program, "README.md", "exec"), names)
+    return names
+
+
+def test_the_example_passes(wgsl: Kit) -> None:
+    example()["test_hypot"](wgsl)
+
+
+def test_over_more_decades_it_fails_as_shown(wgsl: Kit) -> None:
+    [shown] = re.findall(r"^```\n(hypot: .*?)^  …\n```$", SECTION, re.MULTILINE | re.DOTALL)
+    names = example()
+    names["decades"] = partial(testing.decades, high=1e30)
+    with pytest.raises(MismatchError) as excinfo:
+        names["test_hypot"](wgsl)
+    # Another processor's logarithm and hypotenuse may be a unit off: digits do not count.
+    text, wanted = (re.sub(r"-?[\d.e+]*\d", "#", part) for part in (str(excinfo.value), shown))
+    assert text.startswith(wanted)
+
+
+def test_the_calls_are_there_as_listed() -> None:
+    calls = re.findall(r"^\| `([\w.]+)\((.*?)\)` \|", SECTION, re.MULTILINE)
+    assert len(calls) == 6
+    for name, arguments in calls:
+        owner, _, last = name.rpartition(".")
+        assert owner in ("wgsl", "halfstep.testing")
+        call: Callable[..., Any] = getattr(Kit if owner == "wgsl" else testing, last)
+        parameters = [p for p in inspect.signature(call).parameters.values() if p.name != "self"]
+        listed = [part.partition("=") for part in arguments.split(", ") if part != "*"]
+        if last == "assert_frames_match":  # its parameters have longer names
+            assert len(listed) == 2
+            continue
+        assert [name for name, _, _ in listed] == [p.name for p in parameters]
+        for (_, _, default), parameter in zip(listed, parameters, strict=True):
+            assert not default or repr(parameter.default) == default
+
+
+def test_the_recipe_has_what_the_readme_explains() -> None:
+    rows = SECTION[SECTION.index("| | |") :].split("\n\n")[0]
+    explained = [
+        name for row in rows.splitlines() for name in re.findall(r"`(.+?)`", row.split("|")[1])
+    ]
+    assert len(explained) == 6
+    for name in explained:
+        assert name in WORKFLOW, name
+    assert 'HALFSTEP_EXPECT_LAVAPIPE: "1"' in WORKFLOW
