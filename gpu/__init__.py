@@ -14,14 +14,17 @@ device, shaders and buffers for many. Importing this package touches no device; 
 when they are first used.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from halfstep.lazy import lazily
 
 if TYPE_CHECKING:
     from halfstep.api import Renderer, render
     from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError, UsageError
+    from halfstep.files import write
     from halfstep.frame import Frame
     from halfstep.scene import Scene, load
+    from halfstep.sequence import render_frames
 
 __version__ = "0.1.0"
 
@@ -37,6 +40,8 @@ __all__ = [
     "__version__",
     "load",
     "render",
+    "render_frames",
+    "write",
 ]
 
 _HOME = {
@@ -50,18 +55,13 @@ _HOME = {
     "UsageError": "errors",
     "load": "scene",
     "render": "api",
+    "render_frames": "sequence",
+    "write": "files",
 }
 
 # Hidden from type checkers, which would take every misspelt name for a public one.
 if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> object:
-        """The public name, imported from the module that defines it and kept for the next use."""
-        if name not in _HOME:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-        globals()[name] = value
-        return value
+    __getattr__ = lazily(__name__, _HOME)
 
 
 def __dir__() -> list[str]:

@@ -74,8 +74,9 @@ def describe(error: ErrorDetails, tables: Mapping[tuple[str, ...], type[BaseMode
             return loc, f"length {context['actual_length']} is not >= {context['min_length']}"
         case "too_long":
             return loc, f"length {context['actual_length']} is not <= {context['max_length']}"
-        case "tuple_type" if len(loc) == 1 and isinstance(value, Mapping):
-            return loc, f"{show(value)} is not an array; write [[{loc[0]}]]"
+        case "tuple_type" if isinstance(value, Mapping) and (len(loc) == 1 or loc[-1] == "key"):
+            path = ".".join(key for key in loc if isinstance(key, str))
+            return loc, f"{show(value)} is not an array; write [[{path}]]"
     return loc, f"{show(value)} is {_rule(error)}"
 
 

@@ -64,7 +64,7 @@ class Frame:
             ``twin.certify`` has the derivation.
         steps: (H, W) int32, halvings spent on the solid that was hit; 0.
         info: dict of adapter, driver, number_format, method, steps (of every solid), device_ms
-            (where the device has timestamps), wall_ms, scene_sha256, version.
+            (where the device has timestamps), wall_ms, scene_title, scene_sha256, version.
     """
 
     info: dict[str, Any]

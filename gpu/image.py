@@ -1,25 +1,42 @@
-"""Image files: a picture appears whole or not at all."""
+"""Writing pictures: PNG, and files that appear whole or not at all."""
 
 from __future__ import annotations
 
 import os
 import secrets
+import struct
+import zlib
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-import imageio.v3 as imageio
 import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.errors import HalfstepError, UsageError
 
-ENDINGS = (".png",)
+if TYPE_CHECKING:
+    from PIL.PngImagePlugin import PngInfo
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_RGB = 2
+_UP = 2
+_NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
 
-def check_output_path(path: str | os.PathLike[str]) -> None:
+def check_output_path(path: str | os.PathLike[str], endings: Collection[str]) -> None:
     """See before rendering whether a picture can be written to ``path``.
 
+    Args:
+        path: where the file shall be.
+        endings: those that may be written, as ``.png``.
+
     Raises:
-        UsageError: the ending is none of ENDINGS, ``path`` is a folder, or its folder is not
+        UsageError: the ending is none of ``endings``, ``path`` is a folder, or its folder is not
             there or not writable.
     """
     path = Path(path)
@@ -29,9 +46,9 @@ def check_output_path(path: str | os.PathLike[str]) -> None:
         raise UsageError(f"{path}: {error.strerror}") from error
     if is_folder:
         raise UsageError(f"{path}: is a folder")
-    if path.suffix.lower() not in ENDINGS:
+    if path.suffix.lower() not in endings:
         raise UsageError(
-            f"{path}: the ending {path.suffix!r} is not one of those written: {', '.join(ENDINGS)}"
+            f"{path}: the ending {path.suffix!r} is not one of those written: {', '.join(endings)}"
         )
     if not in_folder:
         raise UsageError(f"{path}: there is no folder {path.parent}")
@@ -56,21 +73,53 @@ def check_output_folder(path: str | os.PathLike[str]) -> None:
         raise UsageError(f"{path}: the folder {there} is not writable")
 
 
-def write_png(path: str | os.PathLike[str], image: NDArray[np.uint8]) -> None:
-    """Write ``image`` (H, W, 3), sRGB, to ``path``, over what is there.
+def png(pixels: Pixels, texts: Mapping[str, str] = _NO_TEXTS) -> bytes:
+    """A PNG file of ``pixels``: grey (H, W) or RGB (H, W, 3), with 8 or 16 bits.
 
-    Raises:
-        UsageError: as `check_output_path`.
-        HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
+    Args:
+        pixels: uint8 or uint16.
+        texts: what the file says of itself, by keyword; Latin-1.
     """
-    check_output_path(path)
-    write_file(path, png(image))
+    if pixels.ndim == 3 and pixels.dtype == np.uint16:
+        return _deep_rgb_png(pixels, texts)
+    from imageio.v3 import imwrite
 
-
-def png(image: NDArray[np.uint8]) -> bytes:
-    """A PNG file of ``image`` (H, W, 3), sRGB."""
-    data: bytes = imageio.imwrite("<bytes>", image, extension=".png", plugin="pillow")
+    chunks = text_chunks(texts)
+    data: bytes = imwrite("<bytes>", pixels, plugin="pillow", extension=".png", pnginfo=chunks)
     return data
+
+
+def text_chunks(texts: Mapping[str, str]) -> PngInfo:
+    """What a PNG file says of itself, by keyword, as Pillow takes it."""
+    from PIL.PngImagePlugin import PngInfo
+
+    chunks = PngInfo()
+    for keyword, text in texts.items():
+        chunks.add_text(keyword, text)
+    return chunks
+
+
+def _deep_rgb_png(pixels: Pixels, texts: Mapping[str, str]) -> bytes:
+    """RGB of 16 bits, which Pillow, the writer of all else, does not have."""
+    height, width, _ = pixels.shape
+    rows = pixels.astype(">u2").view(np.uint8).reshape(height, -1)
+    # Every row as its difference from the one above, after the number of that filter.
+    filtered = np.full((height, 1 + rows.shape[1]), _UP, np.uint8)
+    filtered[0, 1:] = rows[0]
+    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
+    return b"".join(
+        [
+            _PNG_SIGNATURE,
+            _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, _RGB, 0, 0, 0)),
+            *(_chunk(b"tEXt", f"{key}\0{text}".encode("latin-1")) for key, text in texts.items()),
+            _chunk(b"IDAT", zlib.compress(filtered.data)),
+            _chunk(b"IEND", b""),
+        ]
+    )
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
 def write_file(path: str | os.PathLike[str], data: bytes) -> None:
@@ -79,24 +128,33 @@ def write_file(path: str | os.PathLike[str], data: bytes) -> None:
     Raises:
         HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
     """
+    with replacing(path) as partial:
+        partial.write_bytes(data)
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """An empty file that becomes ``path``, over what is there, when the block ends.
+
+    If the block raises, that file is removed.
+
+    Raises:
+        HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
+    """
     try:
         # A link stays a link; the file it points to is replaced.
-        _replace(Path(path).resolve(), data)
+        target = Path(path).resolve()
+        # In the same folder, as a rename does not cross file systems; not by tempfile, whose
+        # files only their owner can read.
+        partial = target.with_name(f".{secrets.token_hex(8)}.partial")
+        try:
+            partial.touch(exist_ok=False)
+            yield partial
+            with partial.open("rb") as file:
+                os.fsync(file.fileno())
+            partial.replace(target)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise HalfstepError(f"{path}: {error.strerror}") from error
-
-
-def _replace(path: Path, data: bytes) -> None:
-    """Make ``data`` the content of ``path`` in one step that a crash cannot divide."""
-    # In the same folder, as a rename does not cross file systems; not by tempfile, whose files
-    # only their owner can read.
-    partial = path.with_name(f".{secrets.token_hex(8)}.partial")
-    try:
-        with partial.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise

@@ -8,7 +8,8 @@ tuples of floats.
 
 Lengths and positions are in scene units, angles in degrees, colours linear RGB in 0..1. Attribute
 names are the TOML keys, except that the arrays of tables ``[[light]]``, ``[[material]]`` and
-``[[solid]]`` are the tuples `Scene.lights`, `Scene.materials` and `Scene.solids`.
+``[[solid]]`` are the tuples `Scene.lights`, `Scene.materials` and `Scene.solids`, and both kinds of
+``key`` tuples called ``keyframes``.
 """
 
 import hashlib
@@ -61,6 +62,9 @@ FORMAT = 1
 LARGEST = 1e15
 MAX_SIDE = 16384
 MAX_HALF_SPACES = 255
+MAX_FRAMES = 100_000
+# Least time between two keys, of 1 for the whole animation: far below a frame.
+SHORTEST_TIME = 1e-6
 # Sine of the angle below which two directions count as parallel.
 PARALLEL_SINE = 1e-9
 
@@ -116,6 +120,7 @@ HalfSpace = Annotated[
     AfterValidator(_has_direction),
 ]
 Coefficients = Annotated[tuple[Coordinate, ...], Field(min_length=10, max_length=10), _array(10)]
+FieldOfView = Annotated[float, Field(gt=0.0, lt=180.0)]
 Name = Annotated[str, Field(min_length=1)]
 
 Vector = tuple[float, float, float]
@@ -152,7 +157,7 @@ class Camera(_Table):
     center: Point
     look_at: Point
     up: Direction = (0.0, 0.0, 1.0)
-    fov_degrees: Annotated[float, Field(gt=0.0, lt=180.0)] = 45.0
+    fov_degrees: FieldOfView = 45.0
 
     @field_validator("look_at")
     @classmethod
@@ -171,6 +176,84 @@ class Camera(_Table):
             if sine <= PARALLEL_SINE:
                 raise fault(f"{show(up)} is parallel to the view, look_at - center")
         return up
+
+
+class CameraKey(_Table):
+    """What the camera has at a time of the animation; the rest is between keys or the camera's own.
+
+    Attributes:
+        at: the time, 0 at the first frame and 1 at the end.
+    """
+
+    at: Fraction
+    center: Point | None = None
+    look_at: Point | None = None
+    fov_degrees: FieldOfView | None = None
+
+    @field_validator("fov_degrees")
+    @classmethod
+    def _says_something(cls, fov: float | None, info: ValidationInfo) -> float | None:
+        if {"center", "look_at"} <= info.data.keys():
+            _check_some(center=info.data["center"], look_at=info.data["look_at"], fov_degrees=fov)
+        return fov
+
+
+class SolidKey(_Table):
+    """Where a solid is at a time of the animation; see `CameraKey`."""
+
+    at: Fraction
+    origin: Point | None = None
+    rotation_degrees: Angles | None = None
+
+    @field_validator("rotation_degrees")
+    @classmethod
+    def _says_something(cls, angles: Vector | None, info: ValidationInfo) -> Vector | None:
+        if "origin" in info.data:
+            _check_some(origin=info.data["origin"], rotation_degrees=angles)
+        return angles
+
+
+def _are_in_order(keys: tuple[CameraKey, ...] | tuple[SolidKey, ...]) -> Any:
+    """Refuses keys whose times do not increase."""
+    faults: list[Fault] = []
+    for index in range(1, len(keys)):
+        at, before = keys[index].at, keys[index - 1].at
+        if not at > before:
+            faults.append(((index, "at"), f"{show(at)} is not > {show(before)}, the key before"))
+        elif at - before < SHORTEST_TIME:
+            text = f"{show(at)} is not {SHORTEST_TIME:g} after {show(before)}, the key before"
+            faults.append(((index, "at"), text))
+    if faults:
+        raise _validation_error("key", faults)
+    return keys
+
+
+class Animation(_Table):
+    """How the camera moves in ``halfstep animate``; solids move by their own keys.
+
+    Attributes:
+        frames: how many.
+        fps: frames in a second.
+        orbit_degrees: how far the camera turns about look_at and the up axis, counter-clockwise
+            seen from above; 0 leaves it where it is.
+        keyframes: or what it passes through, in order of time.
+    """
+
+    frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = 60
+    fps: Annotated[float, Field(ge=0.1, le=240.0)] = 25.0
+    orbit_degrees: Coordinate | None = None
+    keyframes: Annotated[Sequence[CameraKey], AfterValidator(_are_in_order)] = Field(
+        default=(), alias="key"
+    )
+
+    @field_validator("keyframes")
+    @classmethod
+    def _exactly_one(
+        cls, keyframes: tuple[CameraKey, ...], info: ValidationInfo
+    ) -> tuple[CameraKey, ...]:
+        if "orbit_degrees" in info.data:
+            _check_exactly_one(orbit_degrees=info.data["orbit_degrees"], key=keyframes or None)
+        return keyframes
 
 
 class Image(_Table):
@@ -314,6 +397,9 @@ class _Solid(_Table):
     rotation_degrees: Angles | None = None
     material: Name | None = None
     color: Color | None = None
+    keyframes: Annotated[Sequence[SolidKey], AfterValidator(_are_in_order)] = Field(
+        default=(), alias="key"
+    )
 
     @field_validator("rotation_degrees")
     @classmethod
@@ -328,6 +414,21 @@ class _Solid(_Table):
         if "material" in info.data:
             _check_exactly_one(material=info.data["material"], color=color)
         return color
+
+    @field_validator("keyframes")
+    @classmethod
+    def _turn_from_angles(
+        cls, keyframes: tuple[SolidKey, ...], info: ValidationInfo
+    ) -> tuple[SolidKey, ...]:
+        if info.data.get("axis") is not None:
+            faults: list[Fault] = [
+                ((index, "rotation_degrees"), "the solid has axis; write rotation_degrees instead")
+                for index, key in enumerate(keyframes)
+                if key.rotation_degrees is not None
+            ]
+            if faults:
+                raise _validation_error("key", faults)
+        return keyframes
 
     def world_from_local(self) -> Array:
         """Rotation (3, 3) taking local directions, as columns, to world ones; orthogonal.
@@ -529,6 +630,9 @@ class Polyhedron(_Solid):
         return self.rows
 
 
+_NO_PATCH = "the plane does not meet this box in an area"
+
+
 class PlanePatch(_Solid):
     """The part inside a world box of the plane through origin across the axis: eq. (14).
 
@@ -545,7 +649,7 @@ class PlanePatch(_Solid):
         if {"origin", "axis", "rotation_degrees"} <= info.data.keys():
             normal = _orientation(info.data["axis"], info.data["rotation_degrees"])[:, 2]
             if not _box_cuts_area(bounds, np.array(info.data["origin"]), normal):
-                raise fault("the plane does not meet this box in an area")
+                raise fault(_NO_PATCH)
         return bounds
 
     def tested_axes(self) -> tuple[int, ...]:
@@ -588,13 +692,25 @@ def _check_exactly_one(**fields: object) -> None:
         raise fault(f"has {first} and {second}; only one may be given", TABLE_FAULT)
 
 
+def _check_some(**fields: object) -> None:
+    if all(value is None for value in fields.values()):
+        raise fault(f"has none of {', '.join(fields)}; one must be given", TABLE_FAULT)
+
+
+def _validation_error(title: str, faults: Iterable[Fault]) -> ValidationError:
+    """What a validator raises to report faults at places of their own below its field."""
+    return ValidationError.from_exception_data(
+        title, [{"type": fault(text), "loc": loc, "input": None} for loc, text in faults]
+    )
+
+
 # ------------------------------------------------------------------------------ geometry
 
 
 def _unit(vector: Array) -> Array:
     """The vector (3,) at length 1; scaled first, so that no square over- or underflows."""
     scaled = vector / np.abs(vector).max()
-    return np.asarray(scaled / np.linalg.norm(scaled))
+    return np.asarray(scaled / math.hypot(*scaled))
 
 
 def _orientation(axis: Vector | None, angles: Vector | None) -> Array:
@@ -602,7 +718,7 @@ def _orientation(axis: Vector | None, angles: Vector | None) -> Array:
         return _shortest_rotation(_unit(np.array(axis)))
     if angles is not None:
         about_x, about_y, about_z = (_rotation(k, angle) for k, angle in enumerate(angles))
-        return np.asarray(about_z @ about_y @ about_x)
+        return np.einsum("ij,jk,kl->il", about_z, about_y, about_x)
     return np.eye(3)
 
 
@@ -665,6 +781,9 @@ def _box_cuts_area(bounds: Bounds, origin: Array, normal: Array) -> bool:
 # ------------------------------------------------------------------------------ scene
 
 
+_TURNTABLE = Animation(orbit_degrees=360.0)
+
+
 def _known_format(value: int) -> int:
     if value != FORMAT:
         raise fault(f"{show(value)} is not {FORMAT}")
@@ -677,6 +796,7 @@ class Scene(_Table):
     format: Annotated[int, AfterValidator(_known_format)]
     title: str = ""
     camera: Camera
+    animation: Animation | None = None
     image: Image = Image()
     accuracy: Accuracy = Accuracy()
     volume: Volume | None = None
@@ -694,10 +814,7 @@ class Scene(_Table):
             [(solid.name, solid.material) for solid in self.solids],
         )
         if faults:
-            raise ValidationError.from_exception_data(
-                "Scene",
-                [{"type": fault(text), "loc": loc, "input": None} for loc, text in faults],
-            )
+            raise _validation_error("Scene", faults)
         return self
 
     @classmethod
@@ -732,9 +849,17 @@ class Scene(_Table):
     @property
     def sha256(self) -> str:
         """Hex digest of the scene's canonical JSON; spelling out a default does not change it."""
-        content = self.model_dump(by_alias=True)
-        text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()
+        return self.sha256_with(self.solids_sha256)
+
+    @property
+    def solids_sha256(self) -> str:
+        """Hex digest of the solids alone, which is most of the work where they are many."""
+        return _digest(self.model_dump(by_alias=True, include={"solids"}))
+
+    def sha256_with(self, solids_sha256: str) -> str:
+        """`sha256`, given that of the solids: scenes that differ in their cameras share it."""
+        content = self.model_dump(by_alias=True, exclude={"solids"})
+        return _digest({**content, "solid": solids_sha256})
 
     def effective_lights(self) -> tuple[Light, ...]:
         """The lights to shade with: where the scene has none, a white one from the camera."""
@@ -743,11 +868,20 @@ class Scene(_Table):
         towards = _unit(np.subtract(self.camera.center, self.camera.look_at))
         return (Light(direction=(float(towards[0]), float(towards[1]), float(towards[2]))),)
 
+    def effective_animation(self) -> Animation:
+        """How the scene moves: where it does not say, the camera turns once about look_at."""
+        return self.animation or _TURNTABLE
+
     def material_of(self, solid: _Solid) -> Material:
         """The finish of one of its solids; a bare color is a matt material."""
         if solid.color is not None:
             return Material(name="color", color=solid.color)
         return next(each for each in self.materials if each.name == solid.material)
+
+
+def _digest(content: dict[str, Any]) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 _Named = tuple[object, object]
@@ -791,6 +925,8 @@ def _name_faults(materials: Iterable[_Named], solids: Iterable[_Named]) -> list[
 _TABLES: dict[tuple[str, ...], type[BaseModel]] = {
     (): Scene,
     ("camera",): Camera,
+    ("animation",): Animation,
+    ("animation", "key"): CameraKey,
     ("image",): Image,
     ("accuracy",): Accuracy,
     ("volume",): Volume,
@@ -799,6 +935,7 @@ _TABLES: dict[tuple[str, ...], type[BaseModel]] = {
     ("material",): Material,
     ("solid", "plane", "bounds"): Bounds,
     **{("solid", kind.model_fields["kind"].default): kind for kind in SOLID_KINDS},
+    **{("solid", kind.model_fields["kind"].default, "key"): SolidKey for kind in SOLID_KINDS},
 }
 
 
@@ -970,6 +1107,59 @@ def with_overrides(
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
     return scene.model_copy(update=changes)
+
+
+def with_animation(scene: Scene, *, frames: int | None = None, fps: float | None = None) -> Scene:
+    """The scene with an animation: its own, or else a full turn of the camera about look_at.
+
+    Args:
+        scene: left as it is.
+        frames: as `Animation.frames`, in place of the animation's.
+        fps: as `Animation.fps`, in place of the animation's.
+
+    Raises:
+        SceneError: with every fault, as ``frames: 0 is not >= 1``.
+    """
+    own = scene.effective_animation()
+    given = _given({"frames": frames, "fps": fps})
+    try:
+        animation = Animation.model_validate({**own.model_dump(by_alias=True), **given})
+    except ValidationError as error:
+        faults = _described(error, ("animation",))
+        raise SceneError(*(line("", loc[1:], text) for loc, text in faults)) from None
+    return scene.model_copy(update={"animation": animation})
+
+
+def still(
+    scene: Scene, camera: Mapping[str, Any], places: Mapping[int, Mapping[str, Vector]]
+) -> Scene:
+    """One moment of an animated scene, as a scene that stands still.
+
+    Args:
+        scene: left as it is.
+        camera: the keys of its camera that differ.
+        places: by the index of a solid, its origin, its rotation_degrees or both.
+
+    Raises:
+        SceneError: with every fault of the camera or of a solid at its place.
+    """
+    faults: list[Fault] = []
+    view, solids = scene.camera, list(scene.solids)
+    if camera:
+        try:
+            view = Camera.model_validate({**view.model_dump(), **camera})
+        except ValidationError as error:
+            faults += _described(error, ("camera",))
+    for index, moved in places.items():
+        solid = solids[index].model_copy(update={**moved, "keyframes": ()})
+        if isinstance(solid, PlanePatch):
+            normal = solid.world_from_local()[:, 2]
+            if not _box_cuts_area(solid.bounds, np.array(solid.origin), normal):
+                faults.append((("solid", index, "bounds"), _NO_PATCH))
+        solids[index] = solid
+    if faults:
+        raise SceneError(*(line("", loc, text) for loc, text in faults))
+    return scene.model_copy(update={"camera": view, "animation": None, "solids": tuple(solids)})
 
 
 def _is_pair(value: object) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Any
 
@@ -9,11 +10,11 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import api, device
+from halfstep import api, device, run_gpu, source
 from halfstep.api import Renderer
 from halfstep.errors import AdapterError, SceneError, UsageError
 from halfstep.frame import SOURCES, Frame
-from halfstep.scene import Camera, Scene, with_overrides
+from halfstep.scene import Camera, Material, Scene, with_overrides
 
 SIZE = (40, 30)
 # Few solids of different classes, so that a shader compiles fast; lit from two sides.
@@ -278,6 +279,54 @@ def test_a_renderer_takes_its_own_camera_as_default(backend: str) -> None:
     assert_equal(frame, render(camera=both, backend=backend))
 
 
+def moved(scene: Scene, *places: tuple[float, float, float]) -> Scene:
+    """The scene with its solids at other places."""
+    pairs = zip(scene.solids, places, strict=True)
+    solids = tuple(solid.model_copy(update={"origin": place}) for solid, place in pairs)
+    return scene.model_copy(update={"solids": solids})
+
+
+def test_a_renderer_takes_another_scene(backend: str) -> None:
+    others = [
+        moved(SCENE, (-1, 0, 0.5), (1.2, -1, 0)),
+        with_overrides(SCENE, camera=CAMERAS[1]),
+        SCENE.model_copy(update={"materials": (Material(name="clay", color=(0.1, 0.9, 0.1)),)}),
+        SCENE.model_copy(update={"solids": SCENE.solids[:1]}),
+    ]
+    with Renderer(SCENE, outputs=SOURCES, backend=backend) as renderer:
+        for scene in others:
+            assert_equal(renderer.render(scene), halfstep.render(scene, backend=backend))
+            # Its own scene is as before.
+            assert_equal(renderer.render(), render(backend=backend))
+
+
+def test_another_scene_gets_the_options_but_its_own_camera(backend: str) -> None:
+    options: dict[str, Any] = {"size": (20, 20), "steps": 7, "samples": 2, "backend": backend}
+    other = with_overrides(moved(SCENE, (0, 0, 1), (1, 1, 0)), camera=CAMERAS[1], steps=3)
+    with Renderer(SCENE, outputs=SOURCES, camera=CAMERAS[2], **options) as renderer:
+        assert_equal(renderer.render(other), halfstep.render(other, **options))
+        frame = renderer.render(other, camera=CAMERAS[3])
+    assert_equal(frame, halfstep.render(other, camera=CAMERAS[3], **options))
+
+
+@pytest.mark.usefixtures("adapter")
+def test_solids_that_move_compile_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled: list[None] = []
+
+    def counted(needs: source.Needs) -> str:
+        compiled.append(None)
+        return source.compose(needs)
+
+    monkeypatch.setattr(run_gpu, "compose", counted)
+    with Renderer(SCENE, backend="gpu") as renderer:
+        renderer.render()
+        assert compiled
+        compiled.clear()
+        for z in (0.0, 0.5, 1.5):
+            renderer.render(moved(SCENE, (-1, 0, z), (1.2, z, 0)))
+    assert not compiled
+
+
 def test_frames_do_not_share_memory(backend: str) -> None:
     with Renderer(SCENE, outputs=SOURCES, backend=backend) as renderer:
         first = renderer.render()
@@ -312,7 +361,7 @@ def test_a_closed_renderer_says_so(backend: str) -> None:
 def test_info_tells_how_a_frame_was_made(backend: str, adapter: device.Adapter) -> None:
     info = render(backend=backend).info
     keys = {"adapter", "driver", "number_format", "method", "steps", "wall_ms", "scene_sha256"}
-    keys |= {"version"}
+    keys |= {"scene_title", "version"}
     timed = backend == "gpu" and "timestamp-query" in adapter.handle.features
     assert info.keys() == keys | ({"device_ms"} if timed else set())
     assert info["version"] == halfstep.__version__
@@ -372,3 +421,24 @@ def test_the_numpy_backend_never_asks_for_an_adapter(monkeypatch: pytest.MonkeyP
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert render(backend="numpy").info["adapter"] == "numpy"
+
+
+def test_all_frames_in_order_are_those_of_one_after_another(backend: str) -> None:
+    scene = halfstep.load("figure")
+    eyes = [(12 * math.sin(k), -12 * math.cos(k), 5.0) for k in range(4)]
+    scenes = [with_overrides(scene, camera={"center": eye}) for eye in eyes]
+    options: dict[str, Any] = {"size": (48, 36), "outputs": ("image", "depth"), "backend": backend}
+    with halfstep.Renderer(scene, **options) as renderer:
+        single = [renderer.render(one) for one in scenes]
+        together = list(renderer.render_all(scenes))
+        assert list(renderer.render_all([])) == []
+        # Who takes no more than one frame leaves the renderer usable.
+        assert next(renderer.render_all(scenes)).image.any()
+        assert renderer.render(scenes[0]).image.any()
+    assert len(together) == len(single)
+    for one, other in zip(single, together, strict=True):
+        np.testing.assert_array_equal(one.image, other.image)
+        np.testing.assert_array_equal(one.depth, other.depth)
+        assert one.info["scene_sha256"] == other.info["scene_sha256"]
+    with pytest.raises(UsageError, match="closed"):
+        next(renderer.render_all(scenes))

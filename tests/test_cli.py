@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import imageio.v3 as imageio
@@ -22,7 +21,8 @@ import halfstep.api
 from halfstep import device, run_gpu
 from halfstep.cli import main
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError
-from halfstep.frame import device_outputs
+from halfstep.files import read_provenance
+from halfstep.frame import Frame, device_outputs
 
 COMMAND = [sys.executable, "-m", "halfstep"]
 
@@ -87,10 +87,25 @@ def fake_render(monkeypatch: pytest.MonkeyPatch) -> Fake:
     return install
 
 
-def frame() -> SimpleNamespace:
-    image = np.full((2, 3, 3), 7, dtype=np.uint8)
-    info = {"adapter": "a card", "wall_ms": 1234.5, "steps": np.array([16, 18])}
-    return SimpleNamespace(image=image, info=info)
+PROVENANCE = {
+    "version": "0.1",
+    "scene_title": "one sphere",
+    "scene_sha256": "0123",
+    "number_format": "float32",
+    "method": "visible",
+    "steps": [16, 18],
+    "adapter": "a card",
+    "driver": "a driver",
+}
+
+
+def frame() -> Frame:
+    arrays = {
+        "image": np.full((2, 3, 3), 7, np.uint8),
+        "solid": np.array([[0, 1, -1], [1, 0, -1]]),
+        "depth": np.array([[2.5, 3, np.nan], [4, 3, np.nan]]),
+    }
+    return Frame(arrays, {**PROVENANCE, "wall_ms": 1234.5})
 
 
 def failing(error: BaseException) -> Callable[[], object]:
@@ -128,6 +143,7 @@ def test_what_is_not_given_comes_from_the_scene(
         "adapter": None,
     }
     np.testing.assert_array_equal(imageio.imread(output), frame().image)
+    assert read_provenance(output) == {**PROVENANCE, "outputs": ["image"]}
     out, err = capsys.readouterr()
     assert (out, err) == ("", f"{output}: 3x2 in 1.23 s on a card\n")
 
@@ -173,8 +189,47 @@ def test_json_describes_the_result(
     assert json.loads(capsys.readouterr().out) == {
         "path": output,
         "size": [3, 2],
-        "info": {"adapter": "a card", "wall_ms": 1234.5, "steps": [16, 18]},
+        "outputs": ["image"],
+        "info": {**PROVENANCE, "wall_ms": 1234.5},
     }
+
+
+def test_outputs_are_chosen_and_their_range_told(
+    scene_file: Path, tmp_path: Path, fake_render: Fake, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls = fake_render(frame)
+    output = tmp_path / "out.png"
+    options = ["-o", str(output), "--outputs", "depth", "--json"]
+    assert main(["render", str(scene_file), *options]) == 0
+    assert calls[0]["outputs"] == ("depth",)
+    assert imageio.imread(output).tolist() == [[1, 21846, 0], [65535, 21846, 0]]
+    out, err = capsys.readouterr()
+    result = json.loads(out)
+    assert (result["outputs"], result["range"]) == (["depth"], [2.5, 4])
+    assert err == (
+        f"{output}: 3x2 in 1.23 s on a card; 1…65535 are depth 2.5…4, 0 is where nothing is hit\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "outputs"),
+    [
+        ("out.tif", "", ("color",)),
+        ("out.exr", "--outputs steps,t", ("color", "solid", "t", "steps")),
+        ("out.npz", "--outputs depth", ("solid", "depth")),
+    ],
+)
+def test_what_a_file_holds_is_rendered(
+    scene_file: Path,
+    tmp_path: Path,
+    fake_render: Fake,
+    name: str,
+    options: str,
+    outputs: tuple[str, ...],
+) -> None:
+    calls = fake_render(failing(HalfstepError("rendered")))
+    assert main(["render", str(scene_file), "-o", str(tmp_path / name), *options.split()]) == 1
+    assert calls[0]["outputs"] == outputs
 
 
 @pytest.mark.parametrize(
@@ -199,7 +254,7 @@ def test_json_describes_the_result(
             "render s -o o.png --steps 8 --tolerance 1",
             "halfstep render: error: argument --tolerance: not allowed with argument --steps",
         ),
-        ("render s -o o.png --outputs z", "halfstep: error: unrecognized arguments: --outputs z"),
+        ("render s -o o.png --layers z", "halfstep: error: unrecognized arguments: --layers z"),
     ],
 )
 def test_bad_usage_exits_2(
@@ -217,18 +272,31 @@ def test_unknown_choices_exit_2(option: str, capsys: pytest.CaptureFixture[str])
     assert last_line(capsys.readouterr().err).startswith(expected)
 
 
-@pytest.mark.parametrize("name", ["out.jpg", "none/out.png"])
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("out.jpg", [], "{path}: the ending '.jpg' is not one of those written: "),
+        ("none/out.png", [], "{path}: there is no folder "),
+        ("out.npz", ["--outputs", "depth,z"], "outputs: 'z' unknown; known are "),
+        ("out.npz", ["--outputs", ""], "outputs: '' unknown; known are "),
+        ("out.png", ["--outputs", "depth,t"], "{path}: PNG files hold one output, not t, depth; "),
+        ("out.exr", ["--outputs", "image"], "{path}: EXR files do not hold image: "),
+    ],
+)
 def test_a_bad_output_is_refused_before_rendering(
     scene_file: Path,
     tmp_path: Path,
     fake_render: Fake,
     capsys: pytest.CaptureFixture[str],
     name: str,
+    options: list[str],
+    message: str,
 ) -> None:
     calls = fake_render(frame)
-    assert main(["render", str(scene_file), "-o", str(tmp_path / name)]) == 2
+    path = tmp_path / name
+    assert main(["render", str(scene_file), "-o", str(path), *options]) == 2
     assert not calls
-    assert capsys.readouterr().err.startswith(f"{tmp_path / name}: ")
+    assert capsys.readouterr().err.startswith(message.format(path=path))
     assert os.listdir(tmp_path) == ["sphere.toml"]
 
 

@@ -141,3 +141,23 @@ def test_only_planes_across_the_axis_or_enclosing_ones_bound_a_cylinder() -> Non
         [0.0, -1.0, 0.0, 1.0],
     ]
     assert build(_scene({**cylinder, "cut": cut + sides})).is_bounded.all()
+
+
+def test_a_hull_that_leaves_inequalities_out_is_loose() -> None:
+    ends = {"z_min": -1.0, "z_max": 1.0}
+    cut = {"cut": [[1.0, 0.0, 0.0, 0.2]]}
+    sides = [[1, 0, 0, 1], [-1, 0, 0, 1], [0, 1, 0, 1], [0, -1, 0, 1]]
+    saddle = {"kind": "quadric", "coefficients": [1, -1, 0, 0, 0, 0, 0, 0, 1, 0], "z_min": -1.0}
+    cases: list[tuple[Table, bool]] = [
+        ({"kind": "sphere", "radius": 1.0}, False),
+        ({"kind": "sphere", "radius": 1.0, "z_max": 0.0}, True),
+        ({"kind": "cylinder", "radius": 1.0, **ends}, False),
+        ({"kind": "cylinder", "radius": 1.0, **ends, **cut}, True),
+        ({"kind": "paraboloid", "a": 1.0, "z_max": 1.0}, False),
+        ({"kind": "cone", "slope": 1.0}, True),
+        ({**saddle, "cut": sides}, True),
+        ({**saddle, "cut": sides, "z_max": 1.0}, True),
+        ({"kind": "box", "size": [1.0, 2.0, 3.0]}, False),
+    ]
+    geometry = build(_scene(*(solid for solid, _ in cases)))
+    assert geometry.is_loose.tolist() == [loose for _, loose in cases]

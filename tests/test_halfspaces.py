@@ -8,7 +8,14 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from halfstep.halfspaces import Array, has_interior, is_bounded, vertices
+from halfstep.halfspaces import (
+    Array,
+    are_bounded,
+    has_interior,
+    is_bounded,
+    vertices,
+    vertices_of_each,
+)
 
 Row = tuple[Fraction, ...]
 
@@ -175,3 +182,14 @@ def test_vertices_of_an_unbounded_intersection() -> None:
     octant = np.array([[-1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0]])
     assert vertices(octant).tolist() == [[0.0, 0.0, 0.0]]
     assert vertices(octant[:2]).shape == (0, 3)
+
+
+def test_many_at_once_are_what_each_is_alone(rng: np.random.Generator) -> None:
+    """Solids with vertices, without, and unbounded ones, in more lines than are treated at once."""
+    planes = np.array([integer_planes(rng, 7) for _ in range(3000)])
+    found, owner = vertices_of_each(planes)
+    bounded = are_bounded(planes)
+    assert 100 < bounded.sum() < 2900
+    for k in range(0, len(planes), 50):
+        assert np.array_equal(found[owner == k], vertices(planes[k]))
+        assert bounded[k] == is_bounded(planes[k])

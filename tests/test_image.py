@@ -1,95 +1,137 @@
-"""Image files: exact pixels, and never half a file."""
+"""Writing pictures: exact pixels, and never half a file."""
 
 from __future__ import annotations
 
+import io
 import os
 import stat
 from pathlib import Path
+from typing import Any
 
-import imageio.v3 as imageio
 import numpy as np
+import OpenImageIO
 import pytest
-from numpy.typing import NDArray
+from PIL import Image
 
 from halfstep.errors import HalfstepError, UsageError
-from halfstep.image import check_output_path, write_png
+from halfstep.image import check_output_path, png, replacing, write_file
 
-PICTURE = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3) * 14
-
-
-@pytest.fixture
-def picture() -> NDArray[np.uint8]:
-    return PICTURE.copy()
+ENDINGS = (".png", ".tif")
+SHAPES = [(5, 7, 3), (5, 7), (1, 1, 3), (1, 1), (300, 1), (1, 300, 3)]
 
 
-@pytest.mark.parametrize("name", ["picture.png", "PICTURE.PNG", "a.b.png"])
-def test_pixels_come_back(tmp_path: Path, picture: NDArray[np.uint8], name: str) -> None:
-    write_png(tmp_path / name, picture)
-    np.testing.assert_array_equal(imageio.imread(tmp_path / name), picture)
-    assert os.listdir(tmp_path) == [name]
+def noise(rng: np.random.Generator, shape: tuple[int, ...], type_: type[Any]) -> Any:
+    return rng.integers(0, np.iinfo(type_).max, shape, type_, endpoint=True)
 
 
-def test_same_pixels_same_bytes(tmp_path: Path, picture: NDArray[np.uint8]) -> None:
-    write_png(tmp_path / "a.png", picture)
-    write_png(tmp_path / "b.png", picture)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+# ----------------------------------------------------------------------------------------- PNG
 
 
-def test_everyone_may_read_it(tmp_path: Path, picture: NDArray[np.uint8]) -> None:
-    plain = tmp_path / "plain"
+@pytest.mark.parametrize("type_", [np.uint8, np.uint16])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_pixels_come_back(
+    rng: np.random.Generator, tmp_path: Path, shape: tuple[int, ...], type_: type[Any]
+) -> None:
+    pixels = noise(rng, shape, type_)
+    path = tmp_path / "picture.png"
+    path.write_bytes(png(pixels))
+    # OpenImageIO, as Pillow has no colours of 16 bits.
+    picture = OpenImageIO.ImageBuf(str(path))
+    read = picture.get_pixels(picture.spec().format)
+    assert read is not None, picture.geterror()
+    assert read.dtype == type_
+    np.testing.assert_array_equal(read.reshape(shape), pixels)
+
+
+@pytest.mark.parametrize("type_", [np.uint8, np.uint16])
+def test_texts_come_back(type_: type[Any]) -> None:
+    texts = {"Software": "a program", "Comment": "Größe; two\nlines " + "long " * 9999}
+    with Image.open(io.BytesIO(png(np.zeros((2, 3, 3), type_), texts))) as picture:
+        assert picture.info == texts
+
+
+@pytest.mark.parametrize("shape", [(256, 256), (256, 256, 3)])
+def test_smooth_pictures_are_compressed(shape: tuple[int, ...]) -> None:
+    ramp = np.indices(shape).sum(axis=0).astype(np.uint16)
+    assert len(png(ramp)) < ramp.nbytes / 50
+
+
+# --------------------------------------------------------------------------------- whole files
+
+
+def test_content_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    for content in (b"one", b"", b"another"):
+        write_file(path, content)
+        assert path.read_bytes() == content
+    assert os.listdir(tmp_path) == ["file"]
+
+
+def test_nothing_is_there_before_the_end(tmp_path: Path) -> None:
+    with replacing(tmp_path / "file") as partial:
+        partial.write_bytes(b"half")
+        assert not (tmp_path / "file").exists()
+    assert (tmp_path / "file").read_bytes() == b"half"
+    assert os.listdir(tmp_path) == ["file"]
+
+
+def test_everyone_may_read_it(tmp_path: Path) -> None:
+    plain, written = tmp_path / "plain", tmp_path / "written"
     plain.touch()
-    write_png(tmp_path / "picture.png", picture)
-    modes = [stat.S_IMODE(path.stat().st_mode) for path in (plain, tmp_path / "picture.png")]
+    write_file(written, b"content")
+    modes = [stat.S_IMODE(path.stat().st_mode) for path in (plain, written)]
     assert modes[0] == modes[1]
 
 
-def test_a_link_stays_a_link(tmp_path: Path, picture: NDArray[np.uint8]) -> None:
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
     (tmp_path / "far").mkdir()
-    (tmp_path / "link.png").symlink_to(tmp_path / "far" / "picture.png")
-    write_png(tmp_path / "link.png", picture)
-    assert (tmp_path / "link.png").is_symlink()
-    np.testing.assert_array_equal(imageio.imread(tmp_path / "far" / "picture.png"), picture)
+    (tmp_path / "link").symlink_to(tmp_path / "far" / "file")
+    write_file(tmp_path / "link", b"content")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "far" / "file").read_bytes() == b"content"
 
 
 @pytest.mark.parametrize("exception", [OSError(28, "No space left on device"), KeyboardInterrupt()])
 def test_an_interrupted_write_leaves_what_was_there(
     tmp_path: Path,
-    picture: NDArray[np.uint8],
     monkeypatch: pytest.MonkeyPatch,
     exception: BaseException,
 ) -> None:
     def fail(_descriptor: int) -> None:
         raise exception
 
-    path = tmp_path / "picture.png"
+    path = tmp_path / "file"
     path.write_bytes(b"before")
     monkeypatch.setattr(os, "fsync", fail)
     expected = HalfstepError if isinstance(exception, OSError) else KeyboardInterrupt
     with pytest.raises(expected) as caught:
-        write_png(path, picture)
+        write_file(path, b"after")
     if expected is HalfstepError:
         assert str(caught.value) == f"{path}: No space left on device"
         assert isinstance(caught.value, HalfstepError)
         assert caught.value.exit_code == 1
     assert path.read_bytes() == b"before"
-    assert os.listdir(tmp_path) == ["picture.png"]
+    assert os.listdir(tmp_path) == ["file"]
+
+
+# --------------------------------------------------------------------------------------- paths
 
 
 def test_good_paths_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    check_output_path(tmp_path / "new.png")
-    (tmp_path / "old.png").touch()
-    check_output_path(tmp_path / "old.png")
+    check_output_path(tmp_path / "new.png", ENDINGS)
+    (tmp_path / "OLD.PNG").touch()
+    check_output_path(tmp_path / "OLD.PNG", ENDINGS)
     monkeypatch.chdir(tmp_path)
-    check_output_path("here.png")
-    assert os.listdir(tmp_path) == ["old.png"]
+    check_output_path("here.a.tif", ENDINGS)
+    assert os.listdir(tmp_path) == ["OLD.PNG"]
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("p.jpg", "{path}: the ending '.jpg' is not one of those written: .png"),
-        ("p", "{path}: the ending '' is not one of those written: .png"),
-        (".png", "{path}: the ending '' is not one of those written: .png"),
+        ("p.jpg", "{path}: the ending '.jpg' is not one of those written: .png, .tif"),
+        ("p", "{path}: the ending '' is not one of those written: .png, .tif"),
+        (".png", "{path}: the ending '' is not one of those written: .png, .tif"),
         ("folder.png", "{path}: is a folder"),
         ("none/p.png", "{path}: there is no folder {path.parent}"),
         ("file/p.png", "{path}: there is no folder {path.parent}"),
@@ -101,7 +143,7 @@ def test_bad_paths_are_refused_before_rendering(tmp_path: Path, name: str, messa
     (tmp_path / "file").touch()
     path = tmp_path / name
     with pytest.raises(UsageError) as caught:
-        check_output_path(path)
+        check_output_path(path, ENDINGS)
     assert str(caught.value) == message.format(path=path)
 
 
@@ -109,5 +151,5 @@ def test_a_folder_closed_to_us_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     # Asked of the system in one place: root, whom CI often is, may write anywhere.
     monkeypatch.setattr(os, "access", lambda _path, _mode: False)
     with pytest.raises(UsageError) as caught:
-        check_output_path(tmp_path / "p.png")
+        check_output_path(tmp_path / "p.png", ENDINGS)
     assert str(caught.value) == f"{tmp_path / 'p.png'}: the folder {tmp_path} is not writable"

@@ -12,8 +12,22 @@ import pytest
 from pydantic import BaseModel
 
 from halfstep import cli, device
+from halfstep.animation import scene_at
+from halfstep.files import ENDINGS
+from halfstep.files.exr import CHANNELS, EXR
 from halfstep.frame import SOURCES
-from halfstep.scene import SOLID_KINDS, Accuracy, Camera, Image, Light, Material, Scene
+from halfstep.scene import (
+    SOLID_KINDS,
+    Accuracy,
+    Animation,
+    Camera,
+    CameraKey,
+    Image,
+    Light,
+    Material,
+    Scene,
+    SolidKey,
+)
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -36,7 +50,7 @@ def quoted(text: str) -> list[str]:
 @pytest.fixture
 def vase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The scene of the README, in the folder where its commands run."""
-    [text] = blocks("toml")
+    text, _ = blocks("toml")
     path = tmp_path / "vase.toml"
     path.write_text(text)
     monkeypatch.chdir(tmp_path)
@@ -62,10 +76,10 @@ def test_commands_run(vase: Path) -> None:
         for line in block.splitlines()
         if line.startswith("halfstep ")
     ]
-    assert {command[1] for command in commands} == {"doctor", "scenes", "render"}
+    assert {command[1] for command in commands} == {"doctor", "scenes", "render", "info", "animate"}
     for command in commands:
         assert cli.main(command[1:]) == 0, command
-    written = {command[4] for command in commands if command[1] == "render"}
+    written = {command[4] for command in commands if command[1] in ("render", "animate")}
     assert {path.name for path in vase.parent.iterdir()} == {"vase.toml", *written}
 
 
@@ -79,7 +93,7 @@ def test_make_has_the_targets() -> None:
 
 def test_all_options_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     [usage] = blocks("text")
-    for command in ("render", "doctor", "scenes", "schema"):
+    for command in ("render", "animate", "check", "info", "doctor", "scenes", "schema"):
         assert cli.main([command, "--help"]) == 0
         options = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - {"--help", "--output"}
         [own] = re.findall(rf"^halfstep {command}\b(.*?)(?=^halfstep|\Z)", usage, re.M | re.S)
@@ -88,7 +102,7 @@ def test_all_options_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_all_kinds_are_listed_with_their_parameters() -> None:
     common = {
-        "kind", "name", "origin", "axis", "rotation_degrees", "material", "color",
+        "kind", "name", "origin", "axis", "rotation_degrees", "material", "color", "key",
         "z_min", "z_max", "cut",
     }  # fmt: skip
     expected = {}
@@ -106,29 +120,43 @@ def test_all_kinds_are_listed_with_their_parameters() -> None:
 def test_all_tables_are_listed_with_their_defaults() -> None:
     listed = {table.strip("`[]"): keys for table, keys in rows("| table | keys and defaults |")}
     assert set(listed) == {
-        "top level", "camera", "image", "accuracy", "volume", "ambient", "light", "material",
-        "solid",
+        "top level", "camera", "animation", "animation.key", "image", "accuracy", "volume",
+        "ambient", "light", "material", "solid", "solid.key",
     }  # fmt: skip
     models: dict[str, type[BaseModel]] = {
         "camera": Camera,
+        "animation": Animation,
+        "animation.key": CameraKey,
         "image": Image,
         "accuracy": Accuracy,
         "light": Light,
         "material": Material,
+        "solid.key": SolidKey,
     }
     for name, model in models.items():
         parts = [text.partition(" = ") for text in quoted(listed[name]) if text[0] != '"']
-        assert {key for key, _, _ in parts} == set(model.model_fields)
+        fields = {field.alias or key: field for key, field in model.model_fields.items()}
+        assert {key for key, _, _ in parts} == set(fields)
         for key, _, text in parts:
-            default = model.model_fields[key].get_default()
+            default = fields[key].get_default()
             # Of the three accuracies none is the field's default; the table's is the scene's.
             if text and key != "tolerance_pixels":
                 value = tomllib.loads(f"x = {text}")["x"]
                 assert (tuple(value) if isinstance(value, list) else value) == default
 
 
+def test_the_example_of_an_animation_can_be_added_to_that_of_a_scene() -> None:
+    scene = Scene.from_dict(tomllib.loads("".join(blocks("toml"))))
+    assert scene.animation is not None
+    first, middle = scene_at(scene, 0), scene_at(scene, 50)
+    assert first.camera.center == scene.camera.center != middle.camera.center
+    assert first.solids[-1].origin != middle.solids[-1].origin
+    # It ends as it begins, so that the last frame is one step before.
+    assert scene_at(scene, 99) != first
+
+
 def test_the_default_accuracy_is_the_one_listed() -> None:
-    [text] = blocks("toml")
+    text, _ = blocks("toml")
     accuracy = Scene.from_dict(tomllib.loads(text)).accuracy
     [keys] = [keys for table, keys in rows("| table | keys and defaults |") if "accuracy" in table]
     assert f"`tolerance_pixels = {accuracy.tolerance_pixels}`" in keys
@@ -138,6 +166,22 @@ def test_all_outputs_are_listed() -> None:
     assert [quoted(row[0])[0] for row in rows("| name | type | meaning | nothing hit |")] == list(
         SOURCES
     )
+
+
+def test_all_files_are_listed() -> None:
+    listed: dict[str, tuple[bool, tuple[str, ...]]] = {}
+    for endings, outputs, usual, _ in rows("| ending | outputs | usual | numbers |"):
+        names = tuple(SOURCES) if usual == "all" else tuple(quoted(usual))
+        listed |= dict.fromkeys(quoted(endings), (outputs == "one", names))
+    assert listed == {ending: (type_.single, type_.default) for ending, type_ in ENDINGS.items()}
+
+
+def test_all_channels_are_listed() -> None:
+    listed = {}
+    for name, _, channels in rows("| output | in a PNG | in an EXR |"):
+        listed[quoted(name)[0]] = tuple(quoted(channels))
+        assert ("always there" in channels) == (quoted(name)[0] in EXR.always)
+    assert listed == CHANNELS
 
 
 def test_the_variables_are_those_the_device_reads() -> None:

@@ -55,6 +55,7 @@ VALID: dict[str, Any] = {
     "format": 1,
     "title": "control",
     "camera": {"center": [0, -8, 3], "look_at": [0, 0, 0], "up": [0, 0, 1], "fov_degrees": 45},
+    "animation": {"frames": 40, "fps": 30, "key": [{"at": 0, "center": [0, -9, 3]}]},
     "image": {"width": 320, "height": 240, "samples": 2, "background": [0, 0, 0]},
     "accuracy": {"tolerance_pixels": 0.25, "number_format": "fixed32", "method": "article"},
     "volume": {"min": [-5, -5, -5], "max": [5, 5, 5]},
@@ -70,7 +71,7 @@ VALID: dict[str, Any] = {
         {"kind": "hyperboloid_two_sheets", "a": 1, "c": 2, "color": [1, 1, 1]},
         {"kind": "paraboloid", "a": 1, "color": [1, 1, 1]},
         {"kind": "quadric", "coefficients": [1] * 10, "color": [1, 1, 1]},
-        BOX,
+        {**BOX, "key": [{"at": 0.5, "origin": [0, 0, 1], "rotation_degrees": [0, 0, 90]}]},
         {"kind": "polyhedron", "half_spaces": CUBE, "color": [1, 1, 1]},
         PATCH,
     ],
@@ -131,13 +132,13 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (changed(lights=[]), 'lights: unknown key; did you mean "light"?'),
     (
         changed(fog=1),
-        'fog: unknown key; allowed are "format", "title", "camera", "image", "accuracy", '
-        '"volume", "ambient", "light", "material", "solid"',
+        'fog: unknown key; allowed are "format", "title", "camera", "animation", "image", '
+        '"accuracy", "volume", "ambient", "light", "material", "solid"',
     ),
     (
         changed(**{"a b\x1b": 1}),
-        '"a b\\u001b": unknown key; allowed are "format", "title", '
-        '"camera", "image", "accuracy", "volume", "ambient", "light", "material", "solid"',
+        '"a b\\u001b": unknown key; allowed are "format", "title", "camera", "animation", '
+        '"image", "accuracy", "volume", "ambient", "light", "material", "solid"',
     ),
     # Camera.
     (changed(camera={"center": 5}), "camera.center: 5 is not an array of 3 numbers"),
@@ -167,6 +168,45 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (changed(camera={"fov_degrees": 0}), "camera.fov_degrees: 0 is not > 0"),
     (changed(camera={"fov_degrees": 180}), "camera.fov_degrees: 180 is not < 180"),
     (changed(camera={"centre": [0, 0, 0]}), 'camera.centre: unknown key; did you mean "center"?'),
+    # Animation.
+    (changed(animation={"frames": 0}), "animation.frames: 0 is not >= 1"),
+    (changed(animation={"frames": 100_001}), "animation.frames: 100001 is not <= 100000"),
+    (changed(animation={"frames": 2.0}), "animation.frames: 2 is not an integer"),
+    (changed(animation={"fps": 0}), "animation.fps: 0 is not >= 0.1"),
+    (changed(animation={"fps": 241}), "animation.fps: 241 is not <= 240"),
+    (
+        changed(animation={"orbit_degrees": 360}),
+        "animation: has orbit_degrees and key; only one may be given",
+    ),
+    (
+        changed(animation={"key": []}),
+        "animation: has neither orbit_degrees nor key; one must be given",
+    ),
+    (
+        changed(animation={"key": {"at": 0, "center": [0, 0, 0]}}),
+        "animation.key: a table is not an array; write [[animation.key]]",
+    ),
+    (changed(animation={"key": [{"center": [0, 0, 0]}]}), "animation.key[0].at: missing"),
+    (
+        changed(animation={"key": [{"at": 1.5, "center": [0, 0, 0]}]}),
+        "animation.key[0].at: 1.5 is not <= 1",
+    ),
+    (
+        changed(animation={"key": [{"at": 0}]}),
+        "animation.key[0]: has none of center, look_at, fov_degrees; one must be given",
+    ),
+    (
+        changed(animation={"key": [{"at": at, "fov_degrees": 40} for at in (0, 0.5, 0.5, 1)]}),
+        "animation.key[2].at: 0.5 is not > 0.5, the key before",
+    ),
+    (
+        changed(animation={"key": [{"at": at, "fov_degrees": 40} for at in (0.5, 0.5000001)]}),
+        "animation.key[1].at: 0.5000001 is not 1e-06 after 0.5, the key before",
+    ),
+    (
+        changed(animation={"key": [{"at": 0, "fov_degrees": 9}, {"at": 1, "fov_degrees": 0}]}),
+        "animation.key[1].fov_degrees: 0 is not > 0",
+    ),
     # Image.
     (changed(image={"width": 0}), "image.width: 0 is not >= 1"),
     (changed(image={"height": 16385, "samples": 1}), "image.height: 16385 is not <= 16384"),
@@ -237,18 +277,39 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (
         one(SPHERE, sphere=1),
         'solid[0].sphere: unknown key; allowed are "name", "origin", "axis", '
-        '"rotation_degrees", "material", "color", "z_min", "z_max", "cut", "kind", "radius"',
+        '"rotation_degrees", "material", "color", "key", "z_min", "z_max", "cut", "kind", '
+        '"radius"',
     ),
     (
         one(BOX, z_min=0),
         'solid[0].z_min: unknown key; allowed are "name", "origin", "axis", '
-        '"rotation_degrees", "material", "color", "kind", "size"',
+        '"rotation_degrees", "material", "color", "key", "kind", "size"',
     ),
     (
         one(SPHERE, axis=[0, 0, 1], rotation_degrees=[0, 0, 1]),
         "solid[0]: has axis and rotation_degrees; only one may be given",
     ),
     (one(SPHERE, axis=[0, 0, 0]), "solid[0].axis: [0, 0, 0] is the zero vector"),
+    (
+        one(SPHERE, key={"at": 0, "origin": [0, 0, 0]}),
+        "solid[0].key: a table is not an array; write [[solid.key]]",
+    ),
+    (
+        one(SPHERE, key=[{"at": 0, "origin": [0, 0]}]),
+        "solid[0].key[0].origin: [0, 0] has 2 numbers, not 3",
+    ),
+    (
+        one(SPHERE, key=[{"at": 0}]),
+        "solid[0].key[0]: has none of origin, rotation_degrees; one must be given",
+    ),
+    (
+        one(SPHERE, key=[{"at": at, "origin": [0, 0, at]} for at in (1, 0)]),
+        "solid[0].key[1].at: 0 is not > 1, the key before",
+    ),
+    (
+        one(SPHERE, axis=[0, 0, 1], key=[{"at": 0, "rotation_degrees": [0, 0, 0]}]),
+        "solid[0].key[0].rotation_degrees: the solid has axis; write rotation_degrees instead",
+    ),
     (one(SPHERE, material="brass"), "solid[0]: has material and color; only one may be given"),
     (one(without(SPHERE, "color")), "solid[0]: has neither material nor color; one must be given"),
     (

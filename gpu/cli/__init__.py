@@ -13,13 +13,13 @@ import warnings
 from collections.abc import Sequence
 
 from halfstep import __version__
-from halfstep.cli import doctor, render, scenes, schema, tune
+from halfstep.cli import animate, bench, check, doctor, info, render, scenes, schema, tune
 from halfstep.cli.output import say
 from halfstep.errors import HalfstepError
 
 EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
 # In the order of the help; each module adds its command to a parser.
-COMMANDS = (render, tune, doctor, scenes, schema)
+COMMANDS = (render, animate, info, tune, check, bench, doctor, scenes, schema)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -10,16 +10,51 @@ from typing import Any
 def add_scene(command: argparse.ArgumentParser) -> None:
     """What every command that renders a scene takes."""
     command.add_argument("scene", metavar="SCENE", help="a scene file, or a name `scenes` lists")
-    command.add_argument("--size", metavar="WxH", type=size, help="pixels, as 640x480")
+    add_size(command)
     command.add_argument(
         "--backend",
         choices=("auto", "gpu", "numpy"),
         default="auto",
         help="auto: a Vulkan adapter if there is one, else NumPy",
     )
+    add_adapter(command)
+
+
+def add_rendering(command: argparse.ArgumentParser) -> None:
+    """How a command renders, in place of what the scene says; `overrides` collects it."""
+    accuracy = command.add_mutually_exclusive_group()
+    accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
+    add_tolerances(accuracy)
+    add_conveyor(command)
+    command.add_argument("--samples", metavar="K", type=int, help="KxK samples in each pixel")
+
+
+def add_size(command: argparse.ArgumentParser) -> None:
+    """The size of a picture, in place of what the scene says."""
+    command.add_argument("--size", metavar="WxH", type=size, help="pixels, as 640x480")
+
+
+def add_adapter(command: argparse.ArgumentParser) -> None:
+    """Which adapter to work on."""
     command.add_argument(
         "--adapter", metavar="NAME|INDEX", help="part of an adapter's name, or its number"
     )
+
+
+def add_conveyor(command: argparse.ArgumentParser) -> None:
+    """Number format and method, in place of what the scene says."""
+    command.add_argument(
+        "--format", choices=("float32", "fixed32"), dest="number_format", help="number format"
+    )
+    command.add_argument(
+        "--method", choices=("visible", "article"), help="joint logic first, or the paper's own"
+    )
+
+
+def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What replaces the scene's own, as keywords of ``render``; None is not given."""
+    names = ("size", "steps", "tolerance_pixels", "tolerance", "number_format", "method", "samples")
+    return {name: getattr(arguments, name) for name in names}
 
 
 def add_tolerances(accuracy: Any) -> None:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+_WIDTH = 40
+_CLEAR = "\r\x1b[K"
 
 
 def print_json(value: object) -> None:
@@ -15,26 +19,54 @@ def print_json(value: object) -> None:
 
 def say(message: str) -> None:
     """Print ``message`` for people."""
-    print(message, file=sys.stderr)
+    # A progress bar may be in the line; its next report draws it again, below.
+    print(_CLEAR * sys.stderr.isatty() + message, file=sys.stderr)
 
 
 @contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A function that shows a part done, 0…1, on a terminal; elsewhere it is silent."""
+def progress_bar(label: str, frames: int | None = None) -> Iterator[Callable[[float], None]]:
+    """A function that shows a part done, 0…1, on a terminal; elsewhere it is silent.
+
+    Args:
+        label: what is done.
+        frames: how many make the whole; of these the bar also tells how many are done in a second.
+    """
     if not sys.stderr.isatty():
         yield lambda _: None
         return
-    width = 40
+    # The time before the first report is that of preparations, as shaders that are compiled.
+    first: tuple[float, float] | None = None
 
     def show(part: float) -> None:
-        done = round(part * width)
-        bar = "#" * done + "." * (width - done)
-        sys.stderr.write(f"\r{label} [{bar}] {part:4.0%}")
-        sys.stderr.flush()
+        nonlocal first
+        now = time.monotonic()
+        note = ""
+        if first is None:
+            first = part, now
+        elif part > first[0]:
+            speed = (part - first[0]) / max(now - first[1], 1e-9)
+            note = f"  {_clock((1 - part) / speed)} left"
+            if frames is not None:
+                note = f"  {speed * frames:.3g} frames/s{note}"
+        _draw(label, part, note)
 
-    show(0.0)
+    _draw(label, 0.0)
     try:
         yield show
     finally:
-        sys.stderr.write("\r\x1b[K")
+        sys.stderr.write(_CLEAR)
         sys.stderr.flush()
+
+
+def _draw(label: str, part: float, note: str = "") -> None:
+    done = round(part * _WIDTH)
+    bar = "#" * done + "." * (_WIDTH - done)
+    sys.stderr.write(f"\r{label} [{bar}] {part:4.0%}{note}\x1b[K")
+    sys.stderr.flush()
+
+
+def _clock(seconds: float) -> str:
+    """Seconds as 0:07 or 1:02:03."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

@@ -1,0 +1,143 @@
+"""Animation: what each frame of a scene shows, as a scene that stands still.
+
+A frame depends on the scene and its own number, nothing else, so that any machine can render any
+frame. Between keys every number follows a monotone cubic: it is smooth, passes through the keys,
+and never leaves the range between two neighbours, so what rests on a floor does not sink into it.
+Angles are numbers like all others: from 0 to 720 a solid turns twice. Before its first key and
+after its last, everything stands still.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from halfstep.errors import SceneError, UsageError
+from halfstep.scene import Animation, Camera, CameraKey, Scene, SolidKey, still
+
+FULL_TURN = 360.0
+_Keys = Sequence[CameraKey] | Sequence[SolidKey]
+_Numbers = tuple[float, ...]
+
+
+def scene_at(scene: Scene, frame: int) -> Scene:
+    """What ``frame`` of the scene's animation shows, a scene without animation.
+
+    Without ``[animation]`` the camera turns once about look_at, in 60 frames. If the end is like
+    the beginning, the last frame is one step before it, so that a loop has no frame twice.
+
+    Raises:
+        UsageError: there is no such frame.
+        SceneError: a fault of the camera or a solid at this moment.
+    """
+    animation = scene.effective_animation()
+    if not 0 <= frame < animation.frames:
+        raise UsageError(f"frame {frame}: the frames are 0 to {animation.frames - 1}")
+    steps = animation.frames if _closes(scene, animation) else animation.frames - 1
+    time = frame / max(steps, 1)
+    if animation.orbit_degrees is not None:
+        camera = _orbit(scene.camera, animation.orbit_degrees * time)
+    else:
+        camera = _state(animation.keyframes, time)
+    places = {
+        index: _state(solid.keyframes, time)
+        for index, solid in enumerate(scene.solids)
+        if solid.keyframes
+    }
+    try:
+        return still(scene, camera, places)
+    except SceneError as error:
+        raise SceneError(
+            *(f"{scene.name}: frame {frame}: {text}" for text in error.faults)
+        ) from None
+
+
+def _closes(scene: Scene, animation: Animation) -> bool:
+    """Whether everything ends as it begins."""
+    whole = math.fmod(animation.orbit_degrees or 0.0, FULL_TURN) == 0.0
+    keys: list[_Keys] = [animation.keyframes, *(solid.keyframes for solid in scene.solids)]
+    return whole and all(
+        _alike(name, values[0], values[-1]) for each in keys for name, _, values in _tracks(each)
+    )
+
+
+def _alike(name: str, value: _Numbers, other: _Numbers) -> bool:
+    if name == "rotation_degrees":
+        return all(math.fmod(b - a, FULL_TURN) == 0.0 for a, b in zip(value, other, strict=True))
+    return value == other
+
+
+def _orbit(camera: Camera, degrees: float) -> dict[str, Any]:
+    """Keys of the camera turned about look_at and the up axis, counter-clockwise from above."""
+    up = np.array(camera.up) / np.abs(camera.up).max()
+    up /= np.linalg.norm(up)
+    arm = np.subtract(camera.center, camera.look_at)
+    angle = math.radians(math.fmod(degrees, FULL_TURN))
+    # Rodrigues' rotation as what is added to the centre: nothing at all at an angle of 0.
+    across = np.cross(up, arm)
+    moved = math.sin(angle) * across + 2 * math.sin(angle / 2) ** 2 * np.cross(up, across)
+    return {"center": camera.center + moved}
+
+
+def _state(keys: _Keys, time: float) -> dict[str, Any]:
+    """What the keys say at a time, by name."""
+    state: dict[str, Any] = {}
+    for name, times, values in _tracks(keys):
+        whole = times[0] == 0.0 and times[-1] == 1.0
+        loops = whole and _alike(name, values[0], values[-1])
+        numbers = [_interpolate(times, each, time, loops) for each in zip(*values, strict=True)]
+        state[name] = tuple(numbers) if len(numbers) > 1 else numbers[0]
+    return state
+
+
+def _tracks(keys: _Keys) -> Iterator[tuple[str, _Numbers, list[_Numbers]]]:
+    """Of everything that some of the keys say: its name, their times and its values."""
+    names = [name for name in type(keys[0]).model_fields if name != "at"] if keys else []
+    for name in names:
+        said = [(key.at, getattr(key, name)) for key in keys if getattr(key, name) is not None]
+        if said:
+            times, values = zip(*said, strict=True)
+            yield name, times, [each if isinstance(each, tuple) else (each,) for each in values]
+
+
+def _interpolate(times: _Numbers, values: _Numbers, time: float, loops: bool) -> float:
+    """A monotone piecewise cubic at ``time``, constant outside ``times``.
+
+    It is that of F. N. Fritsch and J. Butland, "A method for constructing local monotone piecewise
+    cubic interpolants", SIAM J. Sci. Stat. Comput. 5 (1984). At the ends it comes to rest; one that
+    ``loops`` runs on from its end into its beginning.
+    """
+    ix = bisect_right(times, time) - 1
+    if ix < 0:
+        return values[0]
+    if ix == len(times) - 1:
+        return values[-1]
+    widths = np.diff(times).tolist()
+    slopes = [rise / width for rise, width in zip(np.diff(values).tolist(), widths, strict=True)]
+
+    def tangent(key: int) -> float:
+        before = key - 1
+        if key in (0, len(slopes)):
+            if not loops:
+                return 0.0
+            before, key = len(slopes) - 1, 0
+        return _mean_slope(slopes[before], widths[before], slopes[key], widths[key])
+
+    u = (time - times[ix]) / widths[ix]
+    start, end = widths[ix] * tangent(ix), widths[ix] * tangent(ix + 1)
+    rise = values[ix + 1] - values[ix]
+    return values[ix] + u * (
+        start + u * (3 * rise - 2 * start - end + u * (start + end - 2 * rise))
+    )
+
+
+def _mean_slope(left: float, left_width: float, right: float, right_width: float) -> float:
+    """Weighted harmonic mean of the slopes on both sides of a key, 0 where they change sign."""
+    if left * right <= 0.0:
+        return 0.0
+    left_weight, right_weight = 2 * right_width + left_width, right_width + 2 * left_width
+    return (left_weight + right_weight) / (left_weight / left + right_weight / right)

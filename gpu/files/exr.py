@@ -1,0 +1,83 @@
+"""EXR: outputs as named channels of 32-bit floats and integers, for compositing.
+
+One part of scan lines, losslessly compressed.  Colours are linear, as the format wants them.
+"""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.files.filetype import FrameType
+from halfstep.files.numbers import finite
+from halfstep.frame import Array, Frame
+from halfstep.provenance import NAME, Provenance, to_text
+
+# Output -> channels, as other programs name them.
+CHANNELS: dict[str, tuple[str, ...]] = {
+    "color": ("R", "G", "B"),
+    "solid": ("id",),
+    "surface": ("surface",),
+    "t": ("t",),
+    "depth": ("Z",),
+    "depth_exit": ("ZBack",),
+    "position": ("P.X", "P.Y", "P.Z"),
+    "normal": ("N.X", "N.Y", "N.Z"),
+    "error": ("error",),
+    "steps": ("steps",),
+}
+
+
+def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:
+    import OpenEXR
+
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        NAME: to_text(facts),
+    }
+    channels = {
+        channel: values
+        for name in outputs
+        for channel, values in zip(CHANNELS[name], _planes(getattr(frame, name)), strict=True)
+    }
+    with OpenEXR.File(header, channels) as file:
+        try:
+            file.write(str(path))
+        except RuntimeError as error:
+            raise OSError(errno.EIO, str(error).replace(f' "{path}"', "")) from error
+    return facts
+
+
+def _planes(array: Array) -> Iterator[NDArray[np.float32] | NDArray[np.uint32]]:
+    """Components (H, W) of an output; of integers -1 becomes 0xFFFFFFFF."""
+    if np.issubdtype(array.dtype, np.floating):
+        array = finite(array)
+    else:
+        array = array.astype(np.uint32)
+    for plane in np.moveaxis(np.atleast_3d(array), -1, 0):
+        yield np.ascontiguousarray(plane)
+
+
+def _read(path: Path) -> str | None:
+    import OpenEXR
+
+    with OpenEXR.File(str(path), header_only=True) as file:
+        return file.header().get(NAME)
+
+
+EXR = FrameType(
+    name="EXR",
+    endings=(".exr",),
+    default=("color", "solid", "surface", "depth", "position", "normal", "error"),
+    write=_write,
+    read=_read,
+    always=("color", "solid"),
+    refused={"image": "its colours are linear; they are the output color, which is always there"},
+    package="OpenEXR",
+    extra="exr",
+)

@@ -1,0 +1,71 @@
+"""MP4: H.264, as every player shows it, written frame by frame.
+
+By av itself, as imageio, which also writes films with it, passes no options to the encoder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from halfstep.files.filetype import MovieType, Rgb
+from halfstep.provenance import Provenance, to_text
+
+# Constant rate factor of x264, 0…51: less is better.
+_RATE_FACTOR = "16"
+# What x264 writes depends on its number of threads, which therefore is not the machine's.
+_THREADS = 4
+# ITU-R BT.709, of high-definition television, in H.264's tables of colours.
+_BT709 = 1
+_LIMITED_RANGE = 1
+
+
+def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -> None:
+    import av
+
+    try:
+        # With its index at the front, a film can be shown while it is loaded.
+        with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as film:
+            film.metadata["comment"] = to_text(facts)
+            stream: Any = None
+            for picture in pictures:
+                if stream is None:
+                    stream = _stream(film, picture, fps)
+                film.mux(stream.encode(_bt709(picture)))
+            film.mux(stream.encode())
+    except av.FFmpegError as error:
+        raise OSError(error.errno, error.strerror) from error
+
+
+def _stream(film: Any, picture: Rgb, fps: float) -> Any:
+    """A stream for frames of the size of ``picture``."""
+    rate = Fraction(fps).limit_denominator(1001)
+    stream = film.add_stream("libx264", rate=rate, options={"crf": _RATE_FACTOR})
+    stream.height, stream.width, _ = picture.shape
+    stream.pix_fmt = "yuv420p"
+    context = stream.codec_context
+    context.thread_count = _THREADS
+    context.colorspace = context.color_primaries = context.color_trc = _BT709
+    context.color_range = _LIMITED_RANGE
+    return stream
+
+
+def _bt709(picture: Rgb) -> Any:
+    from av.video.frame import VideoFrame
+    from av.video.reformatter import ColorRange, Colorspace
+
+    return VideoFrame.from_ndarray(picture, format="rgb24").reformat(
+        format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
+    )
+
+
+def _read(path: Path) -> str | None:
+    import av
+
+    with av.open(str(path)) as film:
+        return film.metadata.get("comment")
+
+
+MP4 = MovieType(name="MP4", write=_write, read=_read, even=True, package="av", extra="video")

@@ -1,0 +1,40 @@
+"""NPZ: outputs as they are, for NumPy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib.npyio import NpzFile
+
+from halfstep.files.filetype import FrameType
+from halfstep.frame import SOURCES, Frame
+from halfstep.provenance import Provenance, to_text
+
+# The array, of no dimension, that holds the provenance as JSON.
+_ENTRY = "provenance"
+
+
+def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:
+    entries: dict[str, Any] = {name: getattr(frame, name) for name in outputs}
+    entries[_ENTRY] = np.array(to_text(facts))
+    # Given a file and not its name, NumPy appends no ending.
+    with path.open("wb") as file:
+        np.savez_compressed(file, **entries)
+    return facts
+
+
+def _read(path: Path) -> str | None:
+    with path.open("rb") as file, NpzFile(file) as arrays:
+        return str(arrays[_ENTRY]) if _ENTRY in arrays else None
+
+
+NPZ = FrameType(
+    name="NPZ",
+    endings=(".npz",),
+    default=tuple(SOURCES),
+    write=_write,
+    read=_read,
+    always=("solid",),
+)

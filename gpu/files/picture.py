@@ -1,0 +1,85 @@
+"""Outputs as pictures to look at and to measure in: 8 or 16 bits, grey or RGB."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.errors import UsageError
+from halfstep.frame import Array, Frame
+from halfstep.image import Pixels
+
+MOST = 0xFFFF
+
+# Whole numbers that count from -1 for none; a pixel has one more.
+_COUNTED = ("solid", "surface")
+
+
+class Picture(NamedTuple):
+    """Pixels, and the numbers that 1 and 65535 stand for where that depends on the picture."""
+
+    pixels: Pixels  # (H, W) or (H, W, 3)
+    range: tuple[float, float] | None = None
+
+
+def picture(frame: Frame, name: str) -> Picture:
+    """The output ``name`` of a frame as a picture.
+
+    ``image`` is as it is; all others have 16 bits.  ``color`` becomes sRGB, cut off at 1.  Solids
+    and surfaces are their numbers plus 1, steps their number.  In a normal 32768 is 0 and 65535
+    is 1.  All other numbers are spread over 1…65535 from the least to the greatest; infinity is
+    65535 too.  0 is where nothing is hit.
+
+    Raises:
+        UsageError: a number exceeds 16 bits.
+    """
+    array = getattr(frame, name)
+    if name == "image":
+        return Picture(array)
+    if name == "color":
+        return Picture(_srgb(array))
+    if name == "steps":
+        return Picture(array.astype(np.uint16))
+    if name in _COUNTED:
+        return Picture(_counted(name, array))
+    hit = frame.solid >= 0
+    if name == "normal":
+        return Picture(_normal(array, hit))
+    return _spread(array, hit)
+
+
+def _srgb(linear: Array) -> NDArray[np.uint16]:
+    """Linear colours (H, W, 3) in sRGB."""
+    value = np.clip(linear.astype(np.float64), 0.0, 1.0)
+    encoded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * np.power(value, 1 / 2.4) - 0.055)
+    return np.rint(MOST * encoded).astype(np.uint16)
+
+
+def _counted(name: str, array: Array) -> NDArray[np.uint16]:
+    most = int(array.max()) + 1
+    if most > MOST:
+        raise UsageError(f"{name}: {most - 1} does not fit in the 16 bits of a PNG file")
+    return (array + 1).astype(np.uint16)
+
+
+def _normal(array: Array, hit: NDArray[np.bool_]) -> NDArray[np.uint16]:
+    half = (MOST - 1) // 2
+    pixels = np.rint(array.astype(np.float64) * half + (half + 1))
+    return np.where(hit[..., None], pixels, 0).astype(np.uint16)
+
+
+def _spread(array: Array, hit: NDArray[np.bool_]) -> Picture:
+    """Numbers (H, W) or (H, W, 3) spread over 1…65535; one range for all components."""
+    seen = hit.reshape(hit.shape + (1,) * (array.ndim - 2))
+    finite = np.isfinite(array) & seen
+    if not finite.any():
+        low = high = 0.0
+    else:
+        low, high = float(array[finite].min()), float(array[finite].max())
+    # One number alone is white.
+    place = np.ones_like(array)
+    np.divide(array - low, high - low, out=place, where=finite & (high > low))
+    pixels = np.rint(1 + (MOST - 1) * place)
+    return Picture(np.where(seen, pixels, 0).astype(np.uint16), (low, high))

@@ -1,0 +1,147 @@
+"""A folder of numbered frames, which any number of runs and machines fill.
+
+A frame appears whole or not at all, so one that is there is finished; a small manifest says of what
+they all are. A run that was killed is resumed by starting it again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from halfstep import __version__
+from halfstep.errors import HalfstepError, UsageError
+from halfstep.files import write
+from halfstep.frame import Frame
+from halfstep.image import check_output_folder, write_file
+from halfstep.scene import Scene
+
+MANIFEST = "animation.json"
+_FRAME = re.compile(r"frame_\d{4,}\.png")
+# As `image.replacing` names a file that it has not finished.
+_PARTIAL = re.compile(r"\.[0-9a-f]{16}\.partial")
+
+Manifest = dict[str, Any]
+
+
+def manifest(scene: Scene, backend: str, adapter: str | int | None) -> Manifest:
+    """What the frames of an animated scene depend on, for people and for comparison."""
+    animation, image, accuracy = scene.effective_animation(), scene.image, scene.accuracy
+    return {
+        "version": __version__,
+        "title": scene.title,
+        "scene_sha256": scene.sha256,
+        "frames": animation.frames,
+        "fps": animation.fps,
+        "size": [image.width, image.height],
+        "samples": image.samples,
+        **accuracy.model_dump(exclude_none=True),
+        "backend": backend,
+        "adapter": adapter,
+    }
+
+
+class FrameFolder:
+    """The frames of one animation in a folder, as ``frame_0000.png`` and so on."""
+
+    def __init__(
+        self, path: str | os.PathLike[str], manifest: Manifest, *, overwrite: bool = False
+    ) -> None:
+        """See whether frames can be written to ``path``; nothing is changed there yet.
+
+        Args:
+            path: the folder; it is made when the first frame is written.
+            manifest: of the frames.
+            overwrite: frames that are there are not kept.
+
+        Raises:
+            UsageError: the folder cannot be written, or has frames of something else and
+                ``overwrite`` is not given.
+        """
+        self.path = Path(path)
+        self._manifest = manifest
+        self._overwrite = overwrite
+        check_output_folder(self.path)
+        if not overwrite:
+            self._check_same()
+
+    def missing(self, numbers: Iterable[int]) -> list[int]:
+        """Those of the frames ``numbers`` that are to be rendered."""
+        return [each for each in numbers if self._overwrite or not self.frame_path(each).exists()]
+
+    def frame_path(self, number: int) -> Path:
+        """Where frame ``number`` is or will be."""
+        digits = max(4, len(str(self._manifest["frames"] - 1)))
+        return self.path / f"frame_{number:0{digits}}.png"
+
+    def begin(self, numbers: Iterable[int]) -> None:
+        """Make the folder ready for the frames ``numbers``, those that are `missing`.
+
+        Raises:
+            HalfstepError: the system refuses.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            # A killed run must not leave frames beside the manifest of others.
+            redone = map(self.frame_path, numbers) if self._is_same() else self._frames()
+            for frame in redone:
+                frame.unlink(missing_ok=True)
+        except OSError as error:
+            raise HalfstepError(f"{self.path}: {error.strerror}") from error
+        if not self._is_same():
+            text = json.dumps(self._manifest, indent=2) + "\n"
+            write_file(self.path / MANIFEST, text.encode())
+
+    def write(self, number: int, frame: Frame) -> None:
+        """Write the image of frame ``number``, all of it or nothing.
+
+        Raises:
+            HalfstepError: the system refuses, as on a full disk.
+        """
+        write(self.frame_path(number), frame, ("image",))
+
+    def tidy(self) -> None:
+        """Where no frame is missing, remove what killed runs left half-written."""
+        if all(self.frame_path(each).exists() for each in range(self._manifest["frames"])):
+            for path in self.path.iterdir():
+                if _PARTIAL.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
+
+    def _frames(self) -> Iterator[Path]:
+        return (path for path in self.path.iterdir() if _FRAME.fullmatch(path.name))
+
+    def _manifest_there(self) -> Manifest | None:
+        """The manifest in the folder; None where there is none that can be read."""
+        try:
+            there = json.loads((self.path / MANIFEST).read_bytes())
+        except (OSError, ValueError):
+            return None
+        return there if isinstance(there, dict) else None
+
+    def _is_same(self) -> bool:
+        # Compared as JSON gives it back.
+        return self._manifest_there() == json.loads(json.dumps(self._manifest))
+
+    def _check_same(self) -> None:
+        if not self.path.is_dir() or self._is_same() or next(self._frames(), None) is None:
+            return
+        there = self._manifest_there()
+        if there is None:
+            reason = f"has frames but no {MANIFEST} that says of what"
+        else:
+            reason = f"its frames are others: {_difference(there, self._manifest)}"
+        raise UsageError(f"{self.path}: {reason}; --overwrite renders them again")
+
+
+def _difference(there: Manifest, here: Manifest) -> str:
+    """What differs between two manifests, in words."""
+    names = [name for name in {**here, **there} if there.get(name) != here.get(name)]
+    # The hash of the scene covers most of the others, and tells people least.
+    named = [name for name in names if name != "scene_sha256"]
+    if not named:
+        return "the scene has changed"
+    return ", ".join(f"{name} {there.get(name)} there, {here.get(name)} here" for name in named)

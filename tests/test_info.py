@@ -1,0 +1,100 @@
+"""`halfstep info`: what a file tells, and a clear word where it tells nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import halfstep
+from halfstep.cli import main
+from halfstep.files import READ
+from halfstep.frame import Frame
+
+INFO = {
+    "adapter": "a card",
+    "driver": "a driver 1.2",
+    "number_format": "float32",
+    "method": "visible",
+    "steps": [14, 0, 9],
+    "wall_ms": 12.5,
+    "scene_title": "A vase",
+    "scene_sha256": "0123abcd",
+    "version": "9.9",
+}
+
+
+def frame(title: str = "A vase") -> Frame:
+    return Frame({"solid": np.array([[0, -1, 2]])}, {**INFO, "scene_title": title})
+
+
+def test_a_file_tells_how_it_was_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.png"
+    halfstep.write(path, frame(), ["solid"])
+    assert main(["info", str(path)]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert out == (
+        "version        9.9\n"
+        "scene_title    A vase\n"
+        "scene_sha256   0123abcd\n"
+        "number_format  float32\n"
+        "method         visible\n"
+        "steps          14, 0, 9\n"
+        "adapter        a card\n"
+        "driver         a driver 1.2\n"
+        "outputs        solid\n"
+    )
+
+
+@pytest.mark.parametrize("ending", [".png", ".tif", ".npz"])
+def test_and_for_machines(tmp_path: Path, ending: str, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"a{ending}"
+    told = halfstep.write(path, frame(), ["solid"])
+    assert main(["info", str(path), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert (json.loads(out), err) == (told, "")
+
+
+def test_a_title_cannot_write_over_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.png"
+    halfstep.write(path, frame("A\nvase \x1b[2J"), ["solid"])
+    assert main(["info", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines()[1] == r"scene_title    A\nvase \x1b[2J"
+
+
+def test_a_file_that_tells_nothing_is_said_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.png"
+    Image.new("RGB", (3, 2)).save(path)
+    for options in ([], ["--json"]):
+        assert main(["info", str(path), *options]) == 1
+        assert capsys.readouterr() == (
+            "",
+            f"{path}: does not say how it was made; Halfstep did not write it, or another program "
+            "has written it again\n",
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "message"),
+    [
+        ("none.png", 2, "{path}: there is no such file\n"),
+        ("a.txt", 2, "{path}: the ending '.txt' is not one of those read: {endings}\n"),
+        ("a.png", 1, "{path}: cannot be read as PNG: not a PNG file\n"),
+    ],
+)
+def test_what_cannot_be_read_is_refused(
+    tmp_path: Path, name: str, code: int, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.txt").touch()
+    (tmp_path / "a.png").write_bytes(b"text")
+    path = tmp_path / name
+    assert main(["info", str(path)]) == code
+    assert capsys.readouterr() == ("", message.format(path=path, endings=", ".join(READ)))
