@@ -1,7 +1,7 @@
 """Preselection: the depth interval and the screen rectangle of every solid, float64.
 
-Tight where a closed form exists and conservative everywhere (BASEPLANE.md section 3 gives the
-formulas).  Lateral bounds are tangents, x/z and y/z in camera axes.
+Tight where a closed form exists and conservative everywhere.  Lateral bounds are tangents, x/z and
+y/z in camera axes.
 """
 
 from __future__ import annotations

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.compute import UNWRITTEN, Bound, Compute
+from halfstep.device import INT64
 from halfstep.errors import DeviceError
 
 Array = NDArray[Any]
 Records = NDArray[np.void]
 
 ROWS = 256
-INT64 = "shader-int64"
 # Words of the buffers that are filled and read back: one word, a workgroup, just over a page, and
 # more than a driver copies at once.
 SIZES = (1, 64, 1025, 1 << 18)

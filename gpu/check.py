@@ -17,8 +17,8 @@ import numpy as np
 
 from halfstep.api import Renderer
 from halfstep.calls import Calls, noted
-from halfstep.canary import INT64, Fingerprint, fingerprint
-from halfstep.device import choose_adapter, is_lavapipe, open_device
+from halfstep.canary import Fingerprint, fingerprint
+from halfstep.device import INT64, choose_adapter, is_lavapipe, open_device
 from halfstep.formats import FIXED32
 from halfstep.frame import SOURCES, device_outputs
 from halfstep.pack import Packed, frame_record, srgb_table

@@ -48,9 +48,10 @@ A graphics card needs its maker's driver; Mesa's needs no card:
 {MESA}
 Without a driver, the backend "numpy" renders the same picture slowly."""
 
+INT64 = "shader-int64"
 # wgpu's names of the features Halfstep uses where it can, with what they are.
 FEATURES = {
-    "shader-int64": "64-bit integers in shaders",
+    INT64: "64-bit integers in shaders",
     "mappable-primary-buffers": "frame buffers that the processor can read",
     "subgroup": "exchange between the invocations of a subgroup",
     "timestamp-query": "device times",

@@ -12,8 +12,7 @@ import numpy as np
 
 from halfstep.scene import Accuracy
 
-# In float32, above this many steps, coefficients are integers and values are rounded once
-# (BASEPLANE.md section 2).
+# In float32, above this many steps, coefficients are integers and values are rounded once.
 FLOAT_STEPS = 16
 
 

@@ -174,7 +174,7 @@ def _patch_rows(solid: PlanePatch, origin: Floats, rotation: Floats) -> Floats:
 def _hulls(
     solids: Sequence[Solid], rows: Sequence[Floats], quadric: Floats, is_flat: Bools
 ) -> tuple[Ints, Hulls]:
-    """Form of every solid (K,), and the hulls; BASEPLANE.md section 3."""
+    """Form of every solid (K,), and the hulls."""
     form = np.where(is_flat, Form.POINTS, Form.UNBOUNDED)
     curved = np.flatnonzero(~is_flat)
     form[curved], center, axes = _ellipsoids(quadric[curved])

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep import split
-from halfstep.device import Adapter, device_errors, open_device, wgpu_errors
+from halfstep.compute import Bound, Compute
+from halfstep.device import INT64, Adapter, device_errors, open_device, wgpu_errors
 from halfstep.errors import AdapterError
 from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.layout import TILE
@@ -23,7 +24,6 @@ Planes = dict[str, NDArray[Any]]
 BAND_BYTES = 128 << 20
 # Room for half-spaces comes in this many, so that few scenes need a shader of their own.
 LINES_GRANULE = 8
-INT64 = "shader-int64"
 SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
 _QUERY_ALIGNMENT = 256
@@ -283,23 +283,9 @@ fn ask(@builtin(local_invocation_index) local: u32, @builtin(subgroup_size) size
 
 def _subgroup_size(device: Any) -> int:
     """How many invocations are in a subgroup: adapters tell no more than a range."""
-    module = device.create_shader_module(label="subgroup size", code=_SUBGROUP_SIZE)
-    pipeline = device.create_compute_pipeline(
-        layout="auto", compute={"module": module, "entry_point": "ask"}
-    )
-    buffer = device.create_buffer(size=512, usage="STORAGE|COPY_SRC")
-    group = device.create_bind_group(
-        layout=pipeline.get_bind_group_layout(0),
-        entries=[{"binding": 0, "resource": {"buffer": buffer, "offset": 0, "size": 512}}],
-    )
-    encoder = device.create_command_encoder()
-    compute = encoder.begin_compute_pass()
-    compute.set_pipeline(pipeline)
-    compute.set_bind_group(0, group)
-    compute.dispatch_workgroups(1)
-    compute.end()
-    device.queue.submit([encoder.finish()])
-    return int(np.frombuffer(device.queue.read_buffer(buffer), np.uint32).min())
+    asked = Bound(0, 0, "storage", np.zeros(512, np.uint8))
+    [found] = Compute(device).run(_SUBGROUP_SIZE, "ask", [asked], (1, 1, 1))
+    return int(found.view(np.uint32).min())
 
 
 def needs_of(packed: Packed, method: str, outputs: frozenset[str], *, together: int = 1) -> Needs:

@@ -65,11 +65,7 @@ class Needs:
     @property
     def rows(self) -> int:
         """Rows of a block: more of them share what is fetched of a solid, and compile longer."""
-        return (
-            int(__import__("os").environ.get("ROWS", "2"))
-            if self.method == "visible" and not self.certified
-            else 1
-        )
+        return 2 if self.method == "visible" and not self.certified else 1
 
     @property
     def certified(self) -> bool:

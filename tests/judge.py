@@ -78,7 +78,7 @@ class Judge:
         """Add the same for the method ``article``, which may miss what lies between grid points.
 
         A miss is a pixel that shows nothing or something behind the truth. A chord shorter than a
-        cell is expected to be missed with probability 1 - chord/cell (ALGORITHM.md section 1).
+        cell is expected to be missed with probability 1 - chord/cell.
         """
         truth = self.truth
         self._count(verdict)

@@ -19,7 +19,7 @@ from tests.scenes_random import KINDS, PLACES, random_scene
 
 SIZE = (96, 72)
 DELTA = 1e-2
-# What an uncut solid of BASEPLANE.md section 3 is: closed forms of their own, no oblique cut.
+# What an uncut solid is: closed forms of their own, no oblique cut.
 CLOSED_FORMS = tuple(kind for kind in KINDS if kind not in ("quadric", "plane"))
 
 
@@ -103,7 +103,7 @@ def test_frames_without_preselection_are_the_same(
 
 
 def test_uncut_solids_have_tight_bounds(rng: np.random.Generator) -> None:
-    """Medians of BASEPLANE.md section 3: depth extent 1.00, rectangle 1.00 of what hits fill."""
+    """Medians: depth extent 1.00, rectangle 1.00 of what hits fill."""
     areas, extents = [], []
     size = (192, 144)
     for kind in CLOSED_FORMS:

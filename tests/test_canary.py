@@ -12,7 +12,7 @@ import pytest
 from halfstep import canary
 from halfstep.canary import Fingerprint, fingerprint
 from halfstep.cli import main
-from halfstep.device import Adapter, open_device
+from halfstep.device import INT64, Adapter, open_device
 from halfstep.errors import DeviceError
 
 Plant = Callable[..., None]
@@ -22,7 +22,7 @@ Plant = Callable[..., None]
 def device(adapter: Adapter) -> Iterator[Any]:
     """A device with what the canary looks at."""
     # Doubles stand for what this driver does not do of itself.
-    device = open_device(adapter, features={canary.INT64, "shader-f64"} & adapter.handle.features)
+    device = open_device(adapter, features={INT64, "shader-f64"} & adapter.handle.features)
     yield device
     device.destroy()
 

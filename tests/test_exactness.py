@@ -1,7 +1,7 @@
 """Frames against the oracle, 5 million rays: no wrong solid or surface, depths right to a cell.
 
 The method ``article`` may miss what lies between its grid points; it is held to missing no more
-than ALGORITHM.md section 1 predicts, and to showing nothing that is not there.
+than the length of chords predicts, and to showing nothing that is not there.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The printed rules, taken literally, against the oracle: where they are wrong, and we are not.
 
 They live only here. (13)-(19) run as printed, in float64, on the paper's own ray: t = 1 at the far
-base plane P, t(k+1) = t(k) + xi(k) 2^-k over 0..2. ALGORITHM.md section 1 has the rates.
+base plane P, t(k+1) = t(k) + xi(k) 2^-k over 0..2.
 """
 
 from __future__ import annotations

@@ -58,8 +58,8 @@ def _canary() -> Fingerprint:
     Raises:
         DeviceError: it makes something else of it.
     """
-    from halfstep.canary import INT64, fingerprint
-    from halfstep.device import choose_adapter, open_device
+    from halfstep.canary import fingerprint
+    from halfstep.device import INT64, choose_adapter, open_device
 
     adapter = choose_adapter()
     device = open_device(adapter, features={INT64} & adapter.handle.features)

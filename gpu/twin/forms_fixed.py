@@ -1,7 +1,7 @@
 """Twin of ``forms_fixed.wgsl``: a solid's forms along the ray, in 32-bit integers.
 
 Each ray shifts its values down to 29 bits, c and b together, A, G and C together: the joint logic
-asks for signs of homogeneous expressions, which no common factor disturbs (BASEPLANE.md section 5).
+asks for signs of homogeneous expressions, which no common factor disturbs.
 """
 
 from __future__ import annotations

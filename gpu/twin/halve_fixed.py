@@ -1,6 +1,6 @@
 """Twin of ``halve_fixed.wgsl``: exactly n halvings in integers, by shifts, sums and comparisons.
 
-``value`` is 2^k F (ALGORITHM.md section 3), so it keeps its bits while F vanishes.  |C| and
+``value`` is 2^k F, so it keeps its bits while F vanishes.  |C| and
 |G| + 3 |A| are at most 2^29, and so is the slope; once |2^k F| reaches 2^29 its sign can no longer
 change, because a step then adds at most as much as doubling does, so it stops there, and nothing
 exceeds 2^31.

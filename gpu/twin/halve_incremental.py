@@ -1,7 +1,7 @@
 """Twin of ``halve_incremental.wgsl``: exactly n halvings, updating F and F' from step to step.
 
 F and F' stay relative to the current point, so their rounding shrinks with the step: the more
-exact variant for n > 16 (BASEPLANE.md section 2).
+exact variant for n > 16.
 """
 
 from __future__ import annotations

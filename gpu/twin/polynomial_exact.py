@@ -1,7 +1,7 @@
 """Twin of ``polynomial_exact.wgsl``: values of polynomials at a pixel offset, in 64-bit integers.
 
 The host scales the coefficients so that the sum of the magnitudes of all terms stays below 2^60
-and a little, for rounding them: nothing overflows (BASEPLANE.md section 5).
+and a little, for rounding them: nothing overflows.
 """
 
 from __future__ import annotations

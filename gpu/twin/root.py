@@ -2,7 +2,7 @@
 
 The answer is a convex quadratic (or a line) whose first crossing from + to - is the root that is
 seen, so that one sequence of halvings finds it.  Signs of F and F' at the ends of the piece are
-signs of products, because the ends are pairs (BASEPLANE.md section 1).
+signs of products, because the ends are pairs.
 """
 
 from __future__ import annotations
