@@ -100,7 +100,7 @@ def test_without_a_compiler_the_part_says_so(
     monkeypatch.setenv("PATH", os.fspath(tmp_path))
     monkeypatch.delenv("CC", raising=False)
     part = parts.halving(parts.Bench(adapter, rounds=1))
-    assert [row["where"] for row in part.rows] == ["device"]
+    assert [row["where"] for row in part.rows] == ["float32", "fixed32"]
     assert part.rows[0]["against C"] is None
     assert part.notes == [
         "Not compared with C: no C compiler: neither $CC nor cc, gcc or clang is on the path."
@@ -256,7 +256,7 @@ def test_every_part_measures(adapter: Adapter, tmp_path: Path) -> None:
     assert [row["threads"] for row in by_name["threads"].rows] == [1, 2, 3]
     assert [row["speed-up"] for row in by_name["threads"].rows] == [1.0, 2.0, 3.0]
     assert by_name["threads"].fits["speed-up against threads"].r_squared == pytest.approx(1.0)
-    assert {row["where"] for row in by_name["halving"].rows} == {"device", "C"}
+    assert {row["where"] for row in by_name["halving"].rows} == {"float32", "fixed32", "C"}
     assert [row["backend"] for row in by_name["twin"].rows] == ["gpu", "numpy"]
     assert whole.machine["adapter"] == adapter.summary.name
     plot.write(whole, tmp_path / "bench.png")

@@ -19,7 +19,7 @@ from halfstep.bench.report import Part, Value
 from halfstep.bench.timing import Case, Times, interleaved, line
 from halfstep.device import Adapter
 from halfstep.errors import HalfstepError
-from halfstep.formats import FLOAT_STEPS
+from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS
 from halfstep.scene import Scene, load, with_overrides
 
 _SIZE = (1024, 1024)
@@ -69,7 +69,7 @@ def _row(times: Times) -> dict[str, Value]:
 
 
 def halving(bench: Bench) -> Part:
-    """The cost of one halving of one ray on one solid, against C."""
+    """The cost of one halving of one ray on one solid, in both number formats, against C."""
     scene = scenes.covering()
     side = 4 * LANES if bench.on_processor else 32 * LANES
     size = side, side
@@ -77,7 +77,10 @@ def halving(bench: Bench) -> Part:
     notes: list[str] = []
     with bench.renderer(scene, output="solid") as renderer:
         cases: dict[tuple[str, int], Callable[[], float | None]] = {
-            ("device", n): partial(_frame, renderer, with_overrides(scene, size=size, steps=n))
+            (form, n): partial(
+                _frame, renderer, with_overrides(scene, size=size, steps=n, number_format=form)
+            )
+            for form in (FLOAT32.name, FIXED32.name)
             for n in _HALVINGS
         }
         try:
@@ -106,9 +109,14 @@ def halving(bench: Bench) -> Part:
     ]
     found = f"{rows[0]['ns per halving']:.3f} ns"
     if "C" in fits:
-        found += f", {fits['device'].slope / fits['C'].slope:.2f} × C"
+        found += f", {fits[FLOAT32.name].slope / fits['C'].slope:.2f} × C"
+    ratio = fits[FIXED32.name].slope / fits[FLOAT32.name].slope
+    summary = {
+        "one halving of one ray on one solid": found,
+        "the same in fixed32, against float32": f"{ratio:.2f} ×",
+    }
     title = f"One halving of one ray on one solid: {len(scene.solids)} solids that all rays meet"
-    return Part("halving", title, rows, {"one halving of one ray on one solid": found}, notes=notes)
+    return Part("halving", title, rows, summary, notes=notes)
 
 
 def steps(bench: Bench) -> Part:
