@@ -6,7 +6,7 @@ the joint logic and the halvings work on.  Stage files with an ending exist once
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,18 +56,13 @@ FLOAT32 = Format(
     run="DIRECT",
     article_run="DIRECT",
 )
-FLOAT32_EXACT = Format(
-    name="float32",
+FLOAT32_EXACT = replace(
+    FLOAT32,
     coefficient=np.int64,
-    value=np.float32,
-    one=1,
-    useful_steps=22,
-    arithmetic="arithmetic",
     polynomial="polynomial_exact",
     forms="forms_exact",
     halve="halve_incremental",
     run="INCREMENTAL",
-    article_run="DIRECT",
 )
 FIXED32 = Format(
     name="fixed32",
