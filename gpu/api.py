@@ -305,7 +305,7 @@ class Renderer:
         rows = max(rows // (TILE * samples), 1) * TILE * samples
         for first in range(0, view.height, rows):
             count = min(rows, view.height - first)
-            job = (frame.scene, one.packed, first, count, frame.scene.accuracy.method, outputs)
+            job = (frame.scene, one.packed, first, count, outputs)
             milliseconds = None
             if self._device is not None:
                 planes, milliseconds = self._device.render_band(*job)

@@ -30,8 +30,6 @@ _PREFIX = f"{twin.__name__}."
 # Groups of pixels that are noted of one call, and of all calls of a function.
 CALL_ROWS = 256
 ROWS = 4096
-# Parameters whose names in the twin WGSL reserves, or has for something else in the same text.
-_TWIN_NAMES = {"linear_value": "linear", "plane": "patch"}
 
 
 @dataclass
@@ -156,8 +154,6 @@ def _absent(name: str, given: Mapping[str, Any]) -> Any:
     """The argument ``name`` of a shader's function, from what the twin's was given."""
     if name in given:
         return given[name]
-    if name in _TWIN_NAMES:
-        return given[_TWIN_NAMES[name]]
     stem, _, word = name.rpartition("_")
     if word in ("high", "low"):  # one key in the twin
         return getattr(given[stem], word)

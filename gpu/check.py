@@ -13,15 +13,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-import numpy as np
-
 from halfstep.api import Renderer
 from halfstep.calls import Calls, noted
 from halfstep.canary import Fingerprint, fingerprint
 from halfstep.device import INT64, choose_adapter, is_lavapipe, open_device
 from halfstep.formats import FIXED32
 from halfstep.frame import SOURCES, device_outputs
-from halfstep.pack import Packed, frame_record, srgb_table
+from halfstep.pack import Packed, frame_record, srgb_quads
 from halfstep.replay import Replay, replay
 from halfstep.run_gpu import needs_of
 from halfstep.scene import Scene, with_overrides
@@ -156,7 +154,7 @@ class Checker:
         bindings = {
             "frame": frame_record(twin.scene, twin.packed.setup, 0, twin.scene.image.height)[0],
             "lights": twin.packed.lights,
-            "srgb_table": np.repeat(srgb_table(), 4).reshape(-1, 4),
+            "srgb_table": srgb_quads(),
         }
         for (file, name), noted_calls in calls.items():
             there = file in stage_names(needs) and name in shader.functions()

@@ -284,6 +284,14 @@ def srgb_table() -> U32:
     return table
 
 
+@functools.cache
+def srgb_quads() -> U32:
+    """The table (SRGB_ENTRIES, 4) as shaders read it: uniform arrays have no smaller stride."""
+    quads = np.repeat(srgb_table()[:, None], 4, axis=1)
+    quads.setflags(write=False)
+    return quads
+
+
 def joined_key(high: U32, low: U32) -> NDArray[np.uint64]:
     """Depth keys from their two words."""
     return (high.astype(np.uint64) << np.uint64(32)) | low

@@ -54,7 +54,7 @@ def replay(scene: Scene, packed: Packed, tables: Surfaces) -> Replay:
     height = max(PIXELS // view.width // TILE, 1) * TILE
     for first in range(0, view.height, height):
         rows = min(height, view.height - first)
-        band = _WideBand(scene, packed, first, rows, "visible", device_outputs(outputs))
+        band = _WideBand(scene, packed, first, rows, device_outputs(outputs))
         for row in range(len(packed.solids)):
             band.visit(row)
         bands.append(arrays_of(outputs, band.finish(), packed, tables, first))

@@ -13,7 +13,7 @@ from halfstep.device import INT64, Adapter, device_errors, open_device, wgpu_err
 from halfstep.errors import AdapterError
 from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.layout import TILE
-from halfstep.pack import Packed, frame_record, joined_key, srgb_table
+from halfstep.pack import Packed, frame_record, joined_key, srgb_quads
 from halfstep.scene import Scene
 from halfstep.source import MOST_TAGS, Needs, binding_numbers, compose, plane_offsets
 from halfstep.tiles import tile_lists
@@ -108,7 +108,6 @@ class Device:
         packed: Packed,
         first_row: int,
         rows: int,
-        method: str,
         outputs: frozenset[str],
     ) -> tuple[Planes, float | None]:
         """Outputs of a band as ``run_twin.render_band`` gives them, and the device time in ms.
@@ -119,11 +118,11 @@ class Device:
         """
         self.check_format(packed.format)
         written = _written(outputs, packed)
-        needs = needs_of(packed, method, written, together=self._together)
+        needs = needs_of(packed, scene.accuracy.method, written, together=self._together)
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
         if len(packed.order) > 1 and self._is_too_large(packed, members):
-            return self._render_in_halves(scene, packed, first_row, rows, method, outputs)
+            return self._render_in_halves(scene, packed, first_row, rows, outputs)
         contents = {
             0: frame,
             1: packed.solids,
@@ -131,7 +130,7 @@ class Device:
             3: starts,
             4: members,
             6: packed.lights,
-            7: np.repeat(srgb_table(), 4),
+            7: srgb_quads(),
         }
         tiles = int(frame["tiles_x"][0]), -(-rows // TILE)
         size = plane_offsets(written)["total"] * int(frame["plane_quads"][0]) * 16
@@ -161,14 +160,13 @@ class Device:
         packed: Packed,
         first_row: int,
         rows: int,
-        method: str,
         outputs: frozenset[str],
     ) -> tuple[Planes, float | None]:
         """`render_band`, one half of the solids after the other."""
         found: list[Planes] = []
         times: list[float] = []
         for half in split.halves(packed):
-            job = (scene, half, first_row, rows, method, outputs | {"key"})
+            job = (scene, half, first_row, rows, outputs | {"key"})
             planes, milliseconds = self.render_band(*job)
             found.append(planes)
             times += [] if milliseconds is None else [milliseconds]

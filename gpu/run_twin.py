@@ -52,11 +52,11 @@ class Band:
         packed: Packed,
         first_row: int,
         rows: int,
-        method: str,
         outputs: frozenset[str],
     ) -> None:
         self.packed = packed
-        self.first_row, self.method, self.outputs = first_row, method, outputs
+        self.first_row, self.outputs = first_row, outputs
+        self.method = scene.accuracy.method
         self.frame = frame_record(scene, packed.setup, first_row, rows)[0]
         number_format = packed.format
         self.polynomial, self.forms = _stage(number_format.polynomial), _stage(number_format.forms)
@@ -339,7 +339,6 @@ def render_band(
     packed: Packed,
     first_row: int,
     rows: int,
-    method: str,
     outputs: frozenset[str],
 ) -> Planes:
     """Outputs (rows, width, …) of picture rows ``first_row`` … ``first_row + rows - 1``.
@@ -349,7 +348,7 @@ def render_band(
     the least depth of what is certain, and ``doubt``, where what is not begins, and float32
     ``bound``, the error of the visible point in its u.
     """
-    band = Band(scene, packed, first_row, rows, method, outputs)
+    band = Band(scene, packed, first_row, rows, outputs)
     for row in range(len(packed.solids)):
         band.visit(row)
     return band.finish()

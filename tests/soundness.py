@@ -82,7 +82,7 @@ class Shot:
         scene = with_overrides(self.scene, **way._asdict())
         count = steps_for(scene, self.setup).count
         packed = pack(scene, self._geometry, self._tables, self.setup, count)
-        job = (scene, packed, 0, self.size[1], way.method, device_outputs(outputs))
+        job = (scene, packed, 0, self.size[1], device_outputs(outputs))
         planes = run_twin.render_band(*job) if device is None else device.render_band(*job)[0]
         frame = Frame(arrays_of(outputs, planes, packed, self._tables), {})
         return {name: getattr(frame, name) for name in outputs}

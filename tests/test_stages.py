@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
-from halfstep.pack import SRGB_ENTRIES, srgb_table
+from halfstep.pack import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.source import stage
 from halfstep.testing import Kit, MismatchError, near_ties
 from halfstep.testing.census import leaves
@@ -92,7 +92,7 @@ var<private> lights: array<Light, LIGHTS>;
 
 
 MODULES = {number_format: _module(number_format) for number_format in FILES}
-BINDINGS = {"srgb_table": np.repeat(srgb_table(), 4).reshape(-1, 4)}
+BINDINGS = {"srgb_table": srgb_quads()}
 
 # A word or sign of a function, and what a slip would make of it.
 FAULTS = [
@@ -410,10 +410,6 @@ def _argument(name: str, hint: Any, given: Mapping[str, Array], like: Array) -> 
     match name:
         case "like":
             return like
-        case "linear":
-            return given["linear_value"]
-        case "patch":
-            return _as_twin(given["plane"], hint)
         case "start":
             return Key(given["start_high"][0], given["start_low"][0])
         case "table":

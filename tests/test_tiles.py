@@ -11,28 +11,17 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep import camera, geometry, run_gpu, tiles
 from halfstep import pack as packing
-from halfstep.accuracy import steps_for
+from halfstep import run_gpu, tiles
 from halfstep.layout import TILE
-from halfstep.pack import Class, Packed, pack, surfaces
-from halfstep.scene import Scene, bundled_scenes, load, with_overrides
-from halfstep.setup import setup
+from halfstep.pack import Class, Packed
+from halfstep.scene import bundled_scenes, load, with_overrides
 from halfstep.tiles import tile_lists
 from tests.scenes_random import PLACES, random_scene
+from tests.test_pack import packed_frame
 
 SIZE = (160, 120)
 OUTPUTS = ("solid", "surface", "t", "normal")
-
-
-def packed_frame(scene: Scene) -> Packed:
-    """The records of a frame as the renderer packs them."""
-    solids = geometry.build(scene)
-    view = camera.view(scene.camera, (scene.image.width, scene.image.height))
-    near, far = camera.base_planes(view, *geometry.volume_box(scene, solids))
-    constants = setup(solids, view, near, far)
-    steps = steps_for(scene, constants).count
-    return pack(scene, solids, surfaces(scene, solids), constants, steps)
 
 
 @pytest.mark.parametrize("count", [0, 1, 50])

@@ -41,13 +41,20 @@ def add_adapter(command: argparse.ArgumentParser) -> None:
     )
 
 
-def add_conveyor(command: argparse.ArgumentParser) -> None:
-    """Number format and method, in place of what the scene says."""
+def add_conveyor(
+    command: argparse.ArgumentParser, otherwise: str = "by default the scene's"
+) -> None:
+    """Number format and method; ``otherwise`` says what there is without."""
     command.add_argument(
-        "--format", choices=("float32", "fixed32"), dest="number_format", help="number format"
+        "--format",
+        choices=("float32", "fixed32"),
+        dest="number_format",
+        help=f"number format, {otherwise}",
     )
     command.add_argument(
-        "--method", choices=("visible", "article"), help="joint logic first, or the paper's own"
+        "--method",
+        choices=("visible", "article"),
+        help=f"joint logic first, or the paper's own, {otherwise}",
     )
 
 

@@ -6,7 +6,7 @@ import argparse
 import re
 from typing import Any
 
-from halfstep.cli.options import add_scene, add_tolerances
+from halfstep.cli.options import add_conveyor, add_scene, add_tolerances
 from halfstep.cli.output import print_json, progress_bar, say
 
 
@@ -27,10 +27,7 @@ def add(commands: Any) -> None:
     )
     accuracy = tune.add_mutually_exclusive_group()
     add_tolerances(accuracy)
-    tune.add_argument("--method", choices=("visible", "article"), help="by default both")
-    tune.add_argument(
-        "--format", choices=("float32", "fixed32"), dest="number_format", help="by default both"
-    )
+    add_conveyor(tune, otherwise="by default both")
     tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
 
 

@@ -17,9 +17,9 @@ from halfstep.twin.normal import Vector
 SRGB_FIRST = np.float32(2.0**-13)
 
 
-def srgb_level(table: U32, linear: F32) -> U32:
+def srgb_level(table: U32, linear_value: F32) -> U32:
     """The 8-bit level of a linear value; beyond 0…1 it is the first or the last."""
-    bits = np.minimum(np.maximum(linear, SRGB_FIRST), np.float32(1)).view(np.uint32)
+    bits = np.minimum(np.maximum(linear_value, SRGB_FIRST), np.float32(1)).view(np.uint32)
     cell = (bits >> np.uint32(16)) - (SRGB_FIRST.view(np.uint32) >> np.uint32(16))
     entry = table[cell]
     following = (bits & np.uint32(0xFFFF)) >= entry >> np.uint32(8)
