@@ -17,6 +17,8 @@ from halfstep.formats import FLOAT32, Format
 # A workgroup renders one tile, an invocation one block: rows of four neighbouring pixels.
 TILE = 16
 BLOCK_WIDTH = 4
+# Of a tile's record: its place, then where the list of each class begins, and where the last ends.
+TILE_WORDS = 8
 
 
 class Flag(IntFlag):
@@ -108,7 +110,6 @@ FRAME = Record(
         Field("ambient", "vec4<f32>", 1, "linear RGB"),
         Field("background", "vec4<f32>", 1, "linear RGB"),
         Field("first_row", "i32", 1, "first picture row of the band"),
-        Field("tiles_x", "u32", 1, "tiles in a row of tiles"),
         Field("row_quads", "u32", 1, "groups of four pixels in a row of the band"),
         Field("plane_quads", "u32", 1, "the same in the whole band"),
     ),

@@ -81,7 +81,7 @@ class Packed:
     # What a shader depends on is taken from the scene where it can be, so that a solid that leaves
     # the picture does not ask for another one.
     present: tuple[Class, ...]  # classes that the scene's solids have, in this frame or otherwise
-    highlights: bool  # some material shines
+    shininess_bits: int  # of the largest exponent of a highlight, 0 where no material shines
     most_half_spaces: int  # of a solid
     surface_count: int  # of the scene
 
@@ -180,7 +180,7 @@ def pack(
         key_bits=key_bits,
         lights=_lights(scene, setup),
         present=_present(classes, usual),
-        highlights=bool((tables.specular > 0).any()),
+        shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
         most_half_spaces=int(geometry.plane_count.max()),
         surface_count=len(tables.solid) - 1,
     )
@@ -260,7 +260,6 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
     tiles_x = -(-view.width // layout.TILE)
     tiles_y = -(-rows // layout.TILE)
     record["first_row"] = first_row
-    record["tiles_x"] = tiles_x
     record["row_quads"] = tiles_x * layout.TILE // layout.BLOCK_WIDTH
     record["plane_quads"] = record["row_quads"] * tiles_y * layout.TILE
     return record

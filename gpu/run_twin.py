@@ -60,7 +60,7 @@ class Band:
         self.frame = frame_record(scene, packed.setup, first_row, rows)[0]
         number_format = packed.format
         self.polynomial, self.forms = _stage(number_format.polynomial), _stage(number_format.forms)
-        self.halve = _stage(number_format.halve).halve
+        self.halve = _stage(number_format.halve)
         shape = self.shape = (rows, packed.setup.view.width)
         self.key = nearest.Key(np.full(shape, _FAR), np.full(shape, _FAR))
         self.leaves = nearest.Key(np.full(shape, _FAR), np.full(shape, _FAR))
@@ -130,9 +130,16 @@ class Band:
             seen, leaving = root.ellipsoid_entry(form), root.ellipsoid_exit(form)
         else:
             seen, leaving = self._cut(solid, klass, at, lines)
-        position = self.halve(seen, steps)
-        exit_position = self.halve(leaving, steps) if "exit" in self.outputs else position
+        position = self._halved(seen, steps)
+        exit_position = self._halved(leaving, steps) if "exit" in self.outputs else position
         return Sight(seen.hit, seen.surface, position, leaving.hit, exit_position)
+
+    def _halved(self, seen: root.Root, steps: int) -> NDArray[np.int32]:
+        """Positions of roots after exactly n halvings."""
+        search = self.halve.begun(seen)
+        for k in range(steps):
+            search = self.halve.halved(search, k)
+        return np.asarray(self.halve.reached(search, seen, steps))
 
     def _cut(
         self, solid: np.void, klass: Class, at: polynomial.Offset, lines: list[Line]

@@ -5,6 +5,15 @@ kernel that joins them and takes from the files what the kernel reaches: for eve
 present one loop over the tile's list, in which each solid is fetched once and tried on a block of
 pixels.  The rows of the block are written out, with ROW in a name or a number standing for the
 row: arrays indexed by a loop cost a compiler more and the device most.
+
+What lavapipe asks for, measured, and other devices do not mind:
+
+- A loop is left at the end of its body.  Tested at its beginning, the body runs once more for no
+  invocation at all.
+- All rows of a block are halved in one loop: an operation waits for the one before, and the others
+  fill the gap.
+- Words to be stored pass a select that LLVM does not take apart (``whole``).  Otherwise it computes
+  them anew for each invocation, one after another.
 """
 
 from __future__ import annotations
@@ -17,7 +26,7 @@ from importlib.resources import files
 import numpy as np
 
 from halfstep.formats import Format
-from halfstep.layout import BLOCK_WIDTH, HALF_SPACE, SOLID, TILE, Record
+from halfstep.layout import BLOCK_WIDTH, HALF_SPACE, SOLID, TILE, TILE_WORDS, Record
 from halfstep.pack import SRGB_ENTRIES, Class
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel.  Where an
@@ -40,7 +49,7 @@ class Needs:
     format: Format
     lights: int
     point_lights: bool
-    highlights: bool
+    shininess_bits: int  # of the largest exponent of a highlight, 0 where nothing shines
     max_lines: int  # most half-spaces of a solid; the article method keeps them all at hand
     # So many invocations of a subgroup fetch records together: each loads one vec4 of so many and
     # gives it to all.  A device that a processor plays does a load for one invocation after
@@ -110,9 +119,8 @@ def stage_names(needs: Needs) -> list[str]:
 
 def compose(needs: Needs) -> str:
     """The whole shader; its entry point is ``render``."""
-    kernel = "\n".join(
-        [_bindings(needs), _nearest(needs), _keep(needs), _finish(needs), _kernel(needs)]
-    )
+    keep = [_keep(needs)] * bool(needs.classes)
+    kernel = "\n".join([_bindings(needs), _nearest(needs), *keep, _finish(needs), _kernel(needs)])
     library = [item for name in stage_names(needs) for item in definitions(stage(name))]
     return "\n".join([*_reached(library, kernel), kernel])
 
@@ -169,7 +177,7 @@ def _bindings(needs: Needs) -> str:
         "@group(0) @binding(0) var<uniform> frame: Frame;",
         f"@group(0) @binding(1) var<storage, read> solids: array<{solid}>;",
         f"@group(0) @binding(2) var<storage, read> half_spaces: array<{half_space}>;",
-        "@group(0) @binding(3) var<storage, read> tile_starts: array<u32>;",
+        "@group(0) @binding(3) var<storage, read> tiles: array<u32>;",
         "@group(0) @binding(4) var<storage, read> tile_solids: array<u32>;",
         "@group(0) @binding(5) var<storage, read_write> planes: array<vec4<u32>>;",
     ]
@@ -177,7 +185,7 @@ def _bindings(needs: Needs) -> str:
         lines += [
             f"@group(0) @binding(6) var<uniform> lights: array<Light, {max(needs.lights, 1)}>;",
             f"const LIGHTS: u32 = {needs.lights}u;",
-            f"const HIGHLIGHTS: bool = {str(needs.highlights).lower()};",
+            f"const SHININESS_BITS: u32 = {needs.shininess_bits}u;",
             f"const POINT_LIGHTS: bool = {str(needs.point_lights).lower()};",
         ]
     if "image" in needs.outputs:
@@ -223,7 +231,7 @@ def _members(needs: Needs) -> list[tuple[str, str, str]]:
             for k, axis in enumerate("xyz")
         )
         members.append(("color: Vector", zero, f"Vector({value})"))
-    if needs.shaded and needs.highlights:
+    if needs.shaded and needs.shininess_bits:
         value = "select(old.specular, f4(solid.specular), nearer)"
         members.append(("specular: f4", "f4(0.0)", value))
         value = "select(old.shininess, u4(solid.shininess), nearer)"
@@ -313,7 +321,7 @@ def _sight(needs: Needs, klass: Class) -> str:
     if klass is Class.PATCH:
         return _visible_patch(needs)
     if klass is Class.ELLIPSOID:
-        return _rows(needs, _FORM + _seen(needs, "ellipsoid_entry(form)", "ellipsoid_exit(form)"))
+        return _seen(needs, _FORM, "ellipsoid_entry(form)", "ellipsoid_exit(form)", _GRADIENT)
     return _visible_cut(needs, klass)
 
 
@@ -338,7 +346,12 @@ def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> s
     quads = dtype.itemsize // 16
     text = f"    let {name}_place = ({index}) * {quads}u + lane;\n"
     for first in range(0, quads, needs.together):
-        text += f"    let {name}_{first} = {array}[{name}_place + {first}u];\n"
+        load = f"{name}_{first} = {array}[{name}_place + {first}u];\n"
+        if quads - first > needs.together // 2:
+            text += f"    let {load}"
+        else:
+            text += f"    var {name}_{first}: vec4<u32>;\n"
+            text += f"    if lane < {quads - first}u {{\n      {load}    }}\n"
 
     def word(k: int) -> str:
         lane = k // 4 % needs.together
@@ -370,13 +383,50 @@ def _scalar(number_format: Format, type_: str) -> str:
     return names[numbers[type_]] if type_ in numbers else type_
 
 
+def _loop(counter: str, first: str, end: str, body: str) -> str:
+    """``body`` for every value of ``counter`` from ``first`` up to ``end``, which may be none."""
+    return (
+        f"    if {first} < {end} {{\n"
+        f"    var {counter} = {first};\n"
+        "    loop {\n"
+        f"{body}"
+        f"      {counter}++;\n"
+        f"      if {counter} >= {end} {{\n"
+        "        break;\n"
+        "      }\n"
+        "    }\n"
+        "    }\n"
+    )
+
+
 def _half_spaces(needs: Needs, first: int, body: str) -> str:
     """A loop over the solid's half-spaces, each tried on all rows."""
+    fetch = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start + k", "half_space")
+    return _loop("k", f"{first}u", "solid.plane_count", fetch + _rows(needs, body))
+
+
+def per_root(needs: Needs, roots: tuple[str, ...], template: str) -> str:
+    """``template`` for every row of the block and every root, with ROOT in it for its name."""
+    rows = [template.replace("ROW", str(row)) for row in range(needs.rows)]
+    return "".join(row.replace("ROOT", root) for row in rows for root in roots)
+
+
+def conveyor(needs: Needs, roots: tuple[str, ...]) -> str:
+    """Statements that halve ``roots`` of all rows, n times each, to the position of each."""
+    begin = "    var search_ROOT_ROW = begun(ROOT_ROW);\n"
+    halve = "      search_ROOT_ROW = halved(search_ROOT_ROW, halving);\n"
+    end = "    let ROOT_position_ROW = reached(search_ROOT_ROW, ROOT_ROW, solid.steps);\n"
     return (
-        f"    for (var k = {first}u; k < solid.plane_count; k++) {{\n"
-        f"{_fetch(needs, HALF_SPACE, 'half_spaces', 'solid.plane_start + k', 'half_space')}"
-        f"{_rows(needs, body)}"
+        f"{per_root(needs, roots, begin)}"
+        "    var halving = 0u;\n"
+        "    loop {\n"
+        f"{per_root(needs, roots, halve)}"
+        "      halving++;\n"
+        "      if halving >= solid.steps {\n"
+        "        break;\n"
+        "      }\n"
         "    }\n"
+        f"{per_root(needs, roots, end)}"
     )
 
 
@@ -386,22 +436,23 @@ _PLANE_NORMAL = (
 _GRADIENT = "gradient(solid.gradient, f4(x), f32(y + ROW), f4(position) * solid.last_step)"
 
 
-def _seen(needs: Needs, root: str, leaving: str, flat: str | None = None) -> str:
+def _seen(needs: Needs, body: str, root: str, leaving: str, slope: str, normals: str = "") -> str:
     """Statements that halve the seen root and keep the point.
 
-    ``flat`` is the normal of the plane that the ray meets, None where F alone can be met.
+    The expressions ``root`` and ``leaving`` may use what the statements ``body`` define for a row,
+    ``slope``, the normal of what is met there, what ``normals`` do.
     """
-    text = f"    let root = {root};\n    let position = halve(root, solid.steps);\n"
-    arguments = ["nearest_ROW", "solid", "root.hit", "root.surface", "position"]
+    roots = {"root": root} | ({"leaving": leaving} if needs.leaving else {})
+    text = "".join(_variables(needs, name, "Root") for name in roots)
+    found = "".join(f"    {name}_ROW = {value};\n" for name, value in roots.items())
+    text += _rows(needs, body + found) + conveyor(needs, tuple(roots))
+    arguments = ["nearest_ROW", "solid", "root_ROW.hit", "root_ROW.surface", "position"]
     if needs.leaving:
-        text += f"    let leaving = {leaving};\n"
-        arguments += ["leaving.hit", "halve(leaving, solid.steps)"]
-    if needs.oriented and flat is None:
-        arguments.append(_GRADIENT)
-    elif needs.oriented:
-        arguments.append(flat or "")
-    arguments += ["certificate_ROW"] * needs.certified
-    return text + f"    nearest_ROW = keep({', '.join(arguments)});\n"
+        arguments += ["leaving_ROW.hit", "leaving_position_ROW"]
+    arguments += [slope] * needs.oriented + ["certificate_ROW"] * needs.certified
+    kept = f"    nearest_ROW = keep({', '.join(arguments)});\n"
+    kept = "    let position = root_position_ROW;\n" + normals * needs.oriented + kept
+    return text + _rows(needs, kept, offsets=False)
 
 
 def _visible_patch(needs: Needs) -> str:
@@ -409,22 +460,13 @@ def _visible_patch(needs: Needs) -> str:
     own = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own")
     if needs.oriented:
         own += f"    let own_normal = {_PLANE_NORMAL.replace('half_space', 'own')};\n"
+    facing = "    patch_ROW = facing(line_at(own.c, own.b, at), solid.near_u, solid.far_u);\n"
     return (
         own
         + _variables(needs, "patch", "Patch")
-        + _rows(
-            needs,
-            "    patch_ROW = facing(line_at(own.c, own.b, at), solid.near_u, solid.far_u);\n",
-        )
-        + _half_spaces(
-            needs,
-            1,
-            f"      patch_ROW = bound(patch_ROW, {_LINE});\n",
-        )
-        + _rows(
-            needs,
-            _seen(needs, "patch_entry(patch_ROW)", "root", turned),
-        )
+        + _rows(needs, facing)
+        + _half_spaces(needs, 1, f"      patch_ROW = bound(patch_ROW, {_LINE});\n")
+        + _seen(needs, "", "patch_entry(patch_ROW)", "root_ROW", turned)
     )
 
 
@@ -458,22 +500,18 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
     if curved:
         entry = "quadric_entry(form, piece, outside)"
         leaving = "quadric_exit(form, piece, !outside)"
-    flat = "normal_in_ROW"
     if opened:
         at_near = f"{_NEAR_CUT} & (piece.id_in == i4(0))" + " & !outside" * curved
         row += f"    let inside = b4({_EYE_INSIDE}) | ({at_near});\n"
         entry = f"choose(inside, {entry}, {leaving})"
-        flat = _vector("select(normal_in_ROW.AXIS, normal_out_ROW.AXIS, inside)")
-    if needs.oriented and curved:
-        row += f"    let flat = {flat};\n"
-        flat = "slope"
-    seen = _seen(needs, entry, leaving, flat)
-    if needs.oriented and curved:
-        mixed = _vector("select(flat.AXIS, curved.AXIS, root.surface == i4(0))")
-        keep = seen.index("    nearest_ROW = keep(")
-        slope = f"    let curved = {_GRADIENT};\n    let slope = {mixed};\n"
-        seen = seen[:keep] + slope + seen[keep:]
-    return text + _rows(needs, row + seen)
+    if opened and needs.oriented:
+        shown = _vector("select(normal_in_ROW.AXIS, normal_out_ROW.AXIS, inside)")
+        row += f"    normal_in_ROW = {shown};\n"
+    if not curved:
+        return text + _seen(needs, row, entry, leaving, "normal_in_ROW")
+    mixed = _vector("select(normal_in_ROW.AXIS, curved.AXIS, root_ROW.surface == i4(0))")
+    normals = f"    let curved = {_GRADIENT};\n    let slope = {mixed};\n"
+    return text + _seen(needs, row, entry, leaving, "slope", normals)
 
 
 def _certify(needs: Needs, klass: Class) -> str:
@@ -603,6 +641,13 @@ def _article_slope(needs: Needs, klass: Class) -> str:
     )
 
 
+_WHOLE = """\
+// The same words, by a select that no compiler can prove idle.
+fn whole(words: vec4<u32>) -> vec4<u32> {
+  return select(words, vec4<u32>(0u), vec4<bool>(frame.plane_quads == 0u));
+}
+
+"""
 _PACKED_IMAGE = """\
 // Three bytes of each of four pixels, and a byte of each of their surfaces' numbers.
 fn packed_image(pixels: u4, surface: u4) -> vec4<u32> {
@@ -637,7 +682,7 @@ def _finish(needs: Needs) -> str:
         "normal": [f"bitcast<u4>(select(f4(0.0), normal.{axis}, some))" for axis in "xyz"],
     }
     stores = "".join(
-        f"  planes[place + {planes[name] + k}u * frame.plane_quads] = {value};\n"
+        f"  planes[place + {planes[name] + k}u * frame.plane_quads] = whole({value});\n"
         for name in OUTPUT_WORDS
         if name in needs.outputs
         for k, value in enumerate(values[name])
@@ -651,7 +696,7 @@ def _finish(needs: Needs) -> str:
             "  let normal = normalized(or_else(nearest.slope, to_eye));\n"
         )
     if needs.shaded:
-        gloss = "nearest.specular, nearest.shininess" if needs.highlights else "f4(0.0), u4(0u)"
+        gloss = "nearest.specular, nearest.shininess" if needs.shininess_bits else "f4(0.0), u4(0u)"
         point = "scaled(direction, nearest.depth)" if needs.point_lights else "direction"
         mixed = _vector("select(f4(frame.background.AXIS), lit.AXIS, some)")
         body += (
@@ -660,33 +705,48 @@ def _finish(needs: Needs) -> str:
             f"  let color = {mixed};\n"
         )
     return (
-        _PACKED_IMAGE * ("image" in needs.outputs) + "// Writes the outputs of four pixels.\n"
+        _PACKED_IMAGE * ("image" in needs.outputs)
+        + _WHOLE
+        + "// Writes the outputs of four pixels.\n"
         "fn finish(nearest: Nearest, i: i4, j: i32, place: u32) {\n"
         f"{body}{stores}"
         "}\n"
     )
 
 
+def _tile_word(needs: Needs, k: int) -> str:
+    """Word ``k`` of the tile's record."""
+    if needs.together == 1:
+        return f"tiles[record + {k}u]"
+    lane = k % needs.together
+    return f"subgroupBroadcast(words_{k - lane}, {lane}u)"
+
+
 def _kernel(needs: Needs) -> str:
     loops = "".join(
-        f"  let end_{slot} = tile_starts[list + {slot + 1}u];\n"
-        f"  for (var entry = {f'end_{slot - 1}' if slot else 'tile_starts[list]'};"
-        f" entry < end_{slot}; entry++) {{\n"
-        f"{_fetch(needs, SOLID, 'solids', 'tile_solids[entry]', 'solid')}"
-        "    let x = i - i4(solid.center_x);\n"
-        "    let y = j - solid.center_y;\n"
-        f"{_visit(needs, klass)}"
-        "  }\n"
+        f"  let first_{slot} = {_tile_word(needs, slot + 1)};\n"
+        f"  let end_{slot} = {_tile_word(needs, slot + 2)};\n"
+        + _loop(
+            "entry",
+            f"first_{slot}",
+            f"end_{slot}",
+            f"{_fetch(needs, SOLID, 'solids', 'tile_solids[entry]', 'solid')}"
+            "    let x = i - i4(solid.center_x);\n"
+            "    let y = j - solid.center_y;\n"
+            f"{_visit(needs, klass)}",
+        )
         for slot, klass in enumerate(needs.classes)
     )
     across = TILE // BLOCK_WIDTH
     parameters = (
-        "@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) local: u32"
+        "@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32"
     )
-    lane = ""
+    lane = f"  let record = group.x * {TILE_WORDS}u;\n"
     if needs.together > 1:
         parameters += ", @builtin(subgroup_invocation_id) invocation: u32"
-        lane = f"  let lane = invocation % {needs.together}u;\n"
+        lane += f"  let lane = invocation % {needs.together}u;\n"
+        for first in range(0, TILE_WORDS, needs.together):
+            lane += f"  let words_{first} = tiles[record + {first}u + lane];\n"
     clear = "    nearest_ROW = nothing();\n"
     finish = "    finish(nearest_ROW, i, j + ROW, place + ROWu * frame.row_quads);\n"
     return (
@@ -694,9 +754,9 @@ def _kernel(needs: Needs) -> str:
         f"@compute @workgroup_size({across * (TILE // needs.rows)})\n"
         f"fn render({parameters}) {{\n"
         f"{lane}"
-        f"  let list = (tile.y * frame.tiles_x + tile.x) * {len(needs.classes)}u;\n"
-        f"  let column = tile.x * TILE + local % {across}u * BLOCK_WIDTH;\n"
-        f"  let row = tile.y * TILE + local / {across}u * {needs.rows}u;\n"
+        f"  let tile = {_tile_word(needs, 0)};\n"
+        f"  let column = (tile & 0xFFFFu) * TILE + local % {across}u * BLOCK_WIDTH;\n"
+        f"  let row = (tile >> 16u) * TILE + local / {across}u * {needs.rows}u;\n"
         "  let place = row * frame.row_quads + column / BLOCK_WIDTH;\n"
         "  let i = i4(i32(column)) + i4(0, 1, 2, 3);\n"
         "  let j = frame.first_row + i32(row);\n"

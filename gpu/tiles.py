@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.layout import TILE
+from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Class, Packed
 from halfstep.reach import Blocks, Reach
 
@@ -47,6 +47,44 @@ def tile_lists(
     starts = np.zeros(count + 1, np.uint32)
     np.cumsum(np.bincount(group, minlength=count), out=starts[1:])
     return starts, pairs.row[by_group].astype(np.uint32)
+
+
+class TileGroup(NamedTuple):
+    """Tiles of a band that one shader renders."""
+
+    classes: tuple[Class, ...]  # that the shader knows
+    records: U32  # (T, TILE_WORDS), as ``layout`` describes them
+
+
+def tile_groups(
+    starts: U32, classes: tuple[Class, ...], tiles_x: int, *, apart: bool
+) -> list[TileGroup]:
+    """The tiles of ``starts``, as `tile_lists` gives them, in one group or by what they see.
+
+    Args:
+        starts: where the lists begin, by tile and class.
+        classes: the classes of the lists.
+        tiles_x: tiles in a row of tiles.
+        apart: put tiles that see nothing, and those that see one class, into groups of their own.
+            Worth it where a shader goes through the code of a class though no tile's list has it.
+    """
+    count = (len(starts) - 1) // len(classes)
+    records = np.zeros((count, TILE_WORDS), np.uint32)
+    y, x = np.divmod(np.arange(count, dtype=np.uint32), np.uint32(tiles_x))
+    records[:, 0] = x | (y << np.uint32(16))
+    records[:, 1 : len(classes) + 1] = starts[:-1].reshape(count, -1)
+    records[:, len(classes) + 1] = starts[len(classes) :: len(classes)]
+    if not apart:
+        return [TileGroup(classes, records)]
+    seen = records[:, 2 : len(classes) + 2] > records[:, 1 : len(classes) + 1]
+    kinds = seen.sum(axis=1)
+    groups = [TileGroup((), records[kinds == 0])]
+    for slot, klass in enumerate(classes):
+        alone = records[(kinds == 1) & seen[:, slot]]
+        alone[:, 1:3] = alone[:, slot + 1 : slot + 3]
+        groups.append(TileGroup((klass,), alone))
+    groups.append(TileGroup(classes, records[kinds > 1]))
+    return [group for group in groups if len(group.records)]
 
 
 class _Pairs(NamedTuple):

@@ -6,8 +6,8 @@ import json
 import os
 import stat
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +19,9 @@ from halfstep.cli import bench as command
 from halfstep.cli import main
 from halfstep.device import Adapter
 from halfstep.errors import UsageError
+from halfstep.pack import Class
 from halfstep.scene import with_overrides
+from tests.test_source import NEEDS
 
 SIZE = (256, 128)
 
@@ -85,12 +87,14 @@ def test_closed_forms_find_the_same_cells() -> None:
     assert np.abs(halved.depth - closed.depth)[hit].max() < 0.02
 
 
-def test_closed_forms_are_in_the_benchmark_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    needs: Any = None
-    monkeypatch.setattr(halfstep.source, "compose", lambda _: "fn halve(\n}\nfn other() {\n}\n")
-    text = closed_form.compose(needs)
-    assert "sqrt(" in text
-    assert text.endswith("fn other() {\n}\n")
+def test_closed_forms_are_in_the_benchmark_only() -> None:
+    needs = replace(NEEDS, classes=(Class.ELLIPSOID,), outputs=frozenset({"surface"}))
+    assert "sqrt(" not in halfstep.source.compose(needs)
+    with closed_form.closed_form():
+        closed = halfstep.source.compose(needs)
+    assert "sqrt(" in closed
+    assert "halved(" not in closed
+    assert "halved(" in halfstep.source.compose(needs)
 
 
 @pytest.mark.usefixtures("small")

@@ -291,7 +291,10 @@ def test_halvings_at_the_limits_overflow_nothing(steps: int, rng: np.random.Gene
     form = _largest(rng, 2000)
     never = np.zeros(2000, bool)
     root = Root(~never, np.zeros(2000, np.int32), np.abs(form.a), form.g, form.c, never)
-    positions = halve_fixed.halve(root, steps)
+    search = halve_fixed.begun(root)
+    for k in range(steps):
+        search = halve_fixed.halved(search, k)
+    positions = halve_fixed.reached(search, root, steps)
     for k in range(2000):
         expected, most = _halved(int(root.a[k]), int(root.g[k]), int(root.c[k]), steps)
         assert int(positions[k]) == expected

@@ -54,7 +54,7 @@ NEEDS = Needs(
     format=FLOAT32,
     lights=2,
     point_lights=True,
-    highlights=True,
+    shininess_bits=6,
     max_lines=8,
 )
 
@@ -97,7 +97,7 @@ def test_a_kernel_calls_what_its_solids_need(name: str, method: str) -> None:
 def test_code_of_a_method_is_there_for_it_alone(klass: Class, method: str) -> None:
     text = compose(replace(NEEDS, classes=(klass,), method=method))
     assert ("fn visible_point(" in text or "fn article_patch(" in text) == (method == "article")
-    assert ("fn halve(" in text) == ("struct Root" in text) == (method == "visible")
+    assert ("fn halved(" in text) == ("struct Root" in text) == (method == "visible")
 
 
 def test_a_shader_holds_code_of_its_own_solids_alone() -> None:
@@ -122,7 +122,7 @@ def test_code_of_an_output_is_there_for_it_alone(name: str) -> None:
     assert ("certify_quadric(" in text) == (name == "error")
     exits = name == "depth_exit"
     rows = calls(text).count("finish")
-    assert calls(text).count("halve") == rows * (2 if exits else 1)
+    assert calls(text).count("halved") == rows * (2 if exits else 1)
     assert ("quadric_exit" in calls(text)) == exits
 
 
@@ -184,8 +184,8 @@ def combinations() -> Iterator[Needs]:
     for method, sets in (("visible", visible), ("article", article)):
         for classes, form, wanted in product(sets, FORMATS, outputs):
             yield replace(NEEDS, classes=classes, method=method, format=form, outputs=wanted)
-    for lights, point_lights, highlights in product((0, 1, 3), (False, True), (False, True)):
-        yield replace(NEEDS, lights=lights, point_lights=point_lights, highlights=highlights)
+    for lights, point_lights, bits in product((0, 1, 3), (False, True), (0, 6)):
+        yield replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
 
 
 def test_every_combination_compiles(device: Any) -> None:

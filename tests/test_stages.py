@@ -39,6 +39,9 @@ ROWS = BLOCKS * BLOCK_ROWS
 BLOCK = np.repeat(np.arange(BLOCKS), BLOCK_ROWS)
 STEPS = 1 + BLOCK % 30
 
+# Colours and weights of light are never negative; zeros without a sign are what Mesa keeps.
+LIT = ("ambient", "specular")
+
 # Values that make products, sums and roots coincide exactly.
 DYADIC = np.array([0, -0.0, 1, -1, 0.5, -0.5, 0.25, -0.25, 2, -2, 0.75, 2**-20, -(2**-20)])
 # No magnitude below this: the product of three stays normal, as `setup.NEGLIGIBLE` sees to.
@@ -81,7 +84,7 @@ def _module(number_format: Format) -> Module:
     shared = """
 const MAX_LINES: u32 = 8u;
 const LIGHTS: u32 = 2u;
-const HIGHLIGHTS: bool = true;
+const SHININESS_BITS: u32 = 11u;
 const POINT_LIGHTS: bool = true;
 var<private> frame: Frame;
 var<private> lights: array<Light, LIGHTS>;
@@ -125,8 +128,10 @@ FAULTS = [
     ("forms_fixed.form_excess", "bend + bend + bend", "bend + bend"),
     ("forms_fixed.form_at", "shifted(quadratic(g, at)", "shifted(quadratic(a, at)"),
     ("forms_fixed.form_errors", "+ host_error", ""),
-    ("halve_fixed.halve", "value > i4(0)", "value >= i4(0)"),
-    ("halve_fixed.halve", "i4(1i << (k - 1u))", "i4(1i)"),
+    ("halve_fixed.begun", "root.c, root.g", "root.g, root.c"),
+    ("halve_fixed.halved", "old.value > i4(0)", "old.value >= i4(0)"),
+    ("halve_fixed.halved", "i4(1i << k)", "i4(1i)"),
+    ("halve_fixed.reached", "-search.position", "search.position"),
     ("polynomial.offset", "f4(x)", "f4(x + 1)"),
     ("polynomial.quadratic", "k[4]", "k[3]"),
     ("polynomial.linear", "k[2]", "k[1]"),
@@ -158,9 +163,13 @@ FAULTS = [
     ("root.polyhedron_exit", "-piece.c_out", "piece.c_out"),
     ("root.patch_entry", "plane.b, plane.c", "plane.c, plane.b"),
     ("root.choose", "outer.g, inner.g", "inner.g, outer.g"),
-    ("halve.halve", "slope < root.g", "slope <= root.g"),
-    ("halve.halve", "k < steps", "k + 1u < steps"),
-    ("halve_incremental.halve", "value > f4(0.0)", "value >= f4(0.0)"),
+    ("halve.begun", "root.c + root.c", "root.c"),
+    ("halve.halved", "slope < old.g", "slope <= old.g"),
+    ("halve.halved", "126u - k", "125u - k"),
+    ("halve.reached", "1u << steps", "2u << steps"),
+    ("halve_incremental.begun", "root.c, root.g", "root.g, root.c"),
+    ("halve_incremental.halved", "old.value > f4(0.0)", "old.value >= f4(0.0)"),
+    ("halve_incremental.reached", "-search.position", "search.position"),
     ("patch.facing", ">= product", "> product"),
     ("patch.bound", ">=", ">"),
     ("article.line_value", "line.b, u", "line.c, u"),
@@ -286,6 +295,10 @@ class Draw:
                 return STEPS
             case "cells":
                 return cells
+            case "k" if leaf.ndim == 1:
+                return STEPS - 1
+            case "v":
+                return (2 * rng.integers(0, cells, shape) + 1 - cells) / cells
             case "last_step":
                 return 0.5**STEPS
             case "shift":
@@ -318,6 +331,8 @@ class Draw:
                 return rng.integers(0, 33, shape)
             case "i" | "j":
                 return rng.integers(0, 2**17, shape)
+            case _ if self._function.name == "shade" and ("color" in place or name in LIT):
+                return np.abs(self._usual(name, leaf))
             case "exponent" | "shininess":
                 return rng.choice([1, 2, 3, 40, 1023, 1024, *range(1, 1025)], shape)
             case "x" | "y" if place.startswith("at.") or leaf.dtype.kind == "i":

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 import halfstep
 from halfstep import pack as packing
 from halfstep import run_gpu, tiles
-from halfstep.layout import TILE
+from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Class, Packed
 from halfstep.scene import bundled_scenes, load, with_overrides
-from halfstep.tiles import tile_lists
+from halfstep.tiles import tile_groups, tile_lists
 from tests.scenes_random import PLACES, random_scene
 from tests.test_pack import packed_frame
 
@@ -65,6 +65,33 @@ def test_lists_hold_what_touches_a_tile(count: int, rng: np.random.Generator) ->
         assert found == expected
         listed += len(members)
     assert listed > 0 or count == 0
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_every_tile_is_in_one_group_with_its_lists(apart: bool, rng: np.random.Generator) -> None:
+    classes = Class.ELLIPSOID, Class.QUADRIC, Class.PATCH
+    tiles_x, tiles_y = 7, 9
+    lengths = rng.integers(1, 4, (tiles_y * tiles_x, 3)) * rng.integers(
+        0, 2, (tiles_y * tiles_x, 3)
+    )
+    ends = np.cumsum(lengths)
+    starts = np.append(0, ends).astype(np.uint32)
+    groups = tile_groups(starts, classes, tiles_x, apart=apart)
+    found = {}
+    for group in groups:
+        assert group.records.shape[1] == TILE_WORDS
+        for place, *words in group.records.tolist():
+            tile = (place >> 16) * tiles_x + (place & 0xFFFF)
+            assert tile not in found
+            lists = zip(group.classes, pairwise(words[: len(group.classes) + 1]), strict=True)
+            found[tile] = {klass: pair for klass, pair in lists if pair[0] < pair[1]}
+            if apart and len(group.classes) < len(classes):
+                assert found[tile].keys() == set(group.classes)
+    rows = np.reshape([*pairwise(starts.tolist())], (-1, 3, 2)).tolist()
+    assert [found[tile] for tile in range(tiles_x * tiles_y)] == [
+        {klass: (a, b) for klass, (a, b) in zip(classes, row, strict=True) if a < b} for row in rows
+    ]
+    assert len(groups) == (5 if apart else 1)
 
 
 def everything(

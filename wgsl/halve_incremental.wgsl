@@ -3,20 +3,34 @@
 // F and F' stay relative to the current point, so their rounding shrinks with the step: the more
 // exact variant for n > 16.
 
+// A search under way: where it is, and F and F' there.
+struct Search {
+  position: i4,
+  value: f4,
+  slope: f4,
+  a: f4,
+}
+
+// The search for a root before its first halving: in the middle of the interval.
+fn begun(root: Root) -> Search {
+  return Search(i4(0), root.c, root.g, root.a);
+}
+
+// The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root.
+fn halved(old: Search, k: u32) -> Search {
+  let step = bitcast<f32>((126u - k) << 23u);
+  let before = (old.value > f4(0.0)) & (old.slope < f4(0.0));
+  let change = select(f4(-step), f4(step), before);
+  let square = (step * step) * old.a;
+  return Search(
+    (old.position + old.position) + select(i4(-1), i4(1), before),
+    (old.value + change * old.slope) + square,
+    old.slope + (change + change) * old.a,
+    old.a,
+  );
+}
+
 // Position of the root in last steps, an odd integer: u = position 2^-n, within 2^-n.
-fn halve(root: Root, steps: u32) -> i4 {
-  var position = i4(0);
-  var step = 1.0;
-  var value = root.c;
-  var slope = root.g;
-  for (var k = 0u; k < steps; k++) {
-    step = step * 0.5;
-    let before = (value > f4(0.0)) & (slope < f4(0.0));
-    let change = select(f4(-step), f4(step), before);
-    let square = (step * step) * root.a;
-    value = (value + change * slope) + square;
-    slope = slope + (change + change) * root.a;
-    position = (position + position) + select(i4(-1), i4(1), before);
-  }
-  return select(position, -position, root.flipped);
+fn reached(search: Search, root: Root, steps: u32) -> i4 {
+  return select(search.position, -search.position, root.flipped);
 }

@@ -16,7 +16,6 @@ struct Frame {
   ambient: vec4<f32>,  // linear RGB
   background: vec4<f32>,  // linear RGB
   first_row: i32,  // first picture row of the band
-  tiles_x: u32,  // tiles in a row of tiles
   row_quads: u32,  // groups of four pixels in a row of the band
   plane_quads: u32,  // the same in the whole band
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import AbstractContextManager
 from unittest import mock
 
@@ -10,28 +9,25 @@ from halfstep import source
 
 # The first crossing from + to - of a v² + g v + c, in the cell of the halvings that holds it.
 _ROOT = """\
-fn halve(root: Root, steps: u32) -> i4 {
-  let discriminant = root.g * root.g - 4.0 * (root.a * root.c);
-  let v = (root.c + root.c) / (sqrt(max(discriminant, f4(0.0))) - root.g);
-  let cells = i32(1u << steps);
-  let cell = i4(floor(v * f32(cells >> 1u))) * 2 + 1;
-  let position = clamp(cell, i4(1 - cells), i4(cells - 1));
-  return select(position, -position, root.flipped);
-}
+    let discriminant_ROOT_ROW = ROOT_ROW.g * ROOT_ROW.g - 4.0 * (ROOT_ROW.a * ROOT_ROW.c);
+    let distance_ROOT_ROW = sqrt(max(discriminant_ROOT_ROW, f4(0.0))) - ROOT_ROW.g;
+    let v_ROOT_ROW = (ROOT_ROW.c + ROOT_ROW.c) / distance_ROOT_ROW;
+    let cell_ROOT_ROW = i4(floor(v_ROOT_ROW * f32(1u << (solid.steps - 1u)))) * 2 + 1;
+    let last_ROOT_ROW = i32(1u << solid.steps) - 1;
+    let inside_ROOT_ROW = clamp(cell_ROOT_ROW, i4(-last_ROOT_ROW), i4(last_ROOT_ROW));
+    let ROOT_position_ROW = select(inside_ROOT_ROW, -inside_ROOT_ROW, ROOT_ROW.flipped);
 """
-_HALVE = re.compile(r"^fn halve\([\s\S]*?^\}\n", re.MULTILINE)
 
 
 def closed_form() -> AbstractContextManager[object]:
     """Let shaders that are compiled meanwhile find roots by division and square root.
 
-    The positions are those of the halvings, so the accuracy is the same, and all else is too.
+    The positions are those of the halvings, so the accuracy is the same, and all else is too. For
+    at most 16 halvings in float32.
     """
-    return mock.patch("halfstep.run_gpu.compose", compose)
+    return mock.patch("halfstep.source.conveyor", conveyor)
 
 
-def compose(needs: source.Needs) -> str:
-    """As `source.compose`; for at most 16 halvings in float32."""
-    text, count = _HALVE.subn(_ROOT, source.compose(needs))
-    assert count == 1
-    return text
+def conveyor(needs: source.Needs, roots: tuple[str, ...]) -> str:
+    """As `source.conveyor`, without its loop."""
+    return source.per_root(needs, roots, _ROOT)

@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from halfstep.twin.lanes import I32
+from halfstep.twin.lanes import F32, I32
 from halfstep.twin.root import Root
 
 
-def halve(root: Root, steps: int) -> I32:
-    """Position of the root in last steps, an odd integer: u = position 2^-n, within 2^-n."""
+class Search(NamedTuple):
+    """A search under way; doubled, F costs one product less, and F' is negative below g."""
+
+    v: F32
+    double_a: F32
+    double_g: F32
+    double_c: F32
+    g: F32
+
+
+def begun(root: Root) -> Search:
+    """The search for a root before its first halving: in the middle of the interval."""
     v = np.zeros(root.c.shape, np.float32)
-    step = np.float32(1)
-    double_a = root.a + root.a
-    double_g = root.g + root.g
-    double_c = root.c + root.c
-    for _ in range(steps):
-        step = step * np.float32(0.5)
-        # F' and G: F' is negative where this is less than G.
-        slope = double_a * v + double_g
-        double_f = slope * v + double_c
-        v = v + np.where((double_f > 0) & (slope < root.g), step, -step)
-    position = (v * np.float32(1 << steps)).astype(np.int32)
+    return Search(v, root.a + root.a, root.g + root.g, root.c + root.c, root.g)
+
+
+def halved(old: Search, k: int) -> Search:
+    """The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root."""
+    step = np.float32(2.0 ** -(k + 1))
+    # F' and G: F' is negative where this is less than G.
+    slope = old.double_a * old.v + old.double_g
+    double_f = slope * old.v + old.double_c
+    return old._replace(v=old.v + np.where((double_f > 0) & (slope < old.g), step, -step))
+
+
+def reached(search: Search, root: Root, steps: int) -> I32:
+    """Position of the root in last steps, an odd integer: u = position 2^-n, within 2^-n."""
+    position = (search.v * np.float32(1 << steps)).astype(np.int32)
     return np.where(root.flipped, -position, position)

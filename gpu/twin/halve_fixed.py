@@ -8,6 +8,8 @@ exceeds 2^31.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from halfstep.twin.lanes import I32
@@ -16,16 +18,34 @@ from halfstep.twin.root import Root
 LIMIT = np.int32(1 << 29)
 
 
-def halve(root: Root, steps: int) -> I32:
+class Search(NamedTuple):
+    """A search under way: where it is, and 2^k F and F' there."""
+
+    position: I32
+    value: I32
+    slope: I32
+    a: I32
+
+
+def begun(root: Root) -> Search:
+    """The search for a root before its first halving: in the middle of the interval."""
+    return Search(np.zeros(root.c.shape, np.int32), root.c, root.g, root.a)
+
+
+def halved(old: Search, k: int) -> Search:
+    """The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root."""
+    bend = (old.a + np.int32(1 << k)) >> np.int32(k + 1)
+    before = (old.value > 0) & (old.slope < 0)
+    doubled = old.value + old.value
+    value = np.where(before, doubled + old.slope, doubled - old.slope) + bend
+    return Search(
+        (old.position + old.position) + np.where(before, np.int32(1), np.int32(-1)),
+        np.clip(value, -LIMIT, LIMIT),
+        np.where(before, old.slope + (bend + bend), old.slope - (bend + bend)),
+        old.a,
+    )
+
+
+def reached(search: Search, root: Root, steps: int) -> I32:  # noqa: ARG001 - as in halve.py
     """Position of the root in last steps, an odd integer: u = position 2^-n, within 2^-n."""
-    position = np.zeros(root.c.shape, np.int32)
-    value: I32 = root.c
-    slope: I32 = root.g
-    for k in range(1, steps + 1):
-        bend = (root.a + np.int32(1 << (k - 1))) >> np.int32(k)
-        before = (value > 0) & (slope < 0)
-        doubled = value + value
-        value = np.clip(np.where(before, doubled + slope, doubled - slope) + bend, -LIMIT, LIMIT)
-        slope = np.where(before, slope + (bend + bend), slope - (bend + bend))
-        position = (position + position) + np.where(before, np.int32(1), np.int32(-1))
-    return np.where(root.flipped, -position, position)
+    return np.where(root.flipped, -search.position, search.position)

@@ -6,24 +6,42 @@ exact variant for n > 16.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from halfstep.twin.lanes import F32, I32
 from halfstep.twin.root import Root
 
 
-def halve(root: Root, steps: int) -> I32:
+class Search(NamedTuple):
+    """A search under way: where it is, and F and F' there."""
+
+    position: I32
+    value: F32
+    slope: F32
+    a: F32
+
+
+def begun(root: Root) -> Search:
+    """The search for a root before its first halving: in the middle of the interval."""
+    return Search(np.zeros(root.c.shape, np.int32), root.c, root.g, root.a)
+
+
+def halved(old: Search, k: int) -> Search:
+    """The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root."""
+    step = np.float32(2.0 ** -(k + 1))
+    before = (old.value > 0) & (old.slope < 0)
+    change: F32 = np.where(before, step, -step)
+    square = (step * step) * old.a
+    return Search(
+        (old.position + old.position) + np.where(before, np.int32(1), np.int32(-1)),
+        (old.value + change * old.slope) + square,
+        old.slope + (change + change) * old.a,
+        old.a,
+    )
+
+
+def reached(search: Search, root: Root, steps: int) -> I32:  # noqa: ARG001 - as in halve.py
     """Position of the root in last steps, an odd integer: u = position 2^-n, within 2^-n."""
-    position = np.zeros(root.c.shape, np.int32)
-    step = np.float32(1)
-    value: F32 = root.c
-    slope: F32 = root.g
-    for _ in range(steps):
-        step = step * np.float32(0.5)
-        before = (value > 0) & (slope < 0)
-        change: F32 = np.where(before, step, -step)
-        square = (step * step) * root.a
-        value = (value + change * slope) + square
-        slope = slope + (change + change) * root.a
-        position = (position + position) + np.where(before, np.int32(1), np.int32(-1))
-    return np.where(root.flipped, -position, position)
+    return np.where(root.flipped, -search.position, search.position)

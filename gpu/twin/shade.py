@@ -63,6 +63,7 @@ def shade(
     diffuse = [zero + ambient[0], zero + ambient[1], zero + ambient[2]]
     glossy = [zero, zero, zero]
     point_lights = any((light.vector[3] > 0).any() for light in lights)
+    highlights = (finish.specular > 0).any()
     for light in lights:
         to_light = Vector(*(zero + light.vector[axis] for axis in range(3)))
         if point_lights:
@@ -70,16 +71,18 @@ def shade(
             from_point = Vector(*(at - light.vector[3] * p for at, p in components))
             to_light = normalized(or_else(from_point, toward))
         lambert = np.maximum(dot_product(toward, to_light), np.float32(0))
-        between = Vector(*(a - b for a, b in zip(to_light, forward, strict=True)))
-        halfway = normalized(or_else(between, toward))
-        shine = power(
-            np.minimum(np.maximum(dot_product(toward, halfway), np.float32(0)), np.float32(1)),
-            finish.shininess,
-        )
-        gloss = np.where(lambert > 0, finish.specular * shine, np.float32(0))
         for channel in range(3):
             diffuse[channel] = diffuse[channel] + light.color[channel] * lambert
-            glossy[channel] = glossy[channel] + light.color[channel] * gloss
+        if highlights:
+            between = Vector(*(a - b for a, b in zip(to_light, forward, strict=True)))
+            halfway = normalized(or_else(between, toward))
+            shine = power(
+                np.minimum(np.maximum(dot_product(toward, halfway), np.float32(0)), np.float32(1)),
+                finish.shininess,
+            )
+            gloss = np.where(lambert > 0, finish.specular * shine, np.float32(0))
+            for channel in range(3):
+                glossy[channel] = glossy[channel] + light.color[channel] * gloss
     return Vector(
         finish.color.x * diffuse[0] + glossy[0],
         finish.color.y * diffuse[1] + glossy[1],
