@@ -35,6 +35,9 @@ from halfstep.pack import SRGB_ENTRIES, Class
 OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "image": 1, "color": 3, "normal": 3, "error": 5}
 MOST_TAGS = 255
 
+# Halvings in a pass of the loop: lavapipe spends a quarter of a single one on the loop itself.
+PASS = 4
+
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
 
@@ -383,14 +386,14 @@ def _scalar(number_format: Format, type_: str) -> str:
     return names[numbers[type_]] if type_ in numbers else type_
 
 
-def _loop(counter: str, first: str, end: str, body: str) -> str:
-    """``body`` for every value of ``counter`` from ``first`` up to ``end``, which may be none."""
+def _loop(counter: str, first: str, end: str, body: str, stride: int = 1) -> str:
+    """``body`` for every ``stride``-th value of ``counter`` from ``first`` to below ``end``."""
     return (
         f"    if {first} < {end} {{\n"
         f"    var {counter} = {first};\n"
         "    loop {\n"
         f"{body}"
-        f"      {counter}++;\n"
+        f"      {counter} += {stride}u;\n"
         f"      if {counter} >= {end} {{\n"
         "        break;\n"
         "      }\n"
@@ -412,21 +415,25 @@ def per_root(needs: Needs, roots: tuple[str, ...], template: str) -> str:
 
 
 def conveyor(needs: Needs, roots: tuple[str, ...]) -> str:
-    """Statements that halve ``roots`` of all rows, n times each, to the position of each."""
+    """Statements that halve ``roots`` of all rows, n times each, to the position of each.
+
+    Four halvings to a pass, after those that are left over.
+    """
     begin = "    var search_ROOT_ROW = begun(ROOT_ROW);\n"
-    halve = "      search_ROOT_ROW = halved(search_ROOT_ROW, halving);\n"
     end = "    let ROOT_position_ROW = reached(search_ROOT_ROW, ROOT_ROW, solid.steps);\n"
+
+    def halvings(count: int) -> str:
+        return "".join(
+            per_root(needs, roots, f"      search_ROOT_ROW = halved(search_ROOT_ROW, k + {k}u);\n")
+            for k in range(count)
+        )
+
     return (
-        f"{per_root(needs, roots, begin)}"
-        "    var halving = 0u;\n"
-        "    loop {\n"
-        f"{per_root(needs, roots, halve)}"
-        "      halving++;\n"
-        "      if halving >= solid.steps {\n"
-        "        break;\n"
-        "      }\n"
-        "    }\n"
-        f"{per_root(needs, roots, end)}"
+        per_root(needs, roots, begin)
+        + f"    let rest = solid.steps % {PASS}u;\n"
+        + _loop("k", "0u", "rest", halvings(1))
+        + _loop("k", "rest", "solid.steps", halvings(PASS), PASS)
+        + per_root(needs, roots, end)
     )
 
 

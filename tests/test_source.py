@@ -122,7 +122,7 @@ def test_code_of_an_output_is_there_for_it_alone(name: str) -> None:
     assert ("certify_quadric(" in text) == (name == "error")
     exits = name == "depth_exit"
     rows = calls(text).count("finish")
-    assert calls(text).count("halved") == rows * (2 if exits else 1)
+    assert calls(text).count("begun") == rows * (2 if exits else 1)
     assert ("quadric_exit" in calls(text)) == exits
 
 

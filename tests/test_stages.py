@@ -164,7 +164,7 @@ FAULTS = [
     ("root.patch_entry", "plane.b, plane.c", "plane.c, plane.b"),
     ("root.choose", "outer.g, inner.g", "inner.g, outer.g"),
     ("halve.begun", "root.c + root.c", "root.c"),
-    ("halve.halved", "slope < old.g", "slope <= old.g"),
+    ("halve.halved", "bend < old", "bend <= old"),
     ("halve.halved", "126u - k", "125u - k"),
     ("halve.reached", "1u << steps", "2u << steps"),
     ("halve_incremental.begun", "root.c, root.g", "root.g, root.c"),

@@ -11,28 +11,27 @@ from halfstep.twin.root import Root
 
 
 class Search(NamedTuple):
-    """A search under way; doubled, F costs one product less, and F' is negative below g."""
+    """A search under way, for F' < 0 and 2 F > 0: both compare a product with what is constant."""
 
     v: F32
     double_a: F32
     double_g: F32
-    double_c: F32
-    g: F32
+    minus_g: F32
+    minus_double_c: F32
 
 
 def begun(root: Root) -> Search:
     """The search for a root before its first halving: in the middle of the interval."""
     v = np.zeros(root.c.shape, np.float32)
-    return Search(v, root.a + root.a, root.g + root.g, root.c + root.c, root.g)
+    return Search(v, root.a + root.a, root.g + root.g, -root.g, -(root.c + root.c))
 
 
 def halved(old: Search, k: int) -> Search:
     """The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root."""
     step = np.float32(2.0 ** -(k + 1))
-    # F' and G: F' is negative where this is less than G.
-    slope = old.double_a * old.v + old.double_g
-    double_f = slope * old.v + old.double_c
-    return old._replace(v=old.v + np.where((double_f > 0) & (slope < old.g), step, -step))
+    bend = old.double_a * old.v
+    above = (bend + old.double_g) * old.v > old.minus_double_c
+    return old._replace(v=old.v + np.where(above & (bend < old.minus_g), step, -step))
 
 
 def reached(search: Search, root: Root, steps: int) -> I32:
