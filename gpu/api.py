@@ -189,7 +189,8 @@ class Renderer:
         """The frame seen by ``camera``, by default the scene's.
 
         A ``scene`` in place of the renderer's gets its options too, but for the camera. Where it
-        has solids of the same kinds, as one of the same animation, no shader is compiled anew.
+        has solids of the same kinds, as one of the same animation, no shader is compiled anew, but
+        for the second frame, from where on there is one for each set of kinds that meets often.
 
         Raises:
             SceneError: the camera, or an option for this scene, is not valid.

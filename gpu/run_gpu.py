@@ -14,10 +14,10 @@ from halfstep.device import INT64, Adapter, device_errors, open_device, wgpu_err
 from halfstep.errors import AdapterError
 from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.layout import TILE, TILE_WORDS
-from halfstep.pack import Class, Packed, frame_record, joined_key, srgb_quads
+from halfstep.pack import Packed, frame_record, joined_key, srgb_quads
 from halfstep.scene import Scene
 from halfstep.source import MOST_TAGS, Needs, binding_numbers, compose, plane_offsets
-from halfstep.tiles import TileGroup, tile_groups, tile_lists
+from halfstep.tiles import Classes, TileGroup, frequent_sets, tile_groups, tile_lists
 
 Planes = dict[str, NDArray[Any]]
 
@@ -76,6 +76,7 @@ class Device:
             limits["max-storage-buffer-binding-size"], limits["max-buffer-size"]
         )
         self._pipelines: dict[Needs, tuple[Any, Any]] = {}
+        self._known: dict[Needs, list[Classes]] = {}
         self._buffers: dict[str, Any] = {}
         self._timed = "timestamp-query" in self._device.features
         if self._timed:
@@ -131,7 +132,7 @@ class Device:
         if len(packed.order) > 1 and self._is_too_large(packed, members):
             return self._render_in_halves(scene, packed, first_row, rows, outputs)
         tiles_x = -(-packed.setup.view.width // TILE)
-        groups = tile_groups(starts, needs.classes, tiles_x, apart=self._played)
+        groups = tile_groups(starts, needs.classes, tiles_x, self._sets(needs, starts))
         records, parts = _parts(groups)
         contents = {
             0: frame,
@@ -182,6 +183,22 @@ class Device:
         if "key" not in outputs:
             del joined["key"]
         return joined, sum(times) if times else None
+
+    def _sets(self, needs: Needs, starts: NDArray[np.uint32]) -> list[Classes]:
+        """The classes of each shader of a frame.
+
+        One shader does for a single frame, as compiling takes longer than rendering. The second
+        one decides which sets of classes get a shader of their own, where no code is jumped over.
+        """
+        whole = [needs.classes]
+        if not self._played:
+            return whole
+        if needs not in self._known:
+            self._known[needs] = []
+            return whole
+        if not self._known[needs]:
+            self._known[needs] = frequent_sets(starts, needs.classes)
+        return self._known[needs]
 
     def _pipeline(self, needs: Needs) -> tuple[Any, Any]:
         if needs not in self._pipelines:
@@ -274,7 +291,7 @@ class Device:
 class _Part(NamedTuple):
     """Tiles that are rendered by one dispatch."""
 
-    classes: tuple[Class, ...]
+    classes: Classes
     first: int  # record
     count: int
 

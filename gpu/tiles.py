@@ -7,6 +7,7 @@ neither on the order of the lists nor on solids in them that it does not meet.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Class, Packed
 from halfstep.reach import Blocks, Reach
 
+Classes = tuple[Class, ...]
 Ints = NDArray[np.int64]
 U32 = NDArray[np.uint32]
 
@@ -24,13 +26,13 @@ U32 = NDArray[np.uint32]
 # have so many.
 LEAST_PIXELS = 2**14
 LEAST_PIXELS_IN_ALL = 2**20
+# At most so many sets of classes have a shader of their own, each seen by one of so many tiles.
+MOST_SETS, LEAST_SHARE = 6, 16
 # The largest blocks tested: at most about so many across a solid's rectangle.
 FIRST_BLOCKS = 4
 
 
-def tile_lists(
-    packed: Packed, classes: tuple[Class, ...], first_row: int, rows: int
-) -> tuple[U32, U32]:
+def tile_lists(packed: Packed, classes: Classes, first_row: int, rows: int) -> tuple[U32, U32]:
     """The solids that each tile of a band can see, by class.
 
     Returns ``(starts, solids)``: solids ``starts[t*C + k]`` … ``starts[t*C + k + 1]`` belong to
@@ -52,39 +54,61 @@ def tile_lists(
 class TileGroup(NamedTuple):
     """Tiles of a band that one shader renders."""
 
-    classes: tuple[Class, ...]  # that the shader knows
+    classes: Classes  # that the shader knows
     records: U32  # (T, TILE_WORDS), as ``layout`` describes them
 
 
 def tile_groups(
-    starts: U32, classes: tuple[Class, ...], tiles_x: int, *, apart: bool
+    starts: U32, classes: Classes, tiles_x: int, sets: Sequence[Classes]
 ) -> list[TileGroup]:
-    """The tiles of ``starts``, as `tile_lists` gives them, in one group or by what they see.
+    """The tiles of ``starts``, as `tile_lists` gives them, by the shaders that render them.
 
     Args:
         starts: where the lists begin, by tile and class.
         classes: the classes of the lists.
         tiles_x: tiles in a row of tiles.
-        apart: put tiles that see nothing, and those that see one class, into groups of their own.
-            Worth it where a shader goes through the code of a class though no tile's list has it.
+        sets: the classes that each shader knows, all of them last; a tile goes to the one with the
+            fewest that knows all it sees.
     """
-    count = (len(starts) - 1) // len(classes)
-    records = np.zeros((count, TILE_WORDS), np.uint32)
-    y, x = np.divmod(np.arange(count, dtype=np.uint32), np.uint32(tiles_x))
-    records[:, 0] = x | (y << np.uint32(16))
-    records[:, 1 : len(classes) + 1] = starts[:-1].reshape(count, -1)
-    records[:, len(classes) + 1] = starts[len(classes) :: len(classes)]
-    if not apart:
-        return [TileGroup(classes, records)]
-    seen = records[:, 2 : len(classes) + 2] > records[:, 1 : len(classes) + 1]
-    kinds = seen.sum(axis=1)
-    groups = [TileGroup((), records[kinds == 0])]
-    for slot, klass in enumerate(classes):
-        alone = records[(kinds == 1) & seen[:, slot]]
-        alone[:, 1:3] = alone[:, slot + 1 : slot + 3]
-        groups.append(TileGroup((klass,), alone))
-    groups.append(TileGroup(classes, records[kinds > 1]))
+    seen = _seen(starts, classes)
+    bits = 1 << np.arange(len(classes))
+    masks = seen @ bits
+    choice = np.full(len(masks), len(sets) - 1)
+    for ix in sorted(range(len(sets)), key=lambda ix: -len(sets[ix])):
+        known = bits[[classes.index(klass) for klass in sets[ix]]].sum()
+        choice[(masks & ~known) == 0] = ix
+
+    y, x = np.divmod(np.arange(len(masks), dtype=np.uint32), np.uint32(tiles_x))
+    places = x | (y << np.uint32(16))
+    begin, end = starts[:-1].reshape(-1, len(classes)), starts[len(classes) :: len(classes)]
+    groups = []
+    for ix, known in enumerate(sets):
+        tiles = np.flatnonzero(choice == ix)
+        records = np.zeros((len(tiles), TILE_WORDS), np.uint32)
+        records[:, 0] = places[tiles]
+        # Lists that are left out are empty, so each list ends where the next one begins.
+        for word, klass in enumerate(known, start=1):
+            records[:, word] = begin[tiles, classes.index(klass)]
+        records[:, len(known) + 1] = end[tiles]
+        groups.append(TileGroup(known, records))
     return [group for group in groups if len(group.records)]
+
+
+def frequent_sets(starts: U32, classes: Classes) -> list[Classes]:
+    """The sets of classes that many tiles see exactly, most frequent first, and the whole last."""
+    sets, counts = np.unique(_seen(starts, classes), axis=0, return_counts=True)
+    often = np.argsort(-counts, kind="stable")[:MOST_SETS]
+    found = [
+        tuple(klass for klass, present in zip(classes, sets[ix], strict=True) if present)
+        for ix in often
+        if counts[ix] * LEAST_SHARE >= counts.sum()
+    ]
+    return [*(known for known in found if known != classes), classes]
+
+
+def _seen(starts: U32, classes: Classes) -> NDArray[np.bool_]:
+    """Whether each tile sees each class, (T, C)."""
+    return np.diff(starts).reshape(-1, len(classes)) > 0
 
 
 class _Pairs(NamedTuple):

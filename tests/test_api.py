@@ -319,8 +319,9 @@ def test_solids_that_move_compile_nothing(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(run_gpu, "compose", counted)
     with Renderer(SCENE, backend="gpu") as renderer:
-        renderer.render()
-        assert compiled
+        for _ in range(2):
+            renderer.render()
+            assert compiled
         compiled.clear()
         for z in (0.0, 0.5, 1.5):
             renderer.render(moved(SCENE, (-1, 0, z), (1.2, z, 0)))

@@ -16,7 +16,7 @@ from halfstep import run_gpu, tiles
 from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Class, Packed
 from halfstep.scene import bundled_scenes, load, with_overrides
-from halfstep.tiles import tile_groups, tile_lists
+from halfstep.tiles import frequent_sets, tile_groups, tile_lists
 from tests.scenes_random import PLACES, random_scene
 from tests.test_pack import packed_frame
 
@@ -67,31 +67,38 @@ def test_lists_hold_what_touches_a_tile(count: int, rng: np.random.Generator) ->
     assert listed > 0 or count == 0
 
 
-@pytest.mark.parametrize("apart", [False, True])
-def test_every_tile_is_in_one_group_with_its_lists(apart: bool, rng: np.random.Generator) -> None:
+def test_every_tile_is_in_the_least_group_that_knows_it(rng: np.random.Generator) -> None:
     classes = Class.ELLIPSOID, Class.QUADRIC, Class.PATCH
-    tiles_x, tiles_y = 7, 9
-    lengths = rng.integers(1, 4, (tiles_y * tiles_x, 3)) * rng.integers(
-        0, 2, (tiles_y * tiles_x, 3)
-    )
-    ends = np.cumsum(lengths)
-    starts = np.append(0, ends).astype(np.uint32)
-    groups = tile_groups(starts, classes, tiles_x, apart=apart)
-    found = {}
-    for group in groups:
-        assert group.records.shape[1] == TILE_WORDS
-        for place, *words in group.records.tolist():
-            tile = (place >> 16) * tiles_x + (place & 0xFFFF)
-            assert tile not in found
-            lists = zip(group.classes, pairwise(words[: len(group.classes) + 1]), strict=True)
-            found[tile] = {klass: pair for klass, pair in lists if pair[0] < pair[1]}
-            if apart and len(group.classes) < len(classes):
-                assert found[tile].keys() == set(group.classes)
-    rows = np.reshape([*pairwise(starts.tolist())], (-1, 3, 2)).tolist()
-    assert [found[tile] for tile in range(tiles_x * tiles_y)] == [
-        {klass: (a, b) for klass, (a, b) in zip(classes, row, strict=True) if a < b} for row in rows
+    tiles_x, count = 7, 63
+    lengths = rng.integers(1, 4, (count, 3)) * rng.integers(0, 2, (count, 3))
+    starts = np.append(0, np.cumsum(lengths)).astype(np.uint32)
+    lists = np.reshape([*pairwise(starts.tolist())], (count, 3, 2)).tolist()
+    expected = [
+        {klass: tuple(pair) for klass, pair in zip(classes, row, strict=True) if pair[0] < pair[1]}
+        for row in lists
     ]
-    assert len(groups) == (5 if apart else 1)
+    for sets in ([classes], [(), (Class.PATCH,), (Class.ELLIPSOID, Class.PATCH), classes]):
+        found: dict[int, dict[Class, tuple[int, int]]] = {}
+        for group in tile_groups(starts, classes, tiles_x, sets):
+            assert group.records.shape[1] == TILE_WORDS
+            for place, *words in group.records.tolist():
+                tile = (place >> 16) * tiles_x + (place & 0xFFFF)
+                assert tile not in found
+                pairs = zip(group.classes, pairwise(words[: len(group.classes) + 1]), strict=True)
+                found[tile] = {klass: pair for klass, pair in pairs if pair[0] < pair[1]}
+                knowing = [known for known in sets if found[tile].keys() <= set(known)]
+                assert group.classes == min(knowing, key=len)
+        assert [found[tile] for tile in range(count)] == expected
+
+
+def test_sets_of_classes_that_many_tiles_see_are_frequent() -> None:
+    classes = Class.ELLIPSOID, Class.QUADRIC, Class.PATCH
+    seen = (
+        [(0, 0, 1)] * 60 + [(0, 0, 0)] * 20 + [(1, 1, 1)] * 10 + [(1, 0, 1)] * 8 + [(0, 1, 0)] * 2
+    )
+    starts = np.append(0, np.cumsum(seen)).astype(np.uint32)
+    patch, both = (Class.PATCH,), (Class.ELLIPSOID, Class.PATCH)
+    assert frequent_sets(starts, classes) == [patch, (), both, classes]
 
 
 def everything(
