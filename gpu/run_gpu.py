@@ -350,6 +350,7 @@ def needs_of(packed: Packed, method: str, outputs: frozenset[str], *, together: 
         point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
         shininess_bits=packed.shininess_bits,
         together=together,
+        short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
         max_lines=(lines // LINES_GRANULE + 1) * LINES_GRANULE,
     )
 

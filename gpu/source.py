@@ -53,6 +53,7 @@ class Needs:
     lights: int
     point_lights: bool
     shininess_bits: int  # of the largest exponent of a highlight, 0 where nothing shines
+    short_keys: bool  # depth keys fit a word
     max_lines: int  # most half-spaces of a solid; the article method keeps them all at hand
     # So many invocations of a subgroup fetch records together: each loads one vec4 of so many and
     # gives it to all.  A device that a processor plays does a load for one invocation after
@@ -214,7 +215,9 @@ def _members(needs: Needs) -> list[tuple[str, str, str]]:
         return f"Key({', '.join(words)})"
 
     members = [
-        ("key: Key", far, nearer_key("key")),
+        ("key: u4", "u4(0xFFFFFFFFu)", "select(old.key, key, nearer)")
+        if needs.short_keys
+        else ("key: Key", far, nearer_key("key")),
         ("surface: u4", "u4(0u)", "select(old.surface, surface, nearer)"),
     ]
     zero = "Vector(f4(0.0), f4(0.0), f4(0.0))"
@@ -265,6 +268,12 @@ def _keep(needs: Needs) -> str:
     """The function that replaces the nearest point where a nearer one was found."""
     parameters = ["old: Nearest", "solid: Solid", "hit: b4", "number: i4", "position: i4"]
     interval = "solid.steps, solid.key_high, solid.key_low, solid.key_shift"
+    key, before = f"depth_key(position, {interval})", "before"
+    if needs.short_keys:
+        key, before = (
+            "short_key(position, solid.steps, solid.key_low, solid.key_shift)",
+            "short_before",
+        )
     extra = ""
     if needs.leaving:
         parameters += ["left: b4", "exit_position: i4"]
@@ -287,9 +296,9 @@ def _keep(needs: Needs) -> str:
     return (
         "// Keeps a point if it is nearer than the nearest so far.\n"
         f"fn keep({', '.join(parameters)}) -> Nearest {{\n"
-        f"  let key = depth_key(position, {interval});\n"
+        f"  let key = {key};\n"
         "  let surface = u4(solid.surface) + u4(number);\n"
-        "  let nearer = hit & before(key, surface, old.key, old.surface);\n"
+        f"  let nearer = hit & {before}(key, surface, old.key, old.surface);\n"
         f"{extra}  return Nearest(\n    {values},\n  );\n"
         "}\n"
     )

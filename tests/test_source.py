@@ -55,6 +55,7 @@ NEEDS = Needs(
     lights=2,
     point_lights=True,
     shininess_bits=6,
+    short_keys=False,
     max_lines=8,
 )
 
@@ -184,6 +185,9 @@ def combinations() -> Iterator[Needs]:
     for method, sets in (("visible", visible), ("article", article)):
         for classes, form, wanted in product(sets, FORMATS, outputs):
             yield replace(NEEDS, classes=classes, method=method, format=form, outputs=wanted)
+    wanted = frozenset({"surface", "image"})
+    for classes, form in product(visible, FORMATS):
+        yield replace(NEEDS, classes=classes, format=form, outputs=wanted, short_keys=True)
     for lights, point_lights, bits in product((0, 1, 3), (False, True), (0, 6)):
         yield replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
 

@@ -189,6 +189,8 @@ FAULTS = [
     ("article.article_quadric", "form.a >= v4(0)", "form.a > v4(0)"),
     ("article.article_patch", "j = 1u", "j = 2u"),
     ("nearest.depth_key", "1i << steps", "2i << steps"),
+    ("nearest.short_key", "+ u4(start_low)", ""),
+    ("nearest.short_before", "key < other)", "key <= other)"),
     ("nearest.count_key", "+ carry", ""),
     ("nearest.count_key", "shift >= 32u", "shift > 32u"),
     ("nearest.before", "surface < other_surface", "surface <= other_surface"),

@@ -29,3 +29,13 @@ fn before(key: Key, surface: u4, other: Key, other_surface: u4) -> b4 {
     | (same_high & (key.low < other.low))
     | (same & (surface < other_surface));
 }
+
+// `depth_key` where the whole key fits a word.
+fn short_key(position: i4, steps: u32, start_low: u32, shift: u32) -> u4 {
+  return (u4(position + i4(1i << steps)) << u4(shift & 31u)) + u4(start_low);
+}
+
+// `before` for short keys.
+fn short_before(key: u4, surface: u4, other: u4, other_surface: u4) -> b4 {
+  return (key < other) | ((key == other) & (surface < other_surface));
+}

@@ -39,3 +39,14 @@ def before(key: Key, surface: U32, other: Key, other_surface: U32) -> Bools:
         | (same_high & (key.low < other.low))
         | (same & (surface < other_surface))
     )
+
+
+def short_key(position: I32, steps: int, start_low: np.uint32, shift: int) -> U32:
+    """`depth_key` where the whole key fits a word."""
+    count = (position + np.int32(1 << steps)).astype(np.uint32)
+    return (count << np.uint32(shift & 31)) + start_low
+
+
+def short_before(key: U32, surface: U32, other: U32, other_surface: U32) -> Bools:
+    """`before` for short keys."""
+    return (key < other) | ((key == other) & (surface < other_surface))
