@@ -49,6 +49,6 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1) -> Steps:
         share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
         wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
         short = wanted > useful
-        count = np.clip(wanted, 1, useful).astype(np.int64)
+        count = np.minimum(np.maximum(wanted, 1), useful).astype(np.int64)
     reached = setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE)
     return Steps(count, short, reached, useful)

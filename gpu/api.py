@@ -278,6 +278,8 @@ class Renderer:
 
     def _tell_short(self, scene: Scene, solids: NDArray[np.int64], steps: Steps) -> None:
         """Say once of the solids whose tolerance the format cannot meet what they get instead."""
+        if not steps.short.any():
+            return
         short = solids[steps.short].tolist()
         errors = dict(zip(short, steps.reached[steps.short].tolist(), strict=True))
         new = [ix for ix in errors if ix not in self._told]

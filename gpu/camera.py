@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from halfstep.scene import Camera
 
 Floats = NDArray[np.float64]
+
+_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
 @dataclass(frozen=True)
@@ -37,11 +39,11 @@ class View:
     def directions(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> Floats:
         """World directions (…, 3) per unit of depth through the centres of pixels (i, j)."""
         # Rounded once: a sum with x_first would cancel near the middle of the picture.
-        x, y = 2 * i + (1 - self.width), 2 * j + (1 - self.height)
         half = self.pixel / 2
-        tangents = np.stack([x * half, y * half, np.ones(i.shape)], axis=-1)
-        # Not by BLAS, which sums in another order on every processor.
-        return np.einsum("...i,ij->...j", tangents, self.camera_from_world)
+        x, y = (2 * i + (1 - self.width)) * half, (2 * j + (1 - self.height)) * half
+        # Not by BLAS, which sums in another order on every processor; and no zero is negative.
+        right, down, forward = self.camera_from_world.reshape(3, 3, *[1] * x.ndim) + 0.0
+        return np.moveaxis(x * right + y * down + forward, 0, -1)
 
 
 def view(camera: Camera, size: tuple[int, int]) -> View:
@@ -50,7 +52,8 @@ def view(camera: Camera, size: tuple[int, int]) -> View:
     eye = np.array(camera.center)
     forward = _unit(np.array(camera.look_at) - eye)
     right = _right(camera)
-    down = np.cross(forward, right)
+    (x, y, z), (a, b, c) = forward.tolist(), right.tolist()
+    down = y * c - z * b, z * a - x * c, x * b - y * a
     half = _half_height(camera.fov_degrees)
     pixel = 2 * half / height
     return View(
@@ -69,10 +72,19 @@ def _right(camera: Camera) -> Floats:
 
     In floating point, rounding would turn the picture where ``up`` is almost along the view.
     """
-    pairs = zip(camera.look_at, camera.center, strict=True)
-    x, y, z = (Fraction(end) - Fraction(start) for end, start in pairs)
-    a, b, c = map(Fraction, camera.up)
-    return _unit(np.array([y * c - z * b, z * a - x * c, x * b - y * a], np.float64))
+    *ends, one = _integers(*camera.look_at, *camera.center)
+    a, b, c, one_of_up = _integers(*camera.up)
+    x, y, z = map(operator.sub, ends[:3], ends[3:])
+    across = y * c - z * b, z * a - x * c, x * b - y * a
+    return _unit(np.array([size / (one * one_of_up) for size in across]))
+
+
+def _integers(*numbers: float) -> list[int]:
+    """Integers in proportion to ``numbers`` and 1, which comes last."""
+    ratios = [number.as_integer_ratio() for number in (*numbers, 1.0)]
+    # Powers of two: all divide the largest.
+    unit = max(denominator for _, denominator in ratios)
+    return [numerator * (unit // denominator) for numerator, denominator in ratios]
 
 
 def _half_height(fov_degrees: float) -> float:
@@ -88,8 +100,7 @@ def base_planes(view: View, low: Floats, high: Floats) -> tuple[float, float]:
 
     ``near`` is 0 where the box reaches behind the camera; ``far`` <= 0 means that all of it does.
     """
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    depths = view.depths(low + corners * (high - low))
+    depths = view.depths(low + _CORNERS * (high - low))
     return max(float(depths.min()), 0.0), float(depths.max())
 
 

@@ -122,7 +122,6 @@ def arrays_of(
 ) -> dict[str, Array | Lookup]:
     """Frame arrays of a band from what a device or the twin computed."""
     number = planes["surface"]
-    hit = number > 0
     setup = packed.setup
     arrays: dict[str, Array | Lookup] = {}
     for name in outputs:
@@ -135,20 +134,21 @@ def arrays_of(
         elif name == "surface":
             arrays[name] = Lookup(tables.number, number)
         elif name == "t":
-            arrays[name] = _fraction(planes["key"], hit, packed)
+            arrays[name] = _fraction(planes["key"], number, packed)
         elif name == "depth":
-            arrays[name] = _fraction(planes["key"], hit, packed) * setup.far
+            arrays[name] = _fraction(planes["key"], number, packed) * setup.far
         elif name == "depth_exit":
             leaves = planes["exit"]
-            inside = _fraction(leaves, hit, packed) * setup.far
-            arrays[name] = np.where(hit & (leaves == _NOT_LEFT), setup.far, inside)
+            inside = _fraction(leaves, number, packed) * setup.far
+            arrays[name] = np.where((number > 0) & (leaves == _NOT_LEFT), setup.far, inside)
         elif name == "position":
-            depth = _fraction(planes["key"], hit, packed) * setup.far
+            depth = _fraction(planes["key"], number, packed) * setup.far
             j, i = np.mgrid[: number.shape[0], : number.shape[1]]
             directions = setup.view.directions(i, j + first_row)
-            arrays[name] = setup.view.eye + depth[..., None] * directions
+            position = setup.view.eye + depth[..., None] * directions
+            arrays[name] = np.ascontiguousarray(position)
         elif name == "error":
-            arrays[name] = _error(planes, hit, packed, tables)
+            arrays[name] = _error(planes, packed, tables)
         elif name == "steps":
             arrays[name] = Lookup(steps_by_solid(packed, tables)[tables.solid], number)
     return arrays
@@ -168,16 +168,14 @@ def _by_solid(tables: Surfaces, solids: NDArray[np.int64], values: Array) -> Arr
 
 
 def _fraction(
-    key: NDArray[np.generic], hit: NDArray[np.generic], packed: Packed
+    key: NDArray[np.generic], number: NDArray[np.integer[Any]], packed: Packed
 ) -> NDArray[np.float64]:
     """t of depth keys, NaN where nothing is hit."""
     t = key.astype(np.float64) * 2.0**-packed.key_bits
-    return np.where(hit, t, np.nan)
+    return np.where(number > 0, t, np.nan)
 
 
-def _error(
-    planes: Planes, hit: NDArray[np.bool_], packed: Packed, tables: Surfaces
-) -> NDArray[np.float64]:
+def _error(planes: Planes, packed: Packed, tables: Surfaces) -> NDArray[np.float64]:
     """Bound of the depth error from what is certain of every solid in the pixel.
 
     The true depth is at most that of the visible point and its bound, and at least the least depth
@@ -187,7 +185,8 @@ def _error(
     setup = packed.setup
     half = _by_solid(tables, setup.solid, 2.0 ** -(setup.level + 1.0))
     rounding = _by_solid(tables, setup.solid, setup.depth_error)
-    solid = tables.solid[planes["surface"]]
+    number = planes["surface"]
+    solid = tables.solid[number]
     unit = 2.0**-packed.key_bits
     t = planes["key"].astype(np.float64) * unit
     above = planes["bound"].astype(np.float64) * half[solid]
@@ -197,4 +196,4 @@ def _error(
     clear = (planes["doubt"] == _NOT_LEFT) | (doubt > t + above)
     depth_ulp = 2.0**-51 * setup.far
     error = np.maximum(above, below) * setup.far + rounding[solid] + depth_ulp
-    return np.where(clear, np.where(hit, error, 0.0), np.inf)
+    return np.where(clear, np.where(number > 0, error, 0.0), np.inf)

@@ -95,6 +95,7 @@ class Geometry:
     plane_count: Ints  # (K,)
     planes: Floats  # (4, M)
     plane_solid: Ints  # (M,), the solid of each half-space
+    plane_bounds: Bools  # (M,), it bounds a patch, so it is never seen itself
     hulls: Hulls
 
     @property
@@ -126,6 +127,9 @@ def build(scene: Scene) -> Geometry:
     form, hulls = _hulls(solids, rows, quadric, is_flat)
     plane_count = np.array([len(each) for each in rows], np.int64)
     planes = np.concatenate(rows).T * np.array([[1.0], [1.0], [1.0], [-1.0]])
+    plane_start = np.cumsum(plane_count) - plane_count
+    plane_bounds = np.repeat(is_patch, plane_count)
+    plane_bounds[plane_start[is_patch]] = False
     return Geometry(
         origin=_solids_last(origin),
         world_from_local=_solids_last(rotation),
@@ -136,10 +140,11 @@ def build(scene: Scene) -> Geometry:
         is_empty=form == Form.EMPTY,
         is_bounded=form >= Form.ELLIPSOID,
         is_loose=~is_flat & _is_loose(form, plane_count, has_cut),
-        plane_start=np.cumsum(plane_count) - plane_count,
+        plane_start=plane_start,
         plane_count=plane_count,
         planes=np.ascontiguousarray(planes),
         plane_solid=np.repeat(np.arange(count), plane_count),
+        plane_bounds=plane_bounds,
         hulls=hulls,
     )
 

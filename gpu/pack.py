@@ -39,6 +39,18 @@ class Class(IntEnum):
     PATCH = 5
 
 
+# By the class of a solid seen whole and from outside: what it is so, cut, and from inside.
+_CLASS_SEEN = np.array(
+    [
+        [Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE],
+        [Class.QUADRIC, Class.QUADRIC, Class.QUADRIC_INSIDE],
+        [Class.QUADRIC_INSIDE] * 3,
+        [Class.POLYHEDRON, Class.POLYHEDRON, Class.POLYHEDRON_INSIDE],
+        [Class.POLYHEDRON_INSIDE] * 3,
+        [Class.PATCH] * 3,
+    ],
+    np.int64,
+)
 # The article method has one way for all quadrics and one for all polyhedra.
 _ARTICLE_CLASS = np.array(
     [
@@ -52,6 +64,8 @@ _ARTICLE_CLASS = np.array(
     np.int64,
 )
 
+_FRAME, _LIGHT = layout.FRAME.dtype(), layout.LIGHT.dtype()
+
 
 @dataclass(frozen=True)
 class Surfaces:
@@ -64,6 +78,7 @@ class Surfaces:
     specular: NDArray[np.float32]  # (K,)
     shininess: NDArray[np.uint32]  # (K,)
     normal: NDArray[np.float32]  # (M, 3), of each half-space, world
+    usual: NDArray[np.int64]  # (K,), class of each solid from outside and between the base planes
 
 
 @dataclass(frozen=True)
@@ -105,6 +120,7 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
         specular=np.array([material.specular for material in materials], np.float32),
         shininess=np.array([material.shininess for material in materials], np.uint32),
         normal=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        usual=_usual_classes(geometry),
     )
 
 
@@ -112,17 +128,19 @@ def pack(
     scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: NDArray[np.int64]
 ) -> Packed:
     """Records of the frame ``setup`` with ``steps`` (V,) halvings for each solid."""
-    classes, usual = _classes(geometry, setup), _usual_classes(geometry)
+    classes, usual = _classes(tables, setup), tables.usual[~geometry.is_empty]
     if scene.accuracy.method == "article":
         classes, usual = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[usual]
-    order = np.argsort(classes, kind="stable")
+    # Numbers of 16 bits or less are sorted in linear time.
+    order = np.argsort(classes.astype(np.uint8), kind="stable")
     number_format = format_for(scene.accuracy, int(steps.max(initial=0)))
     longest = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
     # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
     spare = min(KEY_SPARE_BITS, 63 - longest, 30 - int(steps.max(initial=1)))
     key_bits = longest + spare
 
-    solids = np.zeros(setup.count, layout.SOLID.dtype(number_format))
+    solid_type, half_space_type = _types(number_format)
+    solids = np.zeros(setup.count, solid_type)
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
     host_error = setup.host_error
@@ -144,21 +162,23 @@ def pack(
     solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
     solids["key_shift"] = key_bits - (setup.level + steps + 1)
     solids["spare"] = spare
-    solids["flags"] = (
-        Flag.EYE_INSIDE * setup.eye_inside
-        + Flag.STARTS_AT_EYE * setup.starts_at_eye
-        + Flag.EYE_OUTSIDE_QUADRIC * setup.eye_outside_quadric
-        + Flag.NEAR_CUT * setup.near_cut
-        + Flag.EYE_SURE * setup.eye_sure
-    )
+    facts = {
+        Flag.EYE_INSIDE: setup.eye_inside,
+        Flag.STARTS_AT_EYE: setup.starts_at_eye,
+        Flag.EYE_OUTSIDE_QUADRIC: setup.eye_outside_quadric,
+        Flag.NEAR_CUT: setup.near_cut,
+        Flag.EYE_SURE: setup.eye_sure,
+    }
+    # As plain numbers: members of an enumeration take NumPy longer.
+    solids["flags"] = sum(int(flag) * holds for flag, holds in facts.items())
     solids["surface"] = tables.first[setup.solid]
     solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
 
-    solids["color"] = tables.color[setup.solid]
+    solids["color"] = tables.color.take(setup.solid, axis=0)
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]
 
-    half_spaces = np.zeros(len(setup.plane), layout.HALF_SPACE.dtype(number_format))
+    half_spaces = np.zeros(len(setup.plane), half_space_type)
     plane_c, plane_b = setup.plane_c, setup.plane_b
     plane_host_error = setup.plane_host_error
     if number_format.integer:
@@ -168,14 +188,14 @@ def pack(
         plane_c, plane_b = np.rint(plane_c * unit), np.rint(plane_b * unit)
         plane_host_error = plane_host_error * unit[:, 0]
     half_spaces["c"], half_spaces["b"] = plane_c, plane_b
-    half_spaces["normal"] = np.take(tables.normal, setup.plane, axis=0)
+    half_spaces["normal"] = tables.normal.take(setup.plane, axis=0)
     half_spaces["host_error"] = plane_host_error
     return Packed(
         setup=setup,
         order=order,
         classes=classes[order],
         format=number_format,
-        solids=np.take(solids, order),  # a fancy index copies member by member
+        solids=solids.take(order),  # a fancy index copies member by member
         half_spaces=half_spaces,
         key_bits=key_bits,
         lights=_lights(scene, setup),
@@ -186,41 +206,30 @@ def pack(
     )
 
 
-def _classes(geometry: Geometry, setup: Setup) -> NDArray[np.int64]:
+@functools.cache
+def _types(number_format: Format) -> tuple[np.dtype[np.void], np.dtype[np.void]]:
+    """Of the records of solids and of half-spaces."""
+    return layout.SOLID.dtype(number_format), layout.HALF_SPACE.dtype(number_format)
+
+
+def _classes(tables: Surfaces, setup: Setup) -> NDArray[np.int64]:
     inside = setup.eye_inside | setup.near_cut
     # The discriminant alone also finds the roots of a line behind the eye.
-    whole = ~setup.near_cut & (setup.far_u == 1.0) & ~setup.starts_at_eye
-    ix = setup.solid
-    return np.select(
-        [
-            geometry.is_patch[ix],
-            geometry.is_ellipsoid[ix] & whole,
-            geometry.has_quadric[ix] & ~inside,
-            geometry.has_quadric[ix],
-            ~inside,
-        ],
-        [
-            Class.PATCH,
-            Class.ELLIPSOID,
-            Class.QUADRIC,
-            Class.QUADRIC_INSIDE,
-            Class.POLYHEDRON,
-        ],
-        Class.POLYHEDRON_INSIDE,
-    )
+    cut = setup.near_cut | setup.starts_at_eye | (setup.far_u != 1.0)
+    return np.asarray(_CLASS_SEEN[tables.usual[setup.solid], np.add(cut, inside, dtype=np.int64)])
 
 
 def _present(classes: NDArray[np.int64], usual: NDArray[np.int64]) -> tuple[Class, ...]:
     """The classes among them, in order."""
-    count = np.bincount(np.concatenate([classes, usual]))
-    return tuple(Class(int(number)) for number in np.flatnonzero(count))
+    count = np.bincount(classes, minlength=len(Class)) + np.bincount(usual, minlength=len(Class))
+    return tuple(klass for klass, found in zip(Class, count.tolist(), strict=True) if found)
 
 
 def _usual_classes(geometry: Geometry) -> NDArray[np.int64]:
-    """The class of each solid that can be seen at all, from outside and between the base planes."""
+    """The class of each solid from outside and between the base planes."""
     kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
     classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
-    return np.select(kinds, classes, Class.POLYHEDRON)[~geometry.is_empty]
+    return np.select(kinds, classes, Class.POLYHEDRON)
 
 
 def _value(u: Floats, number_format: Format) -> Floats:
@@ -235,23 +244,24 @@ def _fixed_point_scale(largest: Floats) -> Floats:
 
 
 def _lights(scene: Scene, setup: Setup) -> Records:
-    lights = np.zeros(len(scene.effective_lights()), layout.LIGHT.dtype())
-    for row, light in zip(lights, scene.effective_lights(), strict=True):
+    lights = scene.effective_lights()
+    records = np.zeros(len(lights), _LIGHT)
+    for light, vector, color in zip(lights, records["vector"], records["color"], strict=True):
         if light.direction is not None:
             direction = np.array(light.direction)
-            row["vector"][:3] = direction / np.linalg.norm(direction)
+            vector[:3] = direction / np.sqrt(direction.dot(direction))
         else:
-            row["vector"][:3] = np.array(light.position) - setup.view.eye
-            row["vector"][3] = 1.0
-        row["color"][:3] = light.color
-    return lights
+            vector[:3] = np.array(light.position) - setup.view.eye
+            vector[3] = 1.0
+        color[:3] = light.color
+    return records
 
 
 def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Records:
     """The ``Frame`` record of a band of ``rows`` picture rows from ``first_row`` on."""
     view = setup.view
     right, down, _ = view.camera_from_world
-    record = np.zeros(1, layout.FRAME.dtype())
+    record = np.zeros(1, _FRAME)
     record["first_ray"][0, :3] = view.directions(np.array(0), np.array(0))
     record["right"][0, :3] = view.pixel * right
     record["down"][0, :3] = view.pixel * down

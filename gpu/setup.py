@@ -8,8 +8,8 @@ c, b affine.  Nothing in these numbers knows how far away the camera is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from halfstep.geometry import Geometry
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-Scalar = TypeVar("Scalar", bound=np.generic)
 
 # An interval starts at a multiple of 2^-START_BITS of its own length.
 START_BITS = 4
@@ -98,32 +97,31 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     visible = on_screen & ~geometry.is_empty & reached & (far > 0)
     ix = np.flatnonzero(visible)
 
-    depth, low = box.depth[:, ix], low[ix]
-    level, start = _intervals(low, high[ix], _radius(box.tangent[..., ix], view, low), far)
+    depth, low = box.depth.take(ix, axis=-1), low[ix]
+    radius = _radius(box.tangent.take(ix, axis=-1), view, low)
+    level, start = _intervals(low, high[ix], radius, far)
     half = np.ldexp(far, -(level + 1))
     middle = start * far + half
     near_cut = (depth[0] < near) & (near > 0)
     starts_at_eye = (start == 0) & ~near_cut
 
-    rectangle = rectangle[:, ix]
+    rectangle = rectangle.take(ix, axis=-1)
     center = (rectangle[::2] + rectangle[1::2] + 1) // 2
     offsets = np.maximum(rectangle[1::2] - center, center - rectangle[::2]).astype(np.float64)
-    rotation = np.take(geometry.world_from_local, ix, axis=-1)
-    eye = np.einsum("jik,jk->ik", rotation, view.eye[:, None] - np.take(geometry.origin, ix, -1))
-    directions = _ray_directions(view, center, rotation)
+    rotation = geometry.world_from_local.take(ix, axis=-1)
+    rays = _rays(view, center, geometry.origin.take(ix, axis=-1), rotation)
     # The eye and the direction of a ray are rounded once each, and so are the products with depth.
-    distance = _length(eye) + _length(directions[0]) * (middle + half)
-    sight = _Sight(eye, directions, middle, half, offsets, HOST_ROUNDINGS * distance)
+    eye_distance, stretch = _length(rays[:2])
+    error = HOST_ROUNDINGS * (eye_distance + stretch * (middle + half))
+    sight = _Sight(rays, middle, half, offsets, error)
 
     curved = _curved(geometry, ix, rotation, sight)
     flat = _flat(geometry, ix, sight, starts_at_eye)
     at_eye = np.flatnonzero(starts_at_eye)
-    facts = _eye(geometry, ix[at_eye], sight.part(at_eye))
-
-    def of_eye(values: NDArray[Scalar], elsewhere: Scalar) -> NDArray[Scalar]:
-        whole = np.full(len(ix), elsewhere)
-        whole[at_eye] = values
-        return whole
+    facts = _Eye.elsewhere(len(ix))
+    if len(at_eye):
+        for values, found in zip(facts, _eye(geometry, ix[at_eye], sight.at(at_eye)), strict=True):
+            values[at_eye] = found
 
     return Setup(
         view=view,
@@ -137,8 +135,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         far_u=np.where(depth[1] > far, (far - middle) / half + BASE_PLANE_SLACK, 1.0),
         near_cut=near_cut,
         starts_at_eye=starts_at_eye,
-        eye_inside=of_eye(facts.inside, np.False_),
-        eye_outside_quadric=of_eye(facts.outside_quadric, np.False_),
+        eye_inside=facts.inside,
+        eye_outside_quadric=facts.outside_quadric,
         rectangle=rectangle.T,
         center=center.T,
         offsets=offsets.T,
@@ -146,10 +144,10 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         g=curved.g.T,
         c=curved.c.T,
         host_error=curved.error,
-        eye_sure=of_eye(facts.sure, np.True_),
+        eye_sure=facts.sure,
         depth_error=sight.error,
-        gradient=np.moveaxis(curved.gradient, -1, 0),
-        nearest=np.maximum(low, of_eye(facts.nearest, np.float64(0.0))),
+        gradient=curved.gradient.transpose(3, 0, 1, 2),
+        nearest=np.maximum(low, facts.nearest),
         depth_middle=middle,
         depth_half=half,
         plane_start=flat.start,
@@ -161,32 +159,34 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     )
 
 
-@dataclass(frozen=True)
-class _Sight:
+class _Sight(NamedTuple):
     """How each visible solid is seen, in its own coordinates; solids come last."""
 
-    eye: Floats  # (3, V)
-    directions: Floats  # (3, 3, V), [1, x, y][axis], per unit depth
+    rays: Floats  # (4, 3, V), the eye, and directions per unit depth: [h, 1, x, y][axis]
     middle: Floats  # (V,), depth at u = 0
     half: Floats  # (V,), half the depth interval
     offsets: Floats  # (2, V), largest |x| and |y|
     error: Floats  # (V,), of points of rays
 
-    def part(self, places: Ints) -> _Sight:
-        """Some of the solids."""
-        return _Sight(*(np.take(getattr(self, each.name), places, -1) for each in fields(self)))
+    def at(self, places: Ints) -> _Sight:
+        """The solids at ``places``."""
+        return _Sight(*(each.take(places, axis=-1) for each in self))
 
-    def largest(self, level: Floats, change: Floats) -> Floats:
+    def largest(self, values: Floats) -> Floats:
         """Largest magnitudes (…, V) of what is linear in points of rays.
 
-        ``level`` (…, V) is the value where x = y = u = 0, ``change`` (3, …, V) that along the
-        directions; both may be magnitudes themselves.
+        ``values`` (4, …, V) are those where x = y = u = 0, and the change along the directions;
+        both may be magnitudes themselves.
         """
-        size = np.abs(change)
-        from_middle = np.abs(level) + size[0] * self.half
-        size *= self.middle + self.half
-        size[0] = from_middle
-        return _largest_linear(size, self.offsets)
+        level, along_ray, *across = np.abs(values)
+        along_ray *= self.half
+        level += along_ray
+        deepest = self.middle + self.half
+        for change, offset in zip(across, self.offsets, strict=True):
+            change *= deepest
+            change *= offset
+            level += change
+        return np.asarray(level)
 
 
 @dataclass(frozen=True)
@@ -212,26 +212,33 @@ class _Flat:
     error: Floats  # (N,)
 
 
-@dataclass(frozen=True)
-class _Eye:
-    """What ``Setup`` needs to know of the eye, of the E solids whose rays start there."""
+class _Eye(NamedTuple):
+    """What ``Setup`` needs to know of the eye."""
 
-    inside: Bools  # (E,)
-    outside_quadric: Bools  # (E,)
-    sure: Bools  # (E,)
-    nearest: Floats  # (E,)
+    inside: Bools  # (V,)
+    outside_quadric: Bools  # (V,)
+    sure: Bools  # (V,)
+    nearest: Floats  # (V,)
+
+    @classmethod
+    def elsewhere(cls, count: int) -> _Eye:
+        """Of solids whose rays start elsewhere."""
+        inside, outside_quadric = np.zeros((2, count), bool)
+        return cls(inside, outside_quadric, np.ones(count, bool), np.zeros(count))
 
 
 def _curved(geometry: Geometry, ix: Ints, rotation: Floats, sight: _Sight) -> _Curved:
-    matrix = np.take(geometry.quadric, ix, axis=-1)
-    middle, half, directions = sight.middle, sight.half, sight.directions
-    point = sight.eye + middle * directions[0]  # where x = y = u = 0
+    matrix = geometry.quadric.take(ix, axis=-1)
+    middle, half = sight.middle, sight.half
+    # The point where x = y = u = 0, and how it moves.
+    points = sight.rays.copy()
+    points[0] += middle * points[1]
     # Half the gradient of F, M p + q, there and its change along the directions of rays.
-    level = _half_gradient(matrix, point)
-    change = np.einsum("abk,cbk->cak", matrix[:3, :3], directions)
-    steepest = sight.largest(_length(level), _length(change))
+    slopes = np.einsum("abk,cbk->cak", matrix[:3, :3], points)
+    slopes[0] += matrix[:3, 3]
+    steepest = sight.largest(_length(slopes))
 
-    forms = _quadric_forms(matrix, point, level, change, sight)
+    forms = _quadric_forms(matrix, points, slopes, sight)
     monomials = monomials_of(sight.offsets)
     size = np.abs(forms)
     scale = _power_of_two(np.einsum("fmk,mk->k", size, monomials))
@@ -240,94 +247,92 @@ def _curved(geometry: Geometry, ix: Ints, rotation: Floats, sight: _Sight) -> _C
     forms *= scale
     forms *= size >= least
     error = 2 * steepest * sight.error
-    error += _quadric_rounding(matrix, sight.largest(point, directions))
+    error += _quadric_rounding(matrix, sight.largest(points))
 
-    gradient = np.empty((2, 3, *level.shape))
+    gradient = np.empty((2, 3, 3, len(ix)))
     unit = _power_of_two(steepest)
-    world = np.einsum("ijk,cjk->cik", rotation, change)
-    np.multiply(world, middle * unit, out=gradient[0])
-    gradient[0, 0] = np.einsum("ijk,jk->ik", rotation, level) * unit
-    np.multiply(world, half * unit, out=gradient[1])
-    # Fresh memory costs more than what is done with it.
-    size = np.abs(gradient, out=size.reshape(gradient.shape))
-    gradient *= size >= least[:3, None]
+    world = np.einsum("ijk,cjk->cik", rotation, slopes)
+    np.multiply(world[0], unit, out=gradient[0, 0])
+    np.multiply(world[2:], middle * unit, out=gradient[0, 1:])
+    np.multiply(world[1:], half * unit, out=gradient[1])
+    gradient *= np.abs(gradient) >= least[:3, None]
     a, g, c = forms
     return _Curved(a, g, c, scale * error + 6 * NEGLIGIBLE, gradient)
 
 
-def _quadric_forms(
-    matrix: Floats, point: Floats, level: Floats, change: Floats, sight: _Sight
-) -> Floats:
+def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: _Sight) -> Floats:
     """A, G, C of F = A u² + G u + C as coefficients (3, 6, V) of 1, x, y, x², xy, y².
 
     Args:
         matrix: (4, 4, V).
-        point: (3, V), where x = y = u = 0.
-        level: (3, V), half the gradient there.
-        change: (3, 3, V), [direction][axis], its change along the directions of ``sight``.
+        points: (4, 3, V), the point where x = y = u = 0, and the directions of ``sight``.
+        slopes: (4, 3, V), half the gradient there, and its change along the directions.
         sight: how the solids are seen.
     """
     middle, half = sight.middle, sight.half
     forms = np.empty((3, 6, len(half)))
     a, g, c = forms
-    slope = np.einsum("iak,ak->ik", sight.directions, level)
-    for term, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
-        np.einsum("ak,ak->k", sight.directions[i], change[j], out=a[term])
-    a[[1, 2, 4]] *= 2
+    products = np.einsum("iak,jak->ijk", points[1:], slopes)
+    slope = 2 * products[:, 0]
+    a[:3], a[3:5], a[5] = products[0, 1:], products[1, 2:], products[2, 3]
+    a[1:3] *= 2
+    a[4] *= 2
     # Of x and y the middle of the interval moves, of u the ends of half its length.
-    np.multiply(a, middle, out=g)
-    g *= 2
-    g[0] = 2 * slope[0]
-    g[1:3] = g[1:3] / 2 + 2 * slope[1:]
+    g[0] = slope[0]
+    np.multiply(a[1:], middle, out=g[1:])
+    g[1:3] += slope[1:]
+    g[3:] *= 2
     g *= half
-    np.multiply(a, middle * middle, out=c)
-    c[0] = np.einsum("ak,ak->k", point, level + matrix[:3, 3]) + matrix[3, 3]
-    c[1:3] = 2 * middle * slope[1:]
+    c[0] = _quadric_value(matrix, points[0], slopes[0])
+    np.multiply(slope[1:], middle, out=c[1:3])
+    np.multiply(a[3:], middle * middle, out=c[3:])
     a *= half * half
     return forms
 
 
 def _flat(geometry: Geometry, ix: Ints, sight: _Sight, starts_at_eye: Bools) -> _Flat:
-    start, owner, place = _lines_of(geometry, ix)
-    plane = geometry.plane_start[ix][owner] + place
-    rows = np.take(geometry.planes, plane, axis=-1)
-    offsets = np.take(sight.offsets, owner, axis=-1)
-    middle, half = sight.middle[owner], sight.half[owner]
+    count, owner, plane = _lines_of(geometry, ix)
+    start = np.cumsum(count) - count
+    lines = np.empty((2, 3, len(plane)))
+    c, b = lines
+    if not len(plane):
+        return _Flat(start, count, plane, c, b, np.empty(0))
+    rows = geometry.planes.take(plane, axis=-1)
+    rays, middle, half, offsets, error = sight.at(owner)
 
-    height = np.einsum("an,an->n", rows[:3], np.take(sight.eye, owner, axis=-1)) + rows[3]
-    slopes = np.einsum("an,ian->in", rows[:3], np.take(sight.directions, owner, axis=-1))
+    height, slopes = _heights(rows, rays)
     level = height + slopes[0] * middle
-    across = (np.abs(slopes[1:]) * offsets).sum(axis=0)
+    across = np.abs(slopes[1]) * offsets[0] + np.abs(slopes[2]) * offsets[1]
     scale = _power_of_two(
         np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
     )
-    # The bounds of a patch are never seen themselves.
-    of_patch = geometry.is_patch[ix][owner]
-    seen = np.flatnonzero(starts_at_eye[owner] & (~of_patch | (place == 0)))
+    seen = np.flatnonzero(starts_at_eye[owner] & ~geometry.plane_bounds[plane])
+    of_patch = geometry.is_patch[ix[owner[seen]]]
     moved = np.zeros(len(owner))
-    moved[seen] = _eye_clearance(height[seen] * scale[seen], of_patch[seen])
+    moved[seen] = _eye_clearance(height[seen] * scale[seen], of_patch)
 
-    lines = np.empty((2, 3, len(owner)))
     np.multiply(slopes, middle * scale, out=lines[0])
     lines[0, 0] = level * scale + moved
     np.multiply(slopes, half * scale, out=lines[1])
-    least = np.full((3, len(owner)), NEGLIGIBLE)
-    least[1:] /= np.maximum(offsets, 1.0)
-    lines *= np.abs(lines) >= least
-    error = _length(rows[:3]) * scale * sight.error[owner] + 3 * NEGLIGIBLE + np.abs(moved)
-    c, b = lines
-    return _Flat(start, geometry.plane_count[ix], plane, c, b, error)
+    size = np.abs(lines)
+    lines[:, 0] *= size[:, 0] >= NEGLIGIBLE
+    lines[:, 1:] *= size[:, 1:] >= NEGLIGIBLE / np.maximum(offsets, 1.0)
+    error *= _length(rows[:3]) * scale
+    error += 3 * NEGLIGIBLE
+    error += np.abs(moved)
+    return _Flat(start, count, plane, c, b, error)
 
 
 def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
-    matrix = np.take(geometry.quadric, ix, axis=-1)
+    matrix = geometry.quadric.take(ix, axis=-1)
     has_quadric, is_patch = geometry.has_quadric[ix], geometry.is_patch[ix]
-    rounding = HOST_ROUNDINGS * _length(sight.eye)
-    gradient = _half_gradient(matrix, sight.eye)
-    value = _quadric_value(matrix, sight.eye)
-    error = 2 * _length(gradient) * rounding + _quadric_rounding(matrix, np.abs(sight.eye))
-    slope = 2 * np.einsum("ak,iak->ik", gradient, sight.directions)
-    bend = np.einsum("iak,abk,jbk->ijk", sight.directions, matrix[:3, :3], sight.directions)
+    eye, directions = sight.rays[0], sight.rays[1:]
+    rounding = HOST_ROUNDINGS * _length(eye)
+    gradient = _half_gradient(matrix, eye)
+    value = _quadric_value(matrix, eye, gradient)
+    error = 2 * _length(gradient) * rounding + _quadric_rounding(matrix, np.abs(eye))
+    slope = 2 * np.einsum("ak,iak->ik", gradient, directions)
+    bend = np.einsum("iak,abk,jbk->ijk", directions, matrix[:3, :3], directions)
     reach = np.concatenate([np.ones((1, len(ix))), sight.offsets])
     nearest = _nearest_root(
         np.abs(value),
@@ -335,15 +340,13 @@ def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
         np.einsum("ijk,ik,jk->k", np.abs(bend), reach, reach),
     )
 
-    _, owner, place = _lines_of(geometry, ix)
-    rows = np.take(geometry.planes, geometry.plane_start[ix][owner] + place, axis=-1)
-    height = np.einsum("an,an->n", rows[:3], sight.eye[:, owner]) + rows[3]
-    slopes = np.einsum("an,ian->in", rows[:3], sight.directions[..., owner])
+    _, owner, plane = _lines_of(geometry, ix)
+    rows = geometry.planes.take(plane, axis=-1)
+    height, slopes = _heights(rows, sight.rays[..., owner])
     steepest = np.einsum("in,in->n", np.abs(slopes), reach[:, owner])
     reached = np.abs(height) / np.maximum(steepest, np.finfo(float).tiny)
     nearest_flat = np.full(len(ix), np.inf)
-    # The bounds of a patch are never seen themselves.
-    seen = ~is_patch[owner] | (place == 0)
+    seen = ~geometry.plane_bounds[plane]
     np.minimum.at(nearest_flat, owner[seen], reached[seen])
 
     def all_of(condition: Bools) -> Bools:
@@ -359,12 +362,19 @@ def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
     )
 
 
+def _heights(rows: Floats, rays: Floats) -> tuple[Floats, Floats]:
+    """n·x + d of planes (4, N) at the eye (N,), and its change along the directions (3, N)."""
+    heights = np.einsum("an,ian->in", rows[:3], rays)
+    heights[0] += rows[3]
+    return heights[0], heights[1:]
+
+
 def _lines_of(geometry: Geometry, ix: Ints) -> tuple[Ints, Ints, Ints]:
-    """The half-spaces of solids one after another: first of each solid; solid and place of each."""
+    """The half-spaces of solids one after another: how many of each; solid and row of each."""
     count = geometry.plane_count[ix]
-    start = np.cumsum(count) - count
     owner = np.repeat(np.arange(len(ix)), count)
-    return start, owner, np.arange(len(owner)) - start[owner]
+    skipped = geometry.plane_start[ix] - np.cumsum(count) + count
+    return count, owner, np.arange(len(owner)) + skipped[owner]
 
 
 def _rectangles(box: Bounds, view: View) -> tuple[Ints, Bools]:
@@ -373,9 +383,11 @@ def _rectangles(box: Bounds, view: View) -> tuple[Ints, Bools]:
     last = np.array([[view.width], [view.height]]) - 1
     low = np.ceil((box.tangent[:, 0] - first) / view.pixel - 1e-4)
     high = np.floor((box.tangent[:, 1] - first) / view.pixel + 1e-4)
-    low, high = np.clip(low, 0, last + 1), np.clip(high, -1, last)
-    rectangle = np.stack([low[0], high[0], low[1], high[1]])
-    return rectangle.astype(np.int64), (low <= high).all(axis=0)
+    rectangle = np.empty((4, low.shape[1]), np.int64)
+    rectangle[::2] = np.minimum(np.maximum(low, 0), last + 1)
+    rectangle[1::2] = np.minimum(np.maximum(high, -1), last)
+    i0, i1, j0, j1 = rectangle
+    return rectangle, (i0 <= i1) & (j0 <= j1)
 
 
 def _radius(tangent: Floats, view: View, low: Floats) -> Floats:
@@ -393,29 +405,33 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
     that the paper's t and step (7) keep their meaning: the first e steps are decided already.
     """
     extent = np.maximum(high - low, FLATNESS * radius) / far
-    need = np.maximum(extent * (1 + 2 * PADDING), 2.0**-MAX_LEVEL)
-    level = np.clip(np.floor(-np.log2(need)), 0, MAX_LEVEL).astype(np.int64)
+    # The least is no shorter than at MAX_LEVEL, and the greatest no longer than at level 0.
+    need = np.minimum(np.maximum(extent * (1 + 2 * PADDING), 2.0**-MAX_LEVEL), 1.0)
+    level = np.floor(-np.log2(need)).astype(np.int32)
     padding = np.where(low > 0, PADDING * extent, 0.0)
+    begin = low / far - padding
     end = np.minimum(high / far + padding, 1.0)
 
-    def start_at(level: Ints) -> Floats:
-        grid = np.ldexp(1.0, -(level + START_BITS))
-        start = np.floor((low / far - padding) / grid) * grid
-        return np.clip(start, 0.0, 1.0 - np.ldexp(1.0, -level))
+    def start_at(level: NDArray[np.int32]) -> tuple[Floats, Floats]:
+        length = np.ldexp(1.0, -level)
+        grid = length * 2.0**-START_BITS
+        start = np.floor(begin / grid) * grid
+        return np.minimum(np.maximum(start, 0.0), 1.0 - length), length
 
-    too_short = start_at(level) + np.ldexp(1.0, -level) < end
-    level = np.maximum(level - too_short, 0)
-    return level, start_at(level)
+    start, length = start_at(level)
+    level -= (start + length < end) & (level > 0)
+    return level.astype(np.int64), start_at(level)[0]
 
 
-def _ray_directions(view: View, center: Ints, rotation: Floats) -> Floats:
-    """Directions per unit depth as [1, x, y] coefficients (3, 3, V), local coordinates."""
+def _rays(view: View, center: Ints, origin: Floats, rotation: Floats) -> Floats:
+    """The eye, and directions per unit depth as [1, x, y] coefficients (4, 3, V), local."""
     right, down, _ = view.camera_from_world
-    directions = np.empty((3, 3, center.shape[1]))
-    directions[0] = view.directions(*center).T
-    directions[1] = (view.pixel * right)[:, None]
-    directions[2] = (view.pixel * down)[:, None]
-    return np.einsum("jik,cjk->cik", rotation, directions)
+    rays = np.empty((4, 3, center.shape[1]))
+    np.subtract(view.eye[:, None], origin, out=rays[0])
+    rays[1] = view.directions(*center).T
+    rays[2] = (view.pixel * right)[:, None]
+    rays[3] = (view.pixel * down)[:, None]
+    return np.einsum("jik,cjk->cik", rotation, rays)
 
 
 def _length(vectors: Floats) -> Floats:
@@ -423,24 +439,21 @@ def _length(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(np.einsum("...an,...an->...n", vectors, vectors)))
 
 
-def _largest_linear(form: Floats, offsets: Floats) -> Floats:
-    """Largest magnitude (…, N) of forms (3, …, N) of 1, x, y over rectangles of ``offsets``."""
-    size = np.abs(form)
-    size[1:] *= offsets.reshape(2, *[1] * (size.ndim - 2), -1)
-    return np.asarray(size.sum(axis=0))
-
-
 def monomials_of(offsets: Floats) -> Floats:
     """Largest magnitudes (6, V) of 1, x, y, x², xy, y² over rectangles of ``offsets`` (2, V)."""
-    x, y = offsets
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    monomials = np.empty((6, offsets.shape[1]))
+    monomials[0] = 1.0
+    monomials[1:3] = offsets
+    np.multiply(offsets, offsets[0], out=monomials[3:5])
+    np.multiply(offsets[1], offsets[1], out=monomials[5])
+    return monomials
 
 
 def _power_of_two(largest: Floats) -> Floats:
     """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
     fraction, exponent = np.frexp(largest)
     # A power of two itself has the fraction 1/2.
-    return np.asarray(np.ldexp(1.0, np.where(fraction == 0.5, 1, 0) - exponent))
+    return np.asarray(np.ldexp(1.0, (fraction == 0.5) - exponent))
 
 
 def _eye_clearance(height: Floats, of_patch: Bools) -> Floats:
@@ -458,10 +471,10 @@ def _half_gradient(matrix: Floats, point: Floats) -> Floats:
     return np.asarray(np.einsum("abk,bk->ak", matrix[:3, :3], point) + matrix[:3, 3])
 
 
-def _quadric_value(matrix: Floats, point: Floats) -> Floats:
-    """F (V,) of matrices (4, 4, V) at points (3, V)."""
-    halved = _half_gradient(matrix, point) + matrix[:3, 3]
-    return np.asarray(np.einsum("ak,ak->k", halved, point) + matrix[3, 3])
+def _quadric_value(matrix: Floats, point: Floats, half_gradient: Floats) -> Floats:
+    """F (V,) of matrices (4, 4, V) at points (3, V), from M p + q there."""
+    terms = half_gradient + matrix[:3, 3]
+    return np.asarray(np.einsum("ak,ak->k", terms, point) + matrix[3, 3])
 
 
 def _quadric_rounding(matrix: Floats, point: Floats) -> Floats:
@@ -470,7 +483,8 @@ def _quadric_rounding(matrix: Floats, point: Floats) -> Floats:
     It exceeds that of the point itself where large terms cancel: a quadric far from the origin of
     its coordinates.
     """
-    return HOST_ROUNDINGS * _quadric_value(np.abs(matrix), point)
+    size = np.abs(matrix)
+    return HOST_ROUNDINGS * _quadric_value(size, point, _half_gradient(size, point))
 
 
 def _nearest_root(level: Floats, slope: Floats, curvature: Floats) -> Floats:
