@@ -31,7 +31,8 @@ _QUERY_ALIGNMENT = 256
 # A binding begins at a multiple of 256 bytes, and a dispatch has at most so many workgroups.
 RECORD_BYTES = 4 * TILE_WORDS
 RECORDS_ALIGNMENT = 256 // RECORD_BYTES
-MOST_WORKGROUPS = 1 << 15
+MOST_WORKGROUPS = 1 << 13
+PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
 # A record has 16 vec4 or so: more invocations would load nothing.
 MOST_TOGETHER = 16
 _UNIFORM = {0, 6, 7}
@@ -75,7 +76,10 @@ class Device:
         self.largest_binding: int = min(
             limits["max-storage-buffer-binding-size"], limits["max-buffer-size"]
         )
-        self._pipelines: dict[Needs, tuple[Any, Any]] = {}
+        self._pipelines: dict[Needs, Any] = {}
+        self._layouts: dict[tuple[int, ...], Any] = {}
+        # The bindings of the last frame, and the bind group made of them.
+        self._bound: tuple[Any, Any] = None, None
         self._known: dict[Needs, list[Classes]] = {}
         self._buffers: dict[str, Any] = {}
         self._timed = "timestamp-query" in self._device.features
@@ -145,10 +149,12 @@ class Device:
         }
         size = plane_offsets(written)["total"] * int(frame["plane_quads"][0]) * 16
         with device_errors(self.adapter):
-            bindings = {5: (self._frame_buffer(size), size)}
-            for number in binding_numbers(needs):
-                if number != 5:
-                    bindings[number] = self._upload(number, contents[number])
+            bindings = {
+                number: self._upload(number, contents[number])
+                for number in binding_numbers(needs)
+                if number != 5
+            }
+            bindings[5] = self._frame_buffer(size), size
             memory = self._dispatch(needs, parts, bindings)
             try:
                 words = np.frombuffer(memory.read_mapped(copy=False), np.uint32)
@@ -200,29 +206,41 @@ class Device:
             self._known[needs] = frequent_sets(starts, needs.classes)
         return self._known[needs]
 
-    def _pipeline(self, needs: Needs) -> tuple[Any, Any]:
-        if needs not in self._pipelines:
+    def _layout(self, numbers: tuple[int, ...]) -> Any:
+        """The layout of the bindings ``numbers``."""
+        if numbers not in self._layouts:
             entries = [
-                {"binding": number, "visibility": "COMPUTE", "buffer": {"type": _kind(number)}}
-                for number in binding_numbers(needs)
+                {
+                    "binding": number,
+                    "visibility": "COMPUTE",
+                    "buffer": {"type": _kind(number), "has_dynamic_offset": number == 3},
+                }
+                for number in numbers
             ]
-            layout = self._device.create_bind_group_layout(entries=entries)
+            self._layouts[numbers] = self._device.create_bind_group_layout(entries=entries)
+        return self._layouts[numbers]
+
+    def _pipeline(self, needs: Needs) -> Any:
+        if needs not in self._pipelines:
+            layout = self._layout(binding_numbers(needs))
             module = self._device.create_shader_module(label="halfstep", code=compose(needs))
-            pipeline = self._device.create_compute_pipeline(
+            self._pipelines[needs] = self._device.create_compute_pipeline(
                 label="render",
                 layout=self._device.create_pipeline_layout(bind_group_layouts=[layout]),
                 compute={"module": module, "entry_point": "render"},
             )
-            self._pipelines[needs] = pipeline, layout
         return self._pipelines[needs]
 
     def _upload(self, number: int, content: NDArray[Any]) -> tuple[Any, int]:
+        """A buffer that holds ``content``, and how much of it is bound."""
         kind = "UNIFORM" if number in _UNIFORM else "STORAGE"
         # An empty binding is not allowed: nothing reads this one record of zeros.
         content = content if len(content) else np.zeros(1, content.dtype)
-        buffer = self._buffer(_NAMES[number], content.nbytes, f"{kind}|COPY_DST")
+        # Tiles are bound in parts of one size, so beyond the last one there must be room.
+        room = PART_BYTES if number == 3 else 0
+        buffer = self._buffer(_NAMES[number], content.nbytes + room, f"{kind}|COPY_DST")
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
-        return buffer, buffer.size
+        return buffer, room or buffer.size
 
     def _frame_buffer(self, size: int) -> Any:
         """The buffer that a band is rendered to, with room for ``size`` bytes and two times."""
@@ -255,11 +273,11 @@ class Device:
                 "beginning_of_pass_write_index": 0,
                 "end_of_pass_write_index": 1,
             }
+        group = self._bind_group(bindings)
         compute = encoder.begin_compute_pass(**timing)
         for part in parts:
-            pipeline, layout = self._pipeline(replace(needs, classes=part.classes))
-            compute.set_pipeline(pipeline)
-            compute.set_bind_group(0, self._bind_group(layout, bindings, part))
+            compute.set_pipeline(self._pipeline(replace(needs, classes=part.classes)))
+            compute.set_bind_group(0, group, [part.first * RECORD_BYTES])
             compute.dispatch_workgroups(part.count)
         compute.end()
         if self._timed:
@@ -272,20 +290,18 @@ class Device:
         memory.map_sync("READ", 0, stamps + 16)
         return memory
 
-    def _bind_group(self, layout: Any, bindings: dict[int, tuple[Any, int]], part: _Part) -> Any:
-        """The bindings, of which the tiles are those of a part."""
-        places = {number: (buffer, 0, size) for number, (buffer, size) in bindings.items()}
-        places[3] = bindings[3][0], part.first * RECORD_BYTES, part.count * RECORD_BYTES
-        return self._device.create_bind_group(
-            layout=layout,
-            entries=[
-                {
-                    "binding": number,
-                    "resource": {"buffer": buffer, "offset": offset, "size": size},
-                }
-                for number, (buffer, offset, size) in sorted(places.items())
-            ],
-        )
+    def _bind_group(self, bindings: dict[int, tuple[Any, int]]) -> Any:
+        """A bind group of parts of buffers, most often that of the last frame."""
+        if bindings != self._bound[0]:
+            group = self._device.create_bind_group(
+                layout=self._layout(tuple(sorted(bindings))),
+                entries=[
+                    {"binding": number, "resource": {"buffer": buffer, "offset": 0, "size": size}}
+                    for number, (buffer, size) in sorted(bindings.items())
+                ],
+            )
+            self._bound = bindings, group
+        return self._bound[1]
 
 
 class _Part(NamedTuple):

@@ -170,9 +170,9 @@ def _reached(library: list[Definition], kernel: str) -> list[str]:
     return [item.text for item in library if item.name in reached]
 
 
-def binding_numbers(needs: Needs) -> list[int]:
+def binding_numbers(needs: Needs) -> tuple[int, ...]:
     """The bindings a shader declares."""
-    return [*range(6), *[6] * needs.shaded, *[7] * ("image" in needs.outputs)]
+    return (*range(6), *[6] * needs.shaded, *[7] * ("image" in needs.outputs))
 
 
 def _bindings(needs: Needs) -> str:
