@@ -41,8 +41,8 @@ class Field:
     meaning: str
 
 
-# Records begin at multiples of this many bytes, so that they can be fetched as vec4.
-ALIGNMENT = 16
+# Records begin at multiples of this many bytes, so that they can be fetched as vec4<u64>.
+ALIGNMENT = 32
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ class Device:
         # code is jumped over. Both ways round that are worth a factor of 1.3 to 2, measured.
         self._played = adapter.summary.kind == "cpu"
         self._together = 1
-        if self._played and SUBGROUP in self._device.features:
+        if self._played and {SUBGROUP, INT64} <= self._device.features:
             self._together = min(_subgroup_size(self._device), MOST_TOGETHER)
         limits = self._device.limits
         self.largest_binding: int = min(

@@ -35,6 +35,8 @@ from halfstep.pack import SRGB_ENTRIES, Class
 OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "image": 1, "color": 3, "normal": 3, "error": 5}
 MOST_TAGS = 255
 
+# Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
+FETCHED = 32
 # Halvings in a pass of the loop: lavapipe spends a quarter of a single one on the loop itself.
 PASS = 4
 
@@ -55,8 +57,8 @@ class Needs:
     shininess_bits: int  # of the largest exponent of a highlight, 0 where nothing shines
     short_keys: bool  # depth keys fit a word
     max_lines: int  # most half-spaces of a solid; the article method keeps them all at hand
-    # So many invocations of a subgroup fetch records together: each loads one vec4 of so many and
-    # gives it to all.  A device that a processor plays does a load for one invocation after
+    # So many invocations of a subgroup fetch records together: each loads some words, as 64 bits,
+    # and gives them to all.  A device that a processor plays does a load for one invocation after
     # another, and all invocations of a tile want the same record.
     together: int = 1
 
@@ -176,7 +178,7 @@ def binding_numbers(needs: Needs) -> tuple[int, ...]:
 
 
 def _bindings(needs: Needs) -> str:
-    solid, half_space = ("vec4<u32>",) * 2 if needs.together > 1 else ("Solid", "HalfSpace")
+    solid, half_space = ("vec4<u64>",) * 2 if needs.together > 1 else ("Solid", "HalfSpace")
     lines = [
         "@group(0) @binding(0) var<uniform> frame: Frame;",
         f"@group(0) @binding(1) var<storage, read> solids: array<{solid}>;",
@@ -355,19 +357,24 @@ def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> s
         return f"    let {name} = {array}[{index}];\n"
     dtype = record.dtype(needs.format)
     places = dict(dtype.fields or {})
-    quads = dtype.itemsize // 16
-    text = f"    let {name}_place = ({index}) * {quads}u + lane;\n"
-    for first in range(0, quads, needs.together):
-        load = f"{name}_{first} = {array}[{name}_place + {first}u];\n"
-        if quads - first > needs.together // 2:
+    pieces = dtype.itemsize // FETCHED
+    text = f"    let {name}_place = ({index}) * {pieces}u + lane;\n"
+    for first in range(0, pieces, needs.together):
+        piece = f"{name}_{first}"
+        load = f"{piece} = {array}[{name}_place + {first}u];\n"
+        # A load serves one invocation after another, so it pays to leave out most, not a few.
+        if pieces - first > needs.together // 2:
             text += f"    let {load}"
         else:
-            text += f"    var {name}_{first}: vec4<u32>;\n"
-            text += f"    if lane < {quads - first}u {{\n      {load}    }}\n"
+            text += f"    var {piece}: vec4<u64>;\n"
+            text += f"    if lane < {pieces - first}u {{\n      {load}    }}\n"
+        text += f"    let {piece}_low = vec4<u32>({piece});\n"
+        text += f"    let {piece}_high = vec4<u32>({piece} >> vec4<u32>(32u));\n"
 
     def word(k: int) -> str:
-        lane = k // 4 % needs.together
-        return f"subgroupBroadcast({name}_{k // 4 - lane}.{'xyzw'[k % 4]}, {lane}u)"
+        lane = k // 8 % needs.together
+        half = "high" if k % 2 else "low"
+        return f"subgroupBroadcast({name}_{k // 8 - lane}_{half}.{'xyzw'[k % 8 // 2]}, {lane}u)"
 
     def scalar(type_: str, k: int) -> str:
         if type_ == "i64":

@@ -10,7 +10,7 @@ const FLAG_EYE_SURE: u32 = 16u;
 
 // What all pixels of a band share.
 struct Frame {
-  @align(16) first_ray: vec4<f32>,  // world direction through pixel (0, 0), per unit depth
+  @align(32) first_ray: vec4<f32>,  // world direction through pixel (0, 0), per unit depth
   right: vec4<f32>,  // its change from one pixel to the next on the right
   down: vec4<f32>,  // its change from one row to the next
   ambient: vec4<f32>,  // linear RGB
@@ -22,7 +22,7 @@ struct Frame {
 
 // A visible solid: F = A u² + G u + C over its own interval of depth, u from -1 to 1.
 struct Solid {
-  @align(16) a: array<Coefficient, 6>,  // A as coefficients of 1, x, y, x², xy, y²
+  @align(32) a: array<Coefficient, 6>,  // A as coefficients of 1, x, y, x², xy, y²
   g: array<Coefficient, 6>,  // G
   c: array<Coefficient, 6>,  // C
   host_error: f32,  // error of A, G and C from the set-up, in their units
@@ -50,7 +50,7 @@ struct Solid {
 
 // A half-space along a ray: inside where c + b u <= 0.
 struct HalfSpace {
-  @align(16) c: array<Coefficient, 3>,  // coefficients of 1, x, y
+  @align(32) c: array<Coefficient, 3>,  // coefficients of 1, x, y
   b: array<Coefficient, 3>,  // the same
   normal: array<f32, 3>,  // outward unit normal, world
   host_error: f32,  // error of c and b from the set-up, in their units
@@ -58,6 +58,6 @@ struct HalfSpace {
 
 // A light, relative to the eye.
 struct Light {
-  @align(16) vector: vec4<f32>,  // direction towards it (w = 0) or position (w = 1)
+  @align(32) vector: vec4<f32>,  // direction towards it (w = 0) or position (w = 1)
   color: vec4<f32>,  // linear RGB
 }
