@@ -278,7 +278,7 @@ class Device:
         for part in parts:
             compute.set_pipeline(self._pipeline(replace(needs, classes=part.classes)))
             compute.set_bind_group(0, group, [part.first * RECORD_BYTES])
-            compute.dispatch_workgroups(part.count)
+            compute.dispatch_workgroups(part.tiles)
         compute.end()
         if self._timed:
             encoder.resolve_query_set(self._queries, 0, 2, frame, stamps)
@@ -309,7 +309,7 @@ class _Part(NamedTuple):
 
     classes: Classes
     first: int  # record
-    count: int
+    tiles: int
 
 
 def _parts(groups: list[TileGroup]) -> tuple[NDArray[np.uint32], list[_Part]]:

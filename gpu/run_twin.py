@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from halfstep.layout import TILE, Flag
 from halfstep.pack import Class, Packed, frame_record, joined_key, srgb_table
 from halfstep.scene import Scene
+from halfstep.tiles import tile_lists
 from halfstep.twin import (
     article,
     certify,
@@ -71,6 +72,7 @@ class Band:
         self.slope = normal.Vector(*(np.zeros(shape, np.float32) for _ in range(3)))
         self.depth = np.zeros(shape, np.float32)
         self.solid = np.zeros(shape, np.int64)  # row of ``packed.solids``
+        self._tiles = _tiles_of(packed, first_row, rows)
 
     def visit(self, row: int) -> None:
         """Try a solid, a row of ``packed.solids``, on all pixels of the tiles it may be seen in."""
@@ -83,6 +85,10 @@ class Band:
         if top >= bottom:
             return
         window = np.s_[top:bottom, left:right]
+        # A solid that a tile leaves out casts no doubt on what its rays see.
+        tried = np.zeros((bottom - top, right - left), bool)
+        for y, x in self._tiles[row]:
+            tried[y * TILE - top :, x * TILE - left :][:TILE, :TILE] = True
         y, x = np.mgrid[top:bottom, left:right].astype(np.int32)
         x -= solid["center_x"]
         y += np.int32(self.first_row) - solid["center_y"]
@@ -93,6 +99,7 @@ class Band:
             found = self._article(solid, klass, at, lines)
         else:
             found = self._visible(solid, klass, at, lines)
+        found = found._replace(hit=found.hit & tried)
         u = found.position.astype(np.float32) * solid["last_step"]
         slope = normal.gradient(solid["gradient"], x.astype(np.float32), y.astype(np.float32), u)
         for number, half_space in enumerate(self._half_spaces(solid), start=1):
@@ -108,7 +115,7 @@ class Band:
             # In one cell the way in and the way out through a surface may stand for each other.
             same = certificate.inside == found.inside
             certificate = certificate._replace(sure=certificate.sure & same)
-        nearer = self._keep(window, solid, found, slope, u, certificate)
+        nearer = self._keep(window, solid, found, slope, u, certificate, tried)
         self.solid[window][nearer] = row
 
     def _half_spaces(self, solid: np.void) -> NDArray[np.void]:
@@ -190,6 +197,7 @@ class Band:
         slope: normal.Vector,
         u: F32,
         certificate: certify.Certificate | None,
+        tried: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
         """Keep the points that are nearer than the nearest so far; which they are."""
         steps, shift = int(solid["steps"]), int(solid["key_shift"])
@@ -210,7 +218,7 @@ class Band:
             low = certify.least_key(key, certificate.bound, steps, spare, shift)
             self._lower(self.low, window, low, confirmed & found.hit)
             whole = nearest.Key(*(np.broadcast_to(word, confirmed.shape) for word in start))
-            self._lower(self.doubt, window, whole, ~confirmed)
+            self._lower(self.doubt, window, whole, tried & ~confirmed)
             self.bound[window][nearer] = certificate.bound[nearer]
         for component, value in zip(self.slope, slope, strict=True):
             component[window][nearer] = value[nearer]
@@ -329,6 +337,17 @@ def image_of(color: F32) -> NDArray[np.uint8]:
     """Pixels (H, W, 3) of linear colours (H, W, 3)."""
     words = encode.encode(srgb_table(), normal.Vector(*np.moveaxis(color, -1, 0)))
     return words.view(np.uint8).reshape(*words.shape, 4)[..., :3].copy()
+
+
+def _tiles_of(packed: Packed, first_row: int, rows: int) -> list[list[tuple[int, int]]]:
+    """The tiles, row and column, in whose lists the solids are, rows of ``packed.solids``."""
+    starts, members = tile_lists(packed, packed.present, first_row, rows)
+    across = -(-packed.setup.view.width // TILE)
+    lists = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    tiles: list[list[tuple[int, int]]] = [[] for _ in packed.solids]
+    for row, tile in zip(members.tolist(), (lists // len(packed.present)).tolist(), strict=True):
+        tiles[row].append(divmod(tile, across))
+    return tiles
 
 
 def _stage(name: str) -> ModuleType:

@@ -144,6 +144,21 @@ def test_frames_without_lists_are_the_same(
     assert hits > 100_000
 
 
+@pytest.mark.usefixtures("adapter")
+def test_what_a_tile_leaves_out_casts_no_doubt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the device and in NumPy alike: only what is tried can be uncertain."""
+    options: dict[str, Any] = {"size": (160, 120), "outputs": ["error"]}
+    device, twin = (
+        halfstep.render(load("crowd"), backend=backend, **options).error
+        for backend in ("gpu", "numpy")
+    )
+    assert np.array_equal(device, twin)
+    monkeypatch.setattr(run_gpu, "tile_lists", everything)
+    whole = halfstep.render(load("crowd"), backend="gpu", **options).error
+    assert (device <= whole).all()
+    assert (device < whole).any()
+
+
 def test_a_loose_rectangle_is_not_what_its_solid_costs() -> None:
     """The crowd's saddles are bounded by F and by cuts together: each could be anywhere."""
     packed = packed_frame(load("crowd"))
