@@ -37,8 +37,9 @@ MOST_TAGS = 255
 
 # Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
 FETCHED = 32
-# Halvings in a pass of the loop: lavapipe spends a quarter of a single one on the loop itself.
-PASS = 4
+# Halvings in a pass of the loop: lavapipe spends a quarter of a single one on the loop itself. With
+# four, a frame's time would go up in stairs.
+PASS = 2
 
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
@@ -433,7 +434,7 @@ def per_root(needs: Needs, roots: tuple[str, ...], template: str) -> str:
 def conveyor(needs: Needs, roots: tuple[str, ...]) -> str:
     """Statements that halve ``roots`` of all rows, n times each, to the position of each.
 
-    Four halvings to a pass, after those that are left over.
+    ``PASS`` halvings to a pass, after those that are left over.
     """
     begin = "    var search_ROOT_ROW = begun(ROOT_ROW);\n"
     end = "    let ROOT_position_ROW = reached(search_ROOT_ROW, ROOT_ROW, solid.steps);\n"

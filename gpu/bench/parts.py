@@ -124,7 +124,8 @@ def steps(bench: Bench) -> Part:
     scene = with_overrides(scenes.overlapping(), size=_SIZE)
     with bench.renderer(scene) as renderer:
         cases = {n: partial(_frame, renderer, with_overrides(scene, steps=n)) for n in _STEPS}
-        times = bench.times(cases, times=2)
+        # A halving is a hundredth of a frame.
+        times = bench.times(cases, times=8)
     rows: list[dict[str, Value]] = [{"n": n, **_row(times[n])} for n in _STEPS]
     direct = [n for n in _STEPS if n <= FLOAT_STEPS]
     fit = line(direct, [times[n].best for n in direct])
