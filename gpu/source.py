@@ -37,10 +37,6 @@ MOST_TAGS = 255
 
 # Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
 FETCHED = 32
-# Halvings in a pass of the loop: lavapipe spends a quarter of a single one on the loop itself. With
-# four, a frame's time would go up in stairs.
-PASS = 2
-
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
 
@@ -403,14 +399,14 @@ def _scalar(number_format: Format, type_: str) -> str:
     return names[numbers[type_]] if type_ in numbers else type_
 
 
-def _loop(counter: str, first: str, end: str, body: str, stride: int = 1) -> str:
-    """``body`` for every ``stride``-th value of ``counter`` from ``first`` to below ``end``."""
+def _loop(counter: str, first: str, end: str, body: str) -> str:
+    """``body`` for every value of ``counter`` from ``first`` to below ``end``."""
     return (
         f"    if {first} < {end} {{\n"
         f"    var {counter} = {first};\n"
         "    loop {\n"
         f"{body}"
-        f"      {counter} += {stride}u;\n"
+        f"      {counter}++;\n"
         f"      if {counter} >= {end} {{\n"
         "        break;\n"
         "      }\n"
@@ -432,24 +428,13 @@ def per_root(needs: Needs, roots: tuple[str, ...], template: str) -> str:
 
 
 def conveyor(needs: Needs, roots: tuple[str, ...]) -> str:
-    """Statements that halve ``roots`` of all rows, n times each, to the position of each.
-
-    ``PASS`` halvings to a pass, after those that are left over.
-    """
+    """Statements that halve ``roots`` of all rows, n times each, to the position of each."""
     begin = "    var search_ROOT_ROW = begun(ROOT_ROW);\n"
+    halving = "      search_ROOT_ROW = halved(search_ROOT_ROW, k);\n"
     end = "    let ROOT_position_ROW = reached(search_ROOT_ROW, ROOT_ROW, solid.steps);\n"
-
-    def halvings(count: int) -> str:
-        return "".join(
-            per_root(needs, roots, f"      search_ROOT_ROW = halved(search_ROOT_ROW, k + {k}u);\n")
-            for k in range(count)
-        )
-
     return (
         per_root(needs, roots, begin)
-        + f"    let rest = solid.steps % {PASS}u;\n"
-        + _loop("k", "0u", "rest", halvings(1))
-        + _loop("k", "rest", "solid.steps", halvings(PASS), PASS)
+        + _loop("k", "0u", "solid.steps", per_root(needs, roots, halving))
         + per_root(needs, roots, end)
     )
 

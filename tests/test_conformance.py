@@ -33,8 +33,7 @@ FAULTS = [
     ("old.slope.y, slope.y", "old.slope.y, slope.x"),
     ("(tile >> 16u) * TILE", "(tile >> 17u) * TILE"),
     ("entry >= end_0", "entry + 1u >= end_0"),
-    ("k >= rest", "k + 1u >= rest"),
-    ("k >= solid.steps", "k + 2u >= solid.steps"),
+    ("k >= solid.steps", "k + 1u >= solid.steps"),
     ("finish(nearest_1, i, j + 1,", "finish(nearest_0, i, j + 1,"),
     ("depth_key(exit_position,", "depth_key(position,"),
 ]
