@@ -165,6 +165,8 @@ class Renderer:
         self._solids_of = self._scene
         self._device = _device(backend, adapter, self._scene.accuracy)
         self._told: set[int] = set()
+        # The last scene that was hashed: most often the one before.
+        self._hashed: tuple[Scene | None, str] = None, ""
         self._closed = False
 
     def __enter__(self) -> Self:
@@ -330,6 +332,8 @@ class Renderer:
         if times:
             info["device_ms"] = sum(times)
         scene = frame.scene
+        if scene is not self._hashed[0]:
+            self._hashed = scene, scene.sha256_with(frame.solids.sha256)
         # Of the pixel centres, which come first: `solid` is always among them.
         steps = steps_by_solid(frame.passes[0].packed, frame.solids.tables)[:-1].tolist()
         return info | {
@@ -338,7 +342,7 @@ class Renderer:
             "steps": steps,
             "wall_ms": (time.perf_counter() - frame.begin) * 1e3,
             "scene_title": scene.title,
-            "scene_sha256": scene.sha256_with(frame.solids.sha256),
+            "scene_sha256": self._hashed[1],
             "version": __version__,
         }
 

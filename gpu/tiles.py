@@ -71,14 +71,12 @@ def tile_groups(
             fewest that knows all it sees.
     """
     seen = _seen(starts, classes)
-    bits = 1 << np.arange(len(classes))
-    masks = seen @ bits
-    choice = np.full(len(masks), len(sets) - 1)
-    for ix in sorted(range(len(sets)), key=lambda ix: -len(sets[ix])):
-        known = bits[[classes.index(klass) for klass in sets[ix]]].sum()
-        choice[(masks & ~known) == 0] = ix
+    choice = np.full(len(seen), len(sets) - 1)
+    for ix in sorted(range(len(sets) - 1), key=lambda ix: -len(sets[ix])):
+        unknown = [slot for slot, klass in enumerate(classes) if klass not in sets[ix]]
+        choice[~seen[:, unknown].any(axis=1)] = ix
 
-    y, x = np.divmod(np.arange(len(masks), dtype=np.uint32), np.uint32(tiles_x))
+    y, x = np.divmod(np.arange(len(seen), dtype=np.uint32), np.uint32(tiles_x))
     places = x | (y << np.uint32(16))
     begin, end = starts[:-1].reshape(-1, len(classes)), starts[len(classes) :: len(classes)]
     groups = []
