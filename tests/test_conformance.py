@@ -13,6 +13,7 @@ import halfstep
 from halfstep import run_gpu, source
 from halfstep.device import Adapter
 from halfstep.frame import SOURCES, Frame
+from halfstep.pack import Class
 from halfstep.scene import bundled_scenes
 from halfstep.source import Needs
 
@@ -162,6 +163,29 @@ def test_bands_do_not_show(
     height = SIZE[1] * samples
     assert bands[-1][0] + bands[-1][1] == height
     assert len(bands) >= 4
+
+
+@pytest.mark.parametrize("scene", ["gallery", "figure"])
+def test_shaders_of_fewer_classes_give_the_same_bits(
+    scene: str, device: run_gpu.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the second frame on, tiles that see only some classes have shaders of their own."""
+    compiled: list[tuple[Class, ...]] = []
+
+    def noted(needs: Needs) -> str:
+        compiled.append(needs.classes)
+        return source.compose(needs)
+
+    monkeypatch.setattr(device, "_known", {})
+    monkeypatch.setattr(device, "_pipelines", {})
+    monkeypatch.setattr(run_gpu, "compose", noted)
+    loaded = halfstep.load(scene)
+    with halfstep.Renderer(loaded, size=(320, 240), outputs=PLAIN, backend="gpu") as renderer:
+        first, second, third = (renderer.render() for _ in range(3))
+    assert differences(second, first) == differences(third, first) == {}
+    whole, *parts = compiled
+    assert len(parts) >= 2
+    assert all(set(part) < set(whole) for part in parts)
 
 
 @pytest.mark.parametrize(("old", "new"), FAULTS)
