@@ -6,14 +6,16 @@ present one loop over the tile's list, in which each solid is fetched once and t
 pixels.  The rows of the block are written out, with ROW in a name or a number standing for the
 row: arrays indexed by a loop cost a compiler more and the device most.
 
-What lavapipe asks for, measured, and other devices do not mind:
+What lavapipe asks for, measured, the last two for devices that a processor plays alone:
 
 - A loop is left at the end of its body.  Tested at its beginning, the body runs once more for no
   invocation at all.
 - All rows of a block are halved in one loop: an operation waits for the one before, and the others
   fill the gap.
-- Words to be stored pass a select that LLVM does not take apart (``whole``).  Otherwise it computes
-  them anew for each invocation, one after another.
+- Loads and stores serve one invocation after another, each word with a test of its own, so words
+  travel in pairs, as 64 bits.
+- What is stored passes a select that LLVM does not take apart (``whole``).  Otherwise it computes
+  the words anew for each invocation.
 """
 
 from __future__ import annotations
@@ -175,14 +177,16 @@ def binding_numbers(needs: Needs) -> tuple[int, ...]:
 
 
 def _bindings(needs: Needs) -> str:
-    solid, half_space = ("vec4<u64>",) * 2 if needs.together > 1 else ("Solid", "HalfSpace")
+    solid, half_space, quad = "Solid", "HalfSpace", "vec4<u32>"
+    if needs.together > 1:
+        solid, half_space, quad = "vec4<u64>", "vec4<u64>", "vec2<u64>"
     lines = [
         "@group(0) @binding(0) var<uniform> frame: Frame;",
         f"@group(0) @binding(1) var<storage, read> solids: array<{solid}>;",
         f"@group(0) @binding(2) var<storage, read> half_spaces: array<{half_space}>;",
         "@group(0) @binding(3) var<storage, read> tiles: array<u32>;",
         "@group(0) @binding(4) var<storage, read> tile_solids: array<u32>;",
-        "@group(0) @binding(5) var<storage, read_write> planes: array<vec4<u32>>;",
+        f"@group(0) @binding(5) var<storage, read_write> planes: array<{quad}>;",
     ]
     if needs.shaded:
         lines += [
@@ -651,9 +655,11 @@ def _article_slope(needs: Needs, klass: Class) -> str:
 
 
 _WHOLE = """\
-// The same words, by a select that no compiler can prove idle.
-fn whole(words: vec4<u32>) -> vec4<u32> {
-  return select(words, vec4<u32>(0u), vec4<bool>(frame.plane_quads == 0u));
+// Four words as two of 64 bits, by a select that no compiler can prove idle.
+fn whole(words: vec4<u32>) -> vec2<u64> {
+  let low = vec2<u64>(words.xz) & vec2<u64>(0xFFFFFFFFlu);
+  let wide = (vec2<u64>(words.yw) << vec2<u32>(32u)) | low;
+  return select(wide, vec2<u64>(0lu), vec2<bool>(frame.plane_quads == 0u));
 }
 
 """
@@ -690,8 +696,9 @@ def _finish(needs: Needs) -> str:
         ],
         "normal": [f"bitcast<u4>(select(f4(0.0), normal.{axis}, some))" for axis in "xyz"],
     }
+    stored = "whole" if needs.together > 1 else ""
     stores = "".join(
-        f"  planes[place + {planes[name] + k}u * frame.plane_quads] = whole({value});\n"
+        f"  planes[place + {planes[name] + k}u * frame.plane_quads] = {stored}({value});\n"
         for name in OUTPUT_WORDS
         if name in needs.outputs
         for k, value in enumerate(values[name])
@@ -715,7 +722,7 @@ def _finish(needs: Needs) -> str:
         )
     return (
         _PACKED_IMAGE * ("image" in needs.outputs)
-        + _WHOLE
+        + _WHOLE * (needs.together > 1)
         + "// Writes the outputs of four pixels.\n"
         "fn finish(nearest: Nearest, i: i4, j: i32, place: u32) {\n"
         f"{body}{stores}"
