@@ -35,6 +35,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "_STEPS", (4, 12))
     monkeypatch.setattr(parts, "_SIDES", (32, 64))
     monkeypatch.setattr(parts, "_LATTICES", (10, 40))
+    monkeypatch.setattr(parts, "_SET_UP", (11, 22))
     monkeypatch.setattr(parts, "_own_process", lambda _, count: 12.0 / count)
     monkeypatch.setattr(machine, "cores", lambda: 3)
 

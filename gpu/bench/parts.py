@@ -27,6 +27,7 @@ _HALVINGS = (4, 8, 12, 16)
 _STEPS = (2, 4, 6, 8, 10, 12, 14, 16, 20, 24)
 _SIDES = (256, 512, 1024, 2048)
 _LATTICES = (10, 100, 1000, 5000, 100_000)
+_SET_UP = (100, 1000, 10_000)
 _SMALL = (256, 256)
 
 
@@ -239,6 +240,26 @@ def solids(bench: Bench) -> Part:
     return Part("solids", f"Solids that cover an equal area, {_named(_SIZE)}", rows, summary)
 
 
+def setup(bench: Bench) -> Part:
+    """What the host computes of a frame, from the camera to the records that the device reads."""
+    with ExitStack() as stack:
+        cases: dict[int, Callable[[], float | None]] = {}
+        for count in _SET_UP:
+            renderer = stack.enter_context(bench.renderer(scenes.mixed(count)))
+            cases[count] = partial(_prepare, renderer)
+        times = bench.times(cases, times=4)
+    rows: list[dict[str, Value]] = [
+        {"solids": count, "wall ms": own.wall} for count, own in times.items()
+    ]
+    most = _SET_UP[-1]
+    summary = {f"set-up of {most:,} solids of all kinds": f"{times[most].wall:.1f} ms"}
+    return Part("setup", "The host's set-up of a frame, solids of all kinds", rows, summary)
+
+
+def _prepare(renderer: Renderer) -> None:
+    renderer._prepared(None, None)
+
+
 def pixels(bench: Bench) -> Part:
     """Frame time against the number of pixels."""
     scene = scenes.overlapping()
@@ -334,6 +355,7 @@ PARTS: dict[str, Callable[[Bench], Part]] = {
     "twin": twin,
     "frames": frames,
     "solids": solids,
+    "setup": setup,
     "pixels": pixels,
     "threads": threads,
 }

@@ -56,6 +56,38 @@ def equal_coverage(count: int) -> Scene:
     return _seen(solids)
 
 
+def mixed(count: int) -> Scene:
+    """``count`` solids of eleven sorts in turn, in a lattice and turned each its own way."""
+    ends = {"z_min": -0.4, "z_max": 0.4}
+    sorts: list[dict[str, Any]] = [
+        {"kind": "sphere", "radius": 0.4},
+        {"kind": "sphere", "radius": 0.4, "cut": [(1.0, 1.0, 1.0, 0.1)]},
+        {"kind": "ellipsoid", "semi_axes": (0.4, 0.3, 0.2)},
+        {"kind": "cylinder", "radius": 0.3, **ends},
+        {"kind": "cone", "slope": 0.5, **ends},
+        {"kind": "hyperboloid_one_sheet", "waist": 0.2, "c": 0.3, **ends},
+        {"kind": "hyperboloid_two_sheets", "a": 0.2, "c": 0.1, **ends},
+        {"kind": "paraboloid", "a": 0.5, "z_max": 0.4},
+        {"kind": "box", "size": (0.6, 0.5, 0.4)},
+        {
+            "kind": "polyhedron",
+            "half_spaces": [(1, 1, 1, 0.4), (-1, -1, 1, 0.4), (-1, 1, -1, 0.4), (1, -1, -1, 0.4)],
+        },
+        {"kind": "plane", "axis": (0.3, 0.4, 1.0)},
+    ]
+    columns = math.ceil(math.sqrt(count))
+    solids = []
+    for k in range(count):
+        x, y = k % columns - columns / 2, k // columns - columns / 2
+        solid = {**sorts[k % len(sorts)], "origin": (x, y, 0.0), "color": _COLORS[k % 4]}
+        if solid["kind"] == "plane":
+            solid["bounds"] = {"min": (x - 0.4, y - 0.4, -0.4), "max": (x + 0.4, y + 0.4, 0.4)}
+        else:
+            solid["rotation_degrees"] = (k % 360, 2 * k % 360, 3 * k % 360)
+        solids.append(solid)
+    return _seen(solids, distance=1.5 * columns)
+
+
 def _seen(solids: list[dict[str, Any]], distance: float = 11.0) -> Scene:
     camera = {"center": (0.0, -distance, 0.0), "look_at": (0.0, 0.0, 0.0), "fov_degrees": 40.0}
     light = {"direction": (1.0, -1.0, 2.0)}

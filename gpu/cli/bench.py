@@ -17,6 +17,7 @@ PARTS = (
     "twin",
     "frames",
     "solids",
+    "setup",
     "pixels",
     "threads",
 )
