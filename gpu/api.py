@@ -37,6 +37,8 @@ from halfstep.scene import Accuracy, Camera, Scene, with_overrides
 from halfstep.setup import setup
 
 BACKENDS = ("auto", "gpu", "numpy")
+# Frames of a renderer after which no shader is compiled for others like them.
+WARM_UP = 2
 # A little less than the largest block that glibc takes as a measure of what to keep.
 _LARGE_BLOCK = 31 << 20
 

@@ -215,6 +215,7 @@ def _types(number_format: Format) -> tuple[np.dtype[np.void], np.dtype[np.void]]
 def _classes(tables: Surfaces, setup: Setup) -> NDArray[np.int64]:
     inside = setup.eye_inside | setup.near_cut
     # The discriminant alone also finds the roots of a line behind the eye.
+    # What is seen from inside is cut as well, so the sum counts to two.
     cut = setup.near_cut | setup.starts_at_eye | (setup.far_u != 1.0)
     return np.asarray(_CLASS_SEEN[tables.usual[setup.solid], np.add(cut, inside, dtype=np.int64)])
 

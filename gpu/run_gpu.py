@@ -33,7 +33,7 @@ RECORD_BYTES = 4 * TILE_WORDS
 RECORDS_ALIGNMENT = 256 // RECORD_BYTES
 MOST_WORKGROUPS = 1 << 13
 PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
-# A record has 16 vec4 or so: more invocations would load nothing.
+# A record has at most ten pieces for as many invocations: more would load nothing.
 MOST_TOGETHER = 16
 _UNIFORM = {0, 6, 7}
 # What the bindings hold.
@@ -61,14 +61,14 @@ class Device:
         """
         self.adapter = adapter
         self.check_format(number_format)
+        self._played = adapter.summary.kind == "cpu"
         # Where a processor plays the device, its memory is the device's.
-        shared = {MAPPABLE} if adapter.summary.kind == "cpu" else set()
+        shared = {MAPPABLE} if self._played else set()
         wanted = {INT64, SUBGROUP} | shared
         self._device = open_device(adapter, features=wanted & adapter.handle.features)
         self._mapped = MAPPABLE in self._device.features
         # Where a processor plays the device, a load serves one invocation after another, and no
         # code is jumped over. Both ways round that are worth a factor of 1.3 to 2, measured.
-        self._played = adapter.summary.kind == "cpu"
         self._together = 1
         if self._played and {SUBGROUP, INT64} <= self._device.features:
             self._together = min(_subgroup_size(self._device), MOST_TOGETHER)

@@ -39,6 +39,7 @@ MOST_TAGS = 255
 
 # Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
 FETCHED = 32
+
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
 

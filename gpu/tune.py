@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep import __version__
-from halfstep.api import Renderer
+from halfstep.api import WARM_UP, Renderer
 from halfstep.errors import UsageError
 from halfstep.exact import Exact, exact
 from halfstep.formats import format_for
@@ -368,12 +368,12 @@ class _Bench(Renderer):
         self, settings: Sequence[Scene], rows: Sequence[Row], repeats: int
     ) -> Iterator[dict[str, Any]]:
         """``Frame.info`` of the image of every setting, as many times; each its turn."""
-        # The first frame of a shader compiles it.
+        # The first frames of a shader compile it.
         shaders = {
             (format_for(setting.accuracy, row.steps), row.method): setting
             for row, setting in zip(rows, settings, strict=True)
         }
-        for setting in shaders.values():
+        for setting in [*shaders.values()] * WARM_UP:
             self.frame(setting, ("image",))
         for _ in range(repeats):
             for setting in settings:

@@ -111,7 +111,7 @@ def test_times_are_medians_of_interleaved_frames(monkeypatch: pytest.MonkeyPatch
                 result.info["wall_ms"] = next(times)
         return result
 
-    warm, original = 1, module._Bench.frame
+    warm, original = module.WARM_UP, module._Bench.frame
     monkeypatch.setattr(module._Bench, "frame", frame)
     found = tune(
         halfstep.load("one_sphere"),

@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 
-from halfstep.api import Renderer
+from halfstep.api import WARM_UP, Renderer
 from halfstep.bench import machine, povray, scenes
 from halfstep.bench.closed_form import closed_form
 from halfstep.bench.native import FLAGS, LANES, Native, NoCompilerError
@@ -149,7 +149,8 @@ def closed(bench: Bench) -> Part:
                 renderer = stack.enter_context(bench.renderer(scene))
                 shown = with_overrides(scene, size=_SIZE)
                 with closed_form() if roots == "closed form" else ExitStack():
-                    _frame(renderer, shown)
+                    for _ in range(WARM_UP):
+                        _frame(renderer, shown)
                 cases[len(scene.solids), roots] = partial(_frame, renderer, shown)
         times = bench.times(cases)
     for count in dict.fromkeys(count for count, _ in cases):

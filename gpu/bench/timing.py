@@ -10,10 +10,9 @@ from typing import TypeVar
 
 import numpy as np
 
-Case = TypeVar("Case")
+from halfstep.api import WARM_UP
 
-# Turns before the first that counts: shaders are compiled, caches and clocks come up.
-WARM_UP = 2
+Case = TypeVar("Case")
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ def interleaved(
     rounds: int,
     progress: Callable[[float], None] = lambda _: None,
 ) -> dict[Case, Times]:
-    """Median times of ``cases``, each run once in every round.
+    """Median times of ``cases``, each run once in every round, and ``WARM_UP`` times before.
 
     A machine that slows down so does it for all of them. A case returns the device's time in ms,
     or None if it has none; its wall time is taken here.
