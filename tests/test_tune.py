@@ -19,6 +19,7 @@ import pytest
 import halfstep
 from halfstep import plot
 from halfstep import tune as module
+from halfstep.api import WARM_UP
 from halfstep.cli import main
 from halfstep.errors import SceneError, UsageError
 from halfstep.scene import with_overrides
@@ -111,7 +112,7 @@ def test_times_are_medians_of_interleaved_frames(monkeypatch: pytest.MonkeyPatch
                 result.info["wall_ms"] = next(times)
         return result
 
-    warm, original = module.WARM_UP, module._Bench.frame
+    warm, original = WARM_UP, module._Bench.frame
     monkeypatch.setattr(module._Bench, "frame", frame)
     found = tune(
         halfstep.load("one_sphere"),
