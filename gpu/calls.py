@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import halfstep.twin as twin
-from halfstep.layout import BLOCK_WIDTH
+from halfstep.layout import LANES
 from halfstep.testing.types import Array as ArrayType
 from halfstep.testing.types import Pointer, Scalar, Struct, Type, Vector
 
@@ -52,7 +52,7 @@ class Calls:
         room = min(CALL_ROWS, ROWS - sum(self.rows))
         if shape is None or room <= 0:
             return
-        groups = shape[0] * -(-shape[1] // BLOCK_WIDTH)
+        groups = shape[0] * -(-shape[1] // LANES)
         picked = np.unique(np.linspace(0, groups - 1, room).astype(int))
         self.given.append(_groups(given, shape, picked))
         self.returned.append(_groups(returned, shape, picked))
@@ -139,8 +139,8 @@ def _groups(value: Any, shape: tuple[int, int], picked: Array) -> Any:
     if isinstance(value, np.ndarray) and value.ndim == 2:
         pixels = np.broadcast_to(value, shape)
         # A picture may end within a group: its last pixel stands for those beyond.
-        columns = np.minimum(np.arange(-(-shape[1] // BLOCK_WIDTH) * BLOCK_WIDTH), shape[1] - 1)
-        return pixels[:, columns].reshape(-1, BLOCK_WIDTH)[picked]
+        columns = np.minimum(np.arange(-(-shape[1] // LANES) * LANES), shape[1] - 1)
+        return pixels[:, columns].reshape(-1, LANES)[picked]
     if isinstance(value, Mapping):
         return {name: _groups(part, shape, picked) for name, part in value.items()}
     if isinstance(value, list):

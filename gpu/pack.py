@@ -98,6 +98,7 @@ class Packed:
     present: tuple[Class, ...]  # classes that the scene's solids have, in this frame or otherwise
     shininess_bits: int  # of the largest exponent of a highlight, 0 where no material shines
     most_half_spaces: int  # of a solid
+    solid_count: int  # of the scene
     surface_count: int  # of the scene
 
 
@@ -202,6 +203,7 @@ def pack(
         present=_present(classes, usual),
         shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
         most_half_spaces=int(geometry.plane_count.max()),
+        solid_count=len(tables.first),
         surface_count=len(tables.solid) - 1,
     )
 
@@ -271,7 +273,7 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
     tiles_x = -(-view.width // layout.TILE)
     tiles_y = -(-rows // layout.TILE)
     record["first_row"] = first_row
-    record["row_quads"] = tiles_x * layout.TILE // layout.BLOCK_WIDTH
+    record["row_quads"] = tiles_x * layout.TILE // layout.LANES
     record["plane_quads"] = record["row_quads"] * tiles_y * layout.TILE
     return record
 

@@ -3,14 +3,14 @@
 Stage functions are plain WGSL files beside each other in ``halfstep.wgsl``.  This module writes the
 kernel that joins them and takes from the files what the kernel reaches: for every class of solids
 present one loop over the tile's list, in which each solid is fetched once and tried on a block of
-pixels.  The rows of the block are written out, with ROW in a name or a number standing for the
-row: arrays indexed by a loop cost a compiler more and the device most.
+pixels.  The block's quads, four pixels each, are written out, with NTH in a name or a number
+standing for the quad: arrays indexed by a loop cost a compiler more and the device most.
 
 What lavapipe asks for, measured, the last two for devices that a processor plays alone:
 
 - A loop is left at the end of its body.  Tested at its beginning, the body runs once more for no
   invocation at all.
-- All rows of a block are halved in one loop: an operation waits for the one before, and the others
+- All quads of a block are halved in one loop: an operation waits for the one before, and the others
   fill the gap.
 - Loads and stores serve one invocation after another, each word with a test of its own, so words
   travel in pairs, as 64 bits.
@@ -28,17 +28,20 @@ from importlib.resources import files
 import numpy as np
 
 from halfstep.formats import Format
-from halfstep.layout import BLOCK_WIDTH, HALF_SPACE, SOLID, TILE, TILE_WORDS, Record
+from halfstep.layout import HALF_SPACE, LANES, SOLID, TILE, TILE_WORDS, Record
 from halfstep.pack import SRGB_ENTRIES, Class
 
-# Device outputs in the order of their planes, with the number of 32-bit words of a pixel.  Where an
-# image has four pixels in four words, they fill three; the last has their surfaces' numbers, as far
-# as eight bits go.
-OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "image": 1, "color": 3, "normal": 3, "error": 5}
+# Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
+# of bytes, with how many a pixel has.
+OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "color": 3, "normal": 3, "error": 5}
+OUTPUT_BYTES = {"image": 3, "tag": 1}
+# A tag is the number of a surface, where a scene has no more than this.
 MOST_TAGS = 255
 
 # Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
 FETCHED = 32
+# Most bytes of what is bound as uniform memory: every device has so many.
+UNIFORM_BYTES = 1 << 16
 
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})
@@ -49,7 +52,7 @@ class Needs:
     """All that a shader's text depends on; equal needs share one compiled pipeline."""
 
     classes: tuple[Class, ...]
-    outputs: frozenset[str]  # of OUTPUT_WORDS
+    outputs: frozenset[str]  # of OUTPUT_WORDS and OUTPUT_BYTES
     method: str  # "visible" or "article"
     format: Format
     lights: int
@@ -61,6 +64,9 @@ class Needs:
     # and gives them to all.  A device that a processor plays does a load for one invocation after
     # another, and all invocations of a tile want the same record.
     together: int = 1
+    # Solids and half-spaces are few enough for uniform memory, of which such a device has less, but
+    # where a load takes a third of the time; for records fetched together only.
+    uniform: bool = False
 
     @property
     def shaded(self) -> bool:
@@ -78,9 +84,14 @@ class Needs:
         return "exit" in self.outputs
 
     @property
-    def rows(self) -> int:
-        """Rows of a block: more of them share what is fetched of a solid, and compile longer."""
+    def quads(self) -> int:
+        """Quads of a block: more of them share what is fetched of a solid, and compile longer."""
         return 2 if self.method == "visible" and not self.certified else 1
+
+    @property
+    def wide_pixels(self) -> bool:
+        """Whether the bytes of a block are stored as words of 64 bits."""
+        return self.together > 1 and self.quads > 1
 
     @property
     def certified(self) -> bool:
@@ -89,12 +100,21 @@ class Needs:
 
 
 def plane_offsets(outputs: frozenset[str]) -> dict[str, int]:
-    """First plane of each output in the frame buffer, and their number under ``"total"``."""
+    """First plane of each output of words, and the number of planes under ``"total"``."""
+    return _offsets(OUTPUT_WORDS, outputs)
+
+
+def byte_offsets(outputs: frozenset[str]) -> dict[str, int]:
+    """Bytes a pixel has of outputs of bytes before each one, and of all under ``"total"``."""
+    return _offsets(OUTPUT_BYTES, outputs)
+
+
+def _offsets(sizes: dict[str, int], outputs: frozenset[str]) -> dict[str, int]:
     offsets, end = {}, 0
-    for name, words in OUTPUT_WORDS.items():
+    for name, size in sizes.items():
         if name in outputs:
             offsets[name] = end
-            end += words
+            end += size
     return offsets | {"total": end}
 
 
@@ -172,26 +192,43 @@ def _reached(library: list[Definition], kernel: str) -> list[str]:
     return [item.text for item in library if item.name in reached]
 
 
-def binding_numbers(needs: Needs) -> tuple[int, ...]:
-    """The bindings a shader declares."""
-    return (*range(6), *[6] * needs.shaded, *[7] * ("image" in needs.outputs))
+def binding_types(needs: Needs) -> dict[int, str]:
+    """The bindings a shader declares: wgpu's type of buffer of each, by number."""
+    records = "uniform" if needs.uniform else "read-only-storage"
+    types = {0: "uniform", 1: records, 2: records, 3: "read-only-storage", 4: "read-only-storage"}
+    if plane_offsets(needs.outputs)["total"]:
+        types[5] = "storage"
+    if byte_offsets(needs.outputs)["total"]:
+        types[6] = "storage"
+    if needs.shaded:
+        types[7] = "uniform"
+    if "image" in needs.outputs:
+        types[8] = "uniform"
+    return types
 
 
 def _bindings(needs: Needs) -> str:
-    solid, half_space, quad = "Solid", "HalfSpace", "vec4<u32>"
+    solid, half_space, quad, space = "Solid", "HalfSpace", "vec4<u32>", "storage, read"
     if needs.together > 1:
         solid, half_space, quad = "vec4<u64>", "vec4<u64>", "vec2<u64>"
+    if needs.uniform:
+        solid = half_space = f"vec4<u64>, {UNIFORM_BYTES // FETCHED}"
+        space = "uniform"
     lines = [
         "@group(0) @binding(0) var<uniform> frame: Frame;",
-        f"@group(0) @binding(1) var<storage, read> solids: array<{solid}>;",
-        f"@group(0) @binding(2) var<storage, read> half_spaces: array<{half_space}>;",
+        f"@group(0) @binding(1) var<{space}> solids: array<{solid}>;",
+        f"@group(0) @binding(2) var<{space}> half_spaces: array<{half_space}>;",
         "@group(0) @binding(3) var<storage, read> tiles: array<u32>;",
         "@group(0) @binding(4) var<storage, read> tile_solids: array<u32>;",
-        f"@group(0) @binding(5) var<storage, read_write> planes: array<{quad}>;",
     ]
+    if plane_offsets(needs.outputs)["total"]:
+        lines.append(f"@group(0) @binding(5) var<storage, read_write> planes: array<{quad}>;")
+    if byte_offsets(needs.outputs)["total"]:
+        word = "u64" if needs.wide_pixels else "u32"
+        lines.append(f"@group(0) @binding(6) var<storage, read_write> pixels: array<{word}>;")
     if needs.shaded:
         lines += [
-            f"@group(0) @binding(6) var<uniform> lights: array<Light, {max(needs.lights, 1)}>;",
+            f"@group(0) @binding(7) var<uniform> lights: array<Light, {max(needs.lights, 1)}>;",
             f"const LIGHTS: u32 = {needs.lights}u;",
             f"const SHININESS_BITS: u32 = {needs.shininess_bits}u;",
             f"const POINT_LIGHTS: bool = {str(needs.point_lights).lower()};",
@@ -199,7 +236,7 @@ def _bindings(needs: Needs) -> str:
     if "image" in needs.outputs:
         # A word of each vec4, because uniform arrays have no smaller stride.
         table = f"var<uniform> srgb_table: array<vec4<u32>, {SRGB_ENTRIES}>"
-        lines.append(f"@group(0) @binding(7) {table};")
+        lines.append(f"@group(0) @binding(8) {table};")
     if needs.method == "article":
         lines.append(f"const MAX_LINES: u32 = {needs.max_lines}u;")
     return "\n".join(lines) + "\n"
@@ -341,16 +378,20 @@ def _sight(needs: Needs, klass: Class) -> str:
     return _visible_cut(needs, klass)
 
 
-def _rows(needs: Needs, body: str, *, offsets: bool = True) -> str:
-    """``body`` for every row of the block."""
-    at = "    let at = offset(x, y + ROW);\n" * offsets
-    block = f"    {{\n{at}{body}    }}\n"
-    return "".join(block.replace("ROW", str(row)) for row in range(needs.rows))
+def _quads(needs: Needs, body: str, *, offsets: bool = True) -> str:
+    """``body`` for every quad of the block."""
+    at = "    let at = offset(x_NTH, y);\n" * offsets
+    return _each_quad(needs, f"    {{\n{at}{body}    }}\n")
+
+
+def _each_quad(needs: Needs, template: str) -> str:
+    """``template`` for every quad of the block, with its number for NTH."""
+    return "".join(template.replace("NTH", str(quad)) for quad in range(needs.quads))
 
 
 def _variables(needs: Needs, name: str, type_: str) -> str:
-    """A variable for every row of the block."""
-    return "".join(f"    var {name}_{row}: {type_};\n" for row in range(needs.rows))
+    """A variable for every quad of the block."""
+    return _each_quad(needs, f"    var {name}_NTH: {type_};\n")
 
 
 def _fetch(needs: Needs, record: Record, array: str, index: str, name: str) -> str:
@@ -421,22 +462,21 @@ def _loop(counter: str, first: str, end: str, body: str) -> str:
 
 
 def _half_spaces(needs: Needs, first: int, body: str) -> str:
-    """A loop over the solid's half-spaces, each tried on all rows."""
+    """A loop over the solid's half-spaces, each tried on all quads."""
     fetch = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start + k", "half_space")
-    return _loop("k", f"{first}u", "solid.plane_count", fetch + _rows(needs, body))
+    return _loop("k", f"{first}u", "solid.plane_count", fetch + _quads(needs, body))
 
 
 def per_root(needs: Needs, roots: tuple[str, ...], template: str) -> str:
-    """``template`` for every row of the block and every root, with ROOT in it for its name."""
-    rows = [template.replace("ROW", str(row)) for row in range(needs.rows)]
-    return "".join(row.replace("ROOT", root) for row in rows for root in roots)
+    """``template`` for every quad of the block and every root, with ROOT in it for its name."""
+    return _each_quad(needs, "".join(template.replace("ROOT", root) for root in roots))
 
 
 def conveyor(needs: Needs, roots: tuple[str, ...]) -> str:
-    """Statements that halve ``roots`` of all rows, n times each, to the position of each."""
-    begin = "    var search_ROOT_ROW = begun(ROOT_ROW);\n"
-    halving = "      search_ROOT_ROW = halved(search_ROOT_ROW, k);\n"
-    end = "    let ROOT_position_ROW = reached(search_ROOT_ROW, ROOT_ROW, solid.steps);\n"
+    """Statements that halve ``roots`` of all quads, n times each, to the position of each."""
+    begin = "    var search_ROOT_NTH = begun(ROOT_NTH);\n"
+    halving = "      search_ROOT_NTH = halved(search_ROOT_NTH, k);\n"
+    end = "    let ROOT_position_NTH = reached(search_ROOT_NTH, ROOT_NTH, solid.steps);\n"
     return (
         per_root(needs, roots, begin)
         + _loop("k", "0u", "solid.steps", per_root(needs, roots, halving))
@@ -447,40 +487,40 @@ def conveyor(needs: Needs, roots: tuple[str, ...]) -> str:
 _PLANE_NORMAL = (
     "Vector(f4(half_space.normal[0]), f4(half_space.normal[1]), f4(half_space.normal[2]))"
 )
-_GRADIENT = "gradient(solid.gradient, f4(x), f32(y + ROW), f4(position) * solid.last_step)"
+_GRADIENT = "gradient(solid.gradient, f4(x_NTH), f32(y), f4(position) * solid.last_step)"
 
 
 def _seen(needs: Needs, body: str, root: str, leaving: str, slope: str, normals: str = "") -> str:
     """Statements that halve the seen root and keep the point.
 
-    The expressions ``root`` and ``leaving`` may use what the statements ``body`` define for a row,
+    The expressions ``root`` and ``leaving`` may use what the statements ``body`` define for a quad,
     ``slope``, the normal of what is met there, what ``normals`` do.
     """
     roots = {"root": root} | ({"leaving": leaving} if needs.leaving else {})
     text = "".join(_variables(needs, name, "Root") for name in roots)
-    found = "".join(f"    {name}_ROW = {value};\n" for name, value in roots.items())
-    text += _rows(needs, body + found) + conveyor(needs, tuple(roots))
-    arguments = ["nearest_ROW", "solid", "root_ROW.hit", "root_ROW.surface", "position"]
+    found = "".join(f"    {name}_NTH = {value};\n" for name, value in roots.items())
+    text += _quads(needs, body + found) + conveyor(needs, tuple(roots))
+    arguments = ["nearest_NTH", "solid", "root_NTH.hit", "root_NTH.surface", "position"]
     if needs.leaving:
-        arguments += ["leaving_ROW.hit", "leaving_position_ROW"]
-    arguments += [slope] * needs.oriented + ["certificate_ROW"] * needs.certified
-    kept = f"    nearest_ROW = keep({', '.join(arguments)});\n"
-    kept = "    let position = root_position_ROW;\n" + normals * needs.oriented + kept
-    return text + _rows(needs, kept, offsets=False)
+        arguments += ["leaving_NTH.hit", "leaving_position_NTH"]
+    arguments += [slope] * needs.oriented + ["certificate_NTH"] * needs.certified
+    kept = f"    nearest_NTH = keep({', '.join(arguments)});\n"
+    kept = "    let position = root_position_NTH;\n" + normals * needs.oriented + kept
+    return text + _quads(needs, kept, offsets=False)
 
 
 def _visible_patch(needs: Needs) -> str:
-    turned = _vector("select(own_normal.AXIS, -own_normal.AXIS, patch_ROW.away)")
+    turned = _vector("select(own_normal.AXIS, -own_normal.AXIS, patch_NTH.away)")
     own = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own")
     if needs.oriented:
         own += f"    let own_normal = {_PLANE_NORMAL.replace('half_space', 'own')};\n"
-    facing = "    patch_ROW = facing(line_at(own.c, own.b, at), solid.near_u, solid.far_u);\n"
+    facing = "    patch_NTH = facing(line_at(own.c, own.b, at), solid.near_u, solid.far_u);\n"
     return (
         own
         + _variables(needs, "patch", "Patch")
-        + _rows(needs, facing)
-        + _half_spaces(needs, 1, f"      patch_ROW = bound(patch_ROW, {_LINE});\n")
-        + _seen(needs, "", "patch_entry(patch_ROW)", "root_ROW", turned)
+        + _quads(needs, facing)
+        + _half_spaces(needs, 1, f"      patch_NTH = bound(patch_NTH, {_LINE});\n")
+        + _seen(needs, "", "patch_entry(patch_NTH)", "root_NTH", turned)
     )
 
 
@@ -491,20 +531,20 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
     # Normals of the planes where the pieces begin and end; the latter show from inside.
     ends = ["in", *["out"] * opened] if needs.oriented else []
     text += "".join(_variables(needs, f"normal_{end}", "Vector") for end in ends)
-    text += _rows(needs, "    piece_ROW = whole_interval(solid.near_u, solid.far_u);\n")
-    clip = f"      let piece = clip(piece_ROW, {_LINE}, i32(k) + 1);\n      piece_ROW = piece;\n"
+    text += _quads(needs, "    piece_NTH = whole_interval(solid.near_u, solid.far_u);\n")
+    clip = f"      let piece = clip(piece_NTH, {_LINE}, i32(k) + 1);\n      piece_NTH = piece;\n"
     for end in ends:
         turned = _vector(
-            f"select(normal_{end}_ROW.AXIS, normal.AXIS, piece.id_{end} == i4(i32(k) + 1))"
+            f"select(normal_{end}_NTH.AXIS, normal.AXIS, piece.id_{end} == i4(i32(k) + 1))"
         )
-        clip += f"      normal_{end}_ROW = {turned};\n"
+        clip += f"      normal_{end}_NTH = {turned};\n"
     if ends:
         clip = f"      let normal = {_PLANE_NORMAL};\n" + clip
     text += _half_spaces(needs, 0, clip)
 
-    row = "    let piece = piece_ROW;\n"
+    row = "    let piece = piece_NTH;\n"
     if opened:
-        row = "    let clipped = piece_ROW;\n    var piece = clipped;\n"
+        row = "    let clipped = piece_NTH;\n    var piece = clipped;\n"
         row += (
             f"    if {_EYE_INSIDE} {{\n      piece = from_the_eye(clipped, solid.near_u);\n    }}\n"
         )
@@ -519,17 +559,17 @@ def _visible_cut(needs: Needs, klass: Class) -> str:
         row += f"    let inside = b4({_EYE_INSIDE}) | ({at_near});\n"
         entry = f"choose(inside, {entry}, {leaving})"
     if opened and needs.oriented:
-        shown = _vector("select(normal_in_ROW.AXIS, normal_out_ROW.AXIS, inside)")
-        row += f"    normal_in_ROW = {shown};\n"
+        shown = _vector("select(normal_in_NTH.AXIS, normal_out_NTH.AXIS, inside)")
+        row += f"    normal_in_NTH = {shown};\n"
     if not curved:
-        return text + _seen(needs, row, entry, leaving, "normal_in_ROW")
-    mixed = _vector("select(normal_in_ROW.AXIS, curved.AXIS, root_ROW.surface == i4(0))")
+        return text + _seen(needs, row, entry, leaving, "normal_in_NTH")
+    mixed = _vector("select(normal_in_NTH.AXIS, curved.AXIS, root_NTH.surface == i4(0))")
     normals = f"    let curved = {_GRADIENT};\n    let slope = {mixed};\n"
     return text + _seen(needs, row, entry, leaving, "slope", normals)
 
 
 def _certify(needs: Needs, klass: Class) -> str:
-    """Statements that give every row what is certain of it."""
+    """Statements that give every quad what is certain of it."""
     text = _variables(needs, "certificate", "Certificate")
     near_cut, last_step = "(solid.flags & FLAG_NEAR_CUT) != 0u", "solid.last_step"
     run = needs.format.article_run if needs.method == "article" else needs.format.run
@@ -540,60 +580,60 @@ def _certify(needs: Needs, klass: Class) -> str:
     if klass is Class.PATCH:
         own = f"{_LINE}, {_LINE_ERRORS}".replace("half_space", "own_line")
         facing = (
-            f"      bounded_ROW = bounded_facing({own}, solid.near_u, solid.far_u, {near_cut});\n"
+            f"      bounded_NTH = bounded_facing({own}, solid.near_u, solid.far_u, {near_cut});\n"
         )
         text += _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own_line")
         text += _variables(needs, "bounded", "BoundedPatch")
-        text += _rows(needs, facing)
+        text += _quads(needs, facing)
         text += _half_spaces(
             needs,
             1,
-            f"      bounded_ROW = bounded_bound(bounded_ROW, {_LINE}, {_LINE_ERRORS});\n",
+            f"      bounded_NTH = bounded_bound(bounded_NTH, {_LINE}, {_LINE_ERRORS});\n",
         )
-        return text + _rows(
+        return text + _quads(
             needs,
-            f"    certificate_ROW = certify_patch(bounded_ROW, {last_step});\n",
+            f"    certificate_NTH = certify_patch(bounded_NTH, {last_step});\n",
             offsets=False,
         )
     if klass is Class.ELLIPSOID:
-        return text + _rows(
-            needs, form + f"    certificate_ROW = certify_ellipsoid(form, {run}, {last_step});\n"
+        return text + _quads(
+            needs, form + f"    certificate_NTH = certify_ellipsoid(form, {run}, {last_step});\n"
         )
     text += _variables(needs, "bounded", "BoundedPiece")
-    text += _rows(
+    text += _quads(
         needs,
-        f"    bounded_ROW = bounded_interval(solid.near_u, solid.far_u, {near_cut});\n",
+        f"    bounded_NTH = bounded_interval(solid.near_u, solid.far_u, {near_cut});\n",
         offsets=False,
     )
     text += _half_spaces(
         needs,
         0,
-        f"      bounded_ROW = bounded_clip(bounded_ROW, {_LINE}, {_LINE_ERRORS}, i32(k) + 1);\n",
+        f"      bounded_NTH = bounded_clip(bounded_NTH, {_LINE}, {_LINE_ERRORS}, i32(k) + 1);\n",
     )
     eye_sure = "(solid.flags & FLAG_EYE_SURE) != 0u"
     row = (
         f"    if {_EYE_INSIDE} {{\n"
-        "      bounded_ROW = bounded_from_the_eye(bounded_ROW, solid.near_u);\n"
+        "      bounded_NTH = bounded_from_the_eye(bounded_NTH, solid.near_u);\n"
         "    }\n"
-        "    let at_start = bounded_ROW.piece.id_in == i4(0);\n"
+        "    let at_start = bounded_NTH.piece.id_in == i4(0);\n"
     )
     if klass in CURVED:
         row += form + (
-            f"    certificate_ROW = certify_quadric(form, bounded_ROW, at_start & {_STARTS_AT_EYE},"
-            f" (solid.flags & FLAG_EYE_OUTSIDE_QUADRIC) != 0u, {eye_sure},"
+            f"    certificate_NTH = certify_quadric(form, bounded_NTH, at_start & {_STARTS_AT_EYE}"
+            f", (solid.flags & FLAG_EYE_OUTSIDE_QUADRIC) != 0u, {eye_sure},"
             f" (solid.flags & (FLAG_EYE_INSIDE | FLAG_NEAR_CUT)) != 0u, {run}, {last_step});\n"
         )
     else:
         row += (
             f"    let opened = b4({_EYE_INSIDE}) | ({_NEAR_CUT} & at_start);\n"
-            f"    certificate_ROW = certify_polyhedron(bounded_ROW, opened, {eye_sure},"
+            f"    certificate_NTH = certify_polyhedron(bounded_NTH, opened, {eye_sure},"
             f" {last_step});\n"
         )
-    return text + _rows(needs, row)
+    return text + _quads(needs, row)
 
 
 def _article(needs: Needs, klass: Class) -> str:
-    """The paper's own sequences, a row at a time."""
+    """The paper's own sequences, a quad at a time."""
     half_space = _fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start + k", "half_space")
     row = (
         "    var lines: Lines;\n"
@@ -622,17 +662,17 @@ def _article(needs: Needs, klass: Class) -> str:
     # In one cell the way in and the way out through a surface may stand for each other.
     if needs.certified:
         row += (
-            "    let same = certificate_ROW.inside == found.inside;\n"
-            "    certificate_ROW.sure = certificate_ROW.sure & same;\n"
+            "    let same = certificate_NTH.inside == found.inside;\n"
+            "    certificate_NTH.sure = certificate_NTH.sure & same;\n"
         )
-    arguments = ["nearest_ROW", "solid", "found.hit", "found.surface", "position"]
+    arguments = ["nearest_NTH", "solid", "found.hit", "found.surface", "position"]
     if needs.leaving:
         arguments += ["found.left", "found.exit_position"]
     if needs.oriented:
         row += _article_slope(needs, klass)
         arguments.append("slope")
-    arguments += ["certificate_ROW"] * needs.certified
-    return _rows(needs, row + f"    nearest_ROW = keep({', '.join(arguments)});\n")
+    arguments += ["certificate_NTH"] * needs.certified
+    return _quads(needs, row + f"    nearest_NTH = keep({', '.join(arguments)});\n")
 
 
 def _article_slope(needs: Needs, klass: Class) -> str:
@@ -665,15 +705,21 @@ fn whole(words: vec4<u32>) -> vec2<u64> {
 
 """
 _PACKED_IMAGE = """\
-// Three bytes of each of four pixels, and a byte of each of their surfaces' numbers.
-fn packed_image(pixels: u4, surface: u4) -> vec4<u32> {
-  let tags = (surface & u4(255u)) << u4(0u, 8u, 16u, 24u);
-  return vec4<u32>(
+// Three bytes of each of four pixels.
+fn packed_image(pixels: u4) -> vec3<u32> {
+  return vec3<u32>(
     pixels.x | (pixels.y << 24u),
     (pixels.y >> 8u) | (pixels.z << 16u),
     (pixels.z >> 16u) | (pixels.w << 8u),
-    (tags.x | tags.y) | (tags.z | tags.w),
   );
+}
+
+"""
+_PACKED_TAGS = """\
+// A byte of each of four pixels.
+fn packed_tags(surface: u4) -> u32 {
+  let tags = (surface & u4(255u)) << u4(0u, 8u, 16u, 24u);
+  return (tags.x | tags.y) | (tags.z | tags.w);
 }
 
 """
@@ -686,7 +732,6 @@ def _finish(needs: Needs) -> str:
         "surface": ["nearest.surface"],
         "key": ["nearest.key.high", "nearest.key.low"],
         "exit": ["nearest.leaves.high", "nearest.leaves.low"],
-        "image": ["packed_image(encode(color), nearest.surface)"],
         "color": [f"bitcast<u4>(color.{axis})" for axis in "xyz"],
         "error": [
             "nearest.low.high",
@@ -721,14 +766,50 @@ def _finish(needs: Needs) -> str:
             f"  let lit = shade(normal, direction, {point}, finish);\n"
             f"  let color = {mixed};\n"
         )
+    found = " -> u4" if "image" in needs.outputs else ""
+    encoded = "  return encode(color);\n" if found else ""
     return (
         _PACKED_IMAGE * ("image" in needs.outputs)
+        + _PACKED_TAGS * ("tag" in needs.outputs)
         + _WHOLE * (needs.together > 1)
-        + "// Writes the outputs of four pixels.\n"
-        "fn finish(nearest: Nearest, i: i4, j: i32, place: u32) {\n"
-        f"{body}{stores}"
+        + "// Writes the outputs of words of four pixels, and returns the colours of an image.\n"
+        f"fn finish(nearest: Nearest, i: i4, j: i32, place: u32){found} {{\n"
+        f"{body}{stores}{encoded}"
         "}\n"
     )
+
+
+def _finish_block(needs: Needs) -> str:
+    """Statements that write the outputs of a block."""
+    image = "image" in needs.outputs
+    text = _each_quad(
+        needs,
+        "  let colors_NTH = " * image + "finish(nearest_NTH, i_NTH, j, place + NTHu);\n",
+    )
+    quads = range(needs.quads)
+    if image:
+        text += _each_quad(needs, "  let packed_NTH = packed_image(colors_NTH);\n")
+        words = [f"packed_{quad}.{axis}" for quad in quads for axis in "xyz"]
+        text += _store_bytes(needs, "image", words)
+    if "tag" in needs.outputs:
+        words = [f"packed_tags(nearest_{quad}.surface)" for quad in quads]
+        text += _store_bytes(needs, "tag", words)
+    return text
+
+
+def _store_bytes(needs: Needs, name: str, words: list[str]) -> str:
+    """Statements that store ``words`` as the block's part of an output of bytes."""
+    before = byte_offsets(needs.outputs)[name]
+    first = f"{before}u * frame.plane_quads + {OUTPUT_BYTES[name]}u * place"
+    if not needs.wide_pixels:
+        return "".join(f"  pixels[{first} + {k}u] = {word};\n" for k, word in enumerate(words))
+    words = [*words, *["0u"] * (len(words) % 4)]
+    text = ""
+    for k in range(0, len(words), 4):
+        text += f"  let {name}_{k // 2} = whole(vec4<u32>({', '.join(words[k : k + 4])}));\n"
+    for k in range(needs.quads * OUTPUT_BYTES[name] // 2):
+        text += f"  pixels[({first}) / 2u + {k}u] = {name}_{k // 2 * 2}.{'xy'[k % 2]};\n"
+    return text
 
 
 def _tile_word(needs: Needs, k: int) -> str:
@@ -740,6 +821,7 @@ def _tile_word(needs: Needs, k: int) -> str:
 
 
 def _kernel(needs: Needs) -> str:
+    x = "    let x_NTH = i_NTH - i4(solid.center_x);\n"
     loops = "".join(
         f"  let first_{slot} = {_tile_word(needs, slot + 1)};\n"
         f"  let end_{slot} = {_tile_word(needs, slot + 2)};\n"
@@ -748,13 +830,14 @@ def _kernel(needs: Needs) -> str:
             f"first_{slot}",
             f"end_{slot}",
             f"{_fetch(needs, SOLID, 'solids', 'tile_solids[entry]', 'solid')}"
-            "    let x = i - i4(solid.center_x);\n"
+            f"{_each_quad(needs, x)}"
             "    let y = j - solid.center_y;\n"
             f"{_visit(needs, klass)}",
         )
         for slot, klass in enumerate(needs.classes)
     )
-    across = TILE // BLOCK_WIDTH
+    width = LANES * needs.quads
+    across = TILE // width
     parameters = (
         "@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32"
     )
@@ -764,22 +847,22 @@ def _kernel(needs: Needs) -> str:
         lane += f"  let lane = invocation % {needs.together}u;\n"
         for first in range(0, TILE_WORDS, needs.together):
             lane += f"  let words_{first} = tiles[record + {first}u + lane];\n"
-    clear = "    nearest_ROW = nothing();\n"
-    finish = "    finish(nearest_ROW, i, j + ROW, place + ROWu * frame.row_quads);\n"
+    clear = "    nearest_NTH = nothing();\n"
+    i = "  let i_NTH = i4(i32(column)) + i4(NTH) * i4(i32(LANES)) + i4(0, 1, 2, 3);\n"
     return (
         "// One workgroup renders one tile, one invocation a block of it.\n"
-        f"@compute @workgroup_size({across * (TILE // needs.rows)})\n"
+        f"@compute @workgroup_size({across * TILE})\n"
         f"fn render({parameters}) {{\n"
         f"{lane}"
         f"  let tile = {_tile_word(needs, 0)};\n"
-        f"  let column = (tile & 0xFFFFu) * TILE + local % {across}u * BLOCK_WIDTH;\n"
-        f"  let row = (tile >> 16u) * TILE + local / {across}u * {needs.rows}u;\n"
-        "  let place = row * frame.row_quads + column / BLOCK_WIDTH;\n"
-        "  let i = i4(i32(column)) + i4(0, 1, 2, 3);\n"
+        f"  let column = (tile & 0xFFFFu) * TILE + local % {across}u * {width}u;\n"
+        f"  let row = (tile >> 16u) * TILE + local / {across}u;\n"
+        "  let place = row * frame.row_quads + column / LANES;\n"
+        f"{_each_quad(needs, i)}"
         "  let j = frame.first_row + i32(row);\n"
         f"{_variables(needs, 'nearest', 'Nearest')}"
-        f"{_rows(needs, clear, offsets=False)}"
+        f"{_quads(needs, clear, offsets=False)}"
         f"{loops}"
-        f"{_rows(needs, finish, offsets=False)}"
+        f"{_finish_block(needs)}"
         "}\n"
     )

@@ -58,8 +58,18 @@ class TileGroup(NamedTuple):
     records: U32  # (T, TILE_WORDS), as ``layout`` describes them
 
 
+def blank_tiles(starts: U32, classes: Classes) -> NDArray[np.bool_]:
+    """Whether each tile of ``starts``, as `tile_lists` gives them, sees nothing, (T,)."""
+    edges = starts[:: len(classes)]
+    return np.asarray(edges[1:] == edges[:-1])
+
+
 def tile_groups(
-    starts: U32, classes: Classes, tiles_x: int, sets: Sequence[Classes]
+    starts: U32,
+    classes: Classes,
+    tiles_x: int,
+    sets: Sequence[Classes],
+    left_out: NDArray[np.bool_] | None = None,
 ) -> list[TileGroup]:
     """The tiles of ``starts``, as `tile_lists` gives them, by the shaders that render them.
 
@@ -69,12 +79,15 @@ def tile_groups(
         tiles_x: tiles in a row of tiles.
         sets: the classes that each shader knows, all of them last; a tile goes to the one with the
             fewest that knows all it sees.
+        left_out: tiles (T,) that are not to be rendered, by default none.
     """
     seen = _seen(starts, classes)
     choice = np.full(len(seen), len(sets) - 1)
     for ix in sorted(range(len(sets) - 1), key=lambda ix: -len(sets[ix])):
         unknown = [slot for slot, klass in enumerate(classes) if klass not in sets[ix]]
         choice[~seen[:, unknown].any(axis=1)] = ix
+    if left_out is not None:
+        choice[left_out] = -1
 
     y, x = np.divmod(np.arange(len(seen), dtype=np.uint32), np.uint32(tiles_x))
     places = x | (y << np.uint32(16))

@@ -26,7 +26,8 @@ METHODS = ("visible", "article")
 
 # What a slip of the pen would make of the kernel: each must be seen in a frame.
 FAULTS = [
-    ("offset(x, y + 1)", "offset(x, y)"),
+    ("offset(x_1, y)", "offset(x_0, y)"),
+    ("i4(1) * i4(i32(LANES))", "i4(1) * i4(1)"),
     ("i4(solid.center_x)", "i4(solid.center_y)"),
     ("j - solid.center_y", "j - solid.center_x"),
     ("solid.surface) + u4(number)", "solid.surface)"),
@@ -35,7 +36,10 @@ FAULTS = [
     ("(tile >> 16u) * TILE", "(tile >> 17u) * TILE"),
     ("entry >= end_0", "entry + 1u >= end_0"),
     ("k >= solid.steps", "k + 1u >= solid.steps"),
-    ("finish(nearest_1, i, j + 1,", "finish(nearest_0, i, j + 1,"),
+    ("finish(nearest_1,", "finish(nearest_0,"),
+    ("place + 1u)", "place)"),
+    ("packed_1.x", "packed_0.x"),
+    ("packed_tags(nearest_1", "packed_tags(nearest_0"),
     ("depth_key(exit_position,", "depth_key(position,"),
 ]
 
@@ -201,7 +205,7 @@ def test_a_fault_in_the_kernel_is_seen(
 
     monkeypatch.setattr(device, "_pipelines", {})
     monkeypatch.setattr(run_gpu, "compose", faulty)
-    options = {"size": SIZE, "outputs": ["surface", "t", "depth_exit", "normal"]}
+    options = {"size": SIZE, "outputs": ["image", "surface", "t", "depth_exit", "normal"]}
     frame = render("figure", "gpu", **options)
     assert sum(slips) > 0
     assert differences(frame, render("figure", "numpy", **options))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 import halfstep
 from halfstep import pack as packing
-from halfstep import run_gpu, tiles
+from halfstep import run_gpu, source, tiles
+from halfstep.errors import DeviceError
 from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Class, Packed
 from halfstep.scene import bundled_scenes, load, with_overrides
@@ -157,6 +158,79 @@ def test_what_a_tile_leaves_out_casts_no_doubt(monkeypatch: pytest.MonkeyPatch) 
     whole = halfstep.render(load("crowd"), backend="gpu", **options).error
     assert (device <= whole).all()
     assert (device < whole).any()
+
+
+@pytest.mark.usefixtures("adapter")
+def test_what_stays_blank_is_not_rendered_again(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames of a renderer are those of new ones, whatever it showed before or failed to."""
+    tiles_rendered: list[int] = []
+    groups = tiles.tile_groups
+
+    def counted(*arguments: Any) -> Any:
+        found = groups(*arguments)
+        tiles_rendered.append(sum(len(group.records) for group in found))
+        return found
+
+    def failing(*_: Any) -> Any:
+        raise DeviceError("the device is lost")
+
+    figure = with_overrides(load("figure"), size=SIZE)
+    aside = {"look_at": (3.0, 0.0, 2.0)}
+    green = figure.image.model_copy(update={"background": (0.1, 0.4, 0.2)})
+    scenes = [
+        figure,
+        with_overrides(figure, camera=aside),
+        with_overrides(figure, camera={"center": (0.0, 40.0, 6.0)}),
+        figure.model_copy(update={"image": green}),
+        with_overrides(figure, size=(640, 32)),
+        with_overrides(figure, camera=aside, method="article"),
+    ]
+    outputs = ("image", "normal", "depth")
+    expected = [halfstep.render(scene, outputs=outputs, backend="gpu") for scene in scenes]
+    whole = -(-SIZE[0] // TILE) * -(-SIZE[1] // TILE)
+    monkeypatch.setattr(run_gpu, "tile_groups", counted)
+    with halfstep.Renderer(figure, outputs=outputs, backend="gpu") as renderer:
+        turns = [0, 0, 0, 1, 2, 3, 0, 4, *rng.integers(0, len(scenes), 80).tolist()]
+        for turn, which in enumerate(turns):
+            if turn % 7 == 6:
+                with monkeypatch.context() as context:
+                    context.setattr(run_gpu, "_planes", failing)
+                    with pytest.raises(DeviceError):
+                        renderer.render(scenes[1 + turn % 2])
+            frame = renderer.render(scenes[which])
+            for name in outputs:
+                found, wanted = getattr(frame, name), getattr(expected[which], name)
+                assert np.array_equal(found, wanted, equal_nan=True), f"{turn}, {which}: {name}"
+    assert tiles_rendered[:2] == [whole, whole]
+    assert 0 < tiles_rendered[2] < whole - 20
+    assert sum(count < whole for count in tiles_rendered) > 20
+
+
+@pytest.mark.usefixtures("adapter")
+def test_records_in_uniform_memory_or_not_give_the_same_bits(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shaders: list[str] = []
+    compose = source.compose
+
+    def noted(needs: Any) -> str:
+        shaders.append(compose(needs))
+        return shaders[-1]
+
+    monkeypatch.setattr(run_gpu, "compose", noted)
+    scenes = [load("gallery"), random_scene(rng, PLACES[0], most=8).scene, load("figure")]
+    for scene in scenes:
+        small = with_overrides(scene, size=SIZE)
+        few = halfstep.render(small, outputs=OUTPUTS, backend="gpu")
+        assert "var<uniform> solids" in shaders[-1]
+        with monkeypatch.context() as context:
+            context.setattr(run_gpu, "UNIFORM_BYTES", 0)
+            many = halfstep.render(small, outputs=OUTPUTS, backend="gpu")
+        assert "var<storage, read> solids" in shaders[-1]
+        for name in OUTPUTS:
+            assert np.array_equal(getattr(few, name), getattr(many, name), equal_nan=True), name
 
 
 def test_a_loose_rectangle_is_not_what_its_solid_costs() -> None:

@@ -18,8 +18,9 @@ fn begun(root: Root) -> Search {
 fn halved(old: Search, k: u32) -> Search {
   let step = bitcast<f32>((126u - k) << 23u);
   let bend = old.double_a * old.v;
-  let above = (bend + old.double_g) * old.v > old.minus_double_c;
-  let v = old.v + select(f4(-step), f4(step), above & (bend < old.minus_g));
+  // What goes back, not on: of two comparisons joined so, LLVM makes a comparison under a mask.
+  let back = ((bend + old.double_g) * old.v <= old.minus_double_c) | (bend >= old.minus_g);
+  let v = old.v + select(f4(step), f4(-step), back);
   return Search(v, old.double_a, old.double_g, old.minus_g, old.minus_double_c);
 }
 

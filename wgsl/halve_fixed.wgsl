@@ -20,13 +20,13 @@ fn begun(root: Root) -> Search {
 // The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root.
 fn halved(old: Search, k: u32) -> Search {
   let bend = (old.a + i4(1i << k)) >> u4(k + 1u);
-  let before = (old.value > i4(0)) & (old.slope < i4(0));
+  let back = (old.value <= i4(0)) | (old.slope >= i4(0));
   let doubled = old.value + old.value;
-  let value = select(doubled - old.slope, doubled + old.slope, before) + bend;
+  let value = select(doubled + old.slope, doubled - old.slope, back) + bend;
   return Search(
-    (old.position + old.position) + select(i4(-1), i4(1), before),
+    (old.position + old.position) + select(i4(1), i4(-1), back),
     clamp(value, i4(-536870912), i4(536870912)),
-    select(old.slope - (bend + bend), old.slope + (bend + bend), before),
+    select(old.slope + (bend + bend), old.slope - (bend + bend), back),
     old.a,
   );
 }

@@ -19,11 +19,11 @@ fn begun(root: Root) -> Search {
 // The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root.
 fn halved(old: Search, k: u32) -> Search {
   let step = bitcast<f32>((126u - k) << 23u);
-  let before = (old.value > f4(0.0)) & (old.slope < f4(0.0));
-  let change = select(f4(-step), f4(step), before);
+  let back = (old.value <= f4(0.0)) | (old.slope >= f4(0.0));
+  let change = select(f4(step), f4(-step), back);
   let square = (step * step) * old.a;
   return Search(
-    (old.position + old.position) + select(i4(-1), i4(1), before),
+    (old.position + old.position) + select(i4(1), i4(-1), back),
     (old.value + change * old.slope) + square,
     old.slope + (change + change) * old.a,
     old.a,

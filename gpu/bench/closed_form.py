@@ -9,13 +9,13 @@ from halfstep import source
 
 # The first crossing from + to - of a v² + g v + c, in the cell of the halvings that holds it.
 _ROOT = """\
-    let discriminant_ROOT_ROW = ROOT_ROW.g * ROOT_ROW.g - 4.0 * (ROOT_ROW.a * ROOT_ROW.c);
-    let distance_ROOT_ROW = sqrt(max(discriminant_ROOT_ROW, f4(0.0))) - ROOT_ROW.g;
-    let v_ROOT_ROW = (ROOT_ROW.c + ROOT_ROW.c) / distance_ROOT_ROW;
-    let cell_ROOT_ROW = i4(floor(v_ROOT_ROW * f32(1u << (solid.steps - 1u)))) * 2 + 1;
-    let last_ROOT_ROW = i32(1u << solid.steps) - 1;
-    let inside_ROOT_ROW = clamp(cell_ROOT_ROW, i4(-last_ROOT_ROW), i4(last_ROOT_ROW));
-    let ROOT_position_ROW = select(inside_ROOT_ROW, -inside_ROOT_ROW, ROOT_ROW.flipped);
+    let discriminant_ROOT_NTH = ROOT_NTH.g * ROOT_NTH.g - 4.0 * (ROOT_NTH.a * ROOT_NTH.c);
+    let distance_ROOT_NTH = sqrt(max(discriminant_ROOT_NTH, f4(0.0))) - ROOT_NTH.g;
+    let v_ROOT_NTH = (ROOT_NTH.c + ROOT_NTH.c) / distance_ROOT_NTH;
+    let cell_ROOT_NTH = i4(floor(v_ROOT_NTH * f32(1u << (solid.steps - 1u)))) * 2 + 1;
+    let last_ROOT_NTH = i32(1u << solid.steps) - 1;
+    let inside_ROOT_NTH = clamp(cell_ROOT_NTH, i4(-last_ROOT_NTH), i4(last_ROOT_NTH));
+    let ROOT_position_NTH = select(inside_ROOT_NTH, -inside_ROOT_NTH, ROOT_NTH.flipped);
 """
 
 

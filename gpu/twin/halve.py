@@ -30,8 +30,8 @@ def halved(old: Search, k: int) -> Search:
     """The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root."""
     step = np.float32(2.0 ** -(k + 1))
     bend = old.double_a * old.v
-    above = (bend + old.double_g) * old.v > old.minus_double_c
-    return old._replace(v=old.v + np.where(above & (bend < old.minus_g), step, -step))
+    back = ((bend + old.double_g) * old.v <= old.minus_double_c) | (bend >= old.minus_g)
+    return old._replace(v=old.v + np.where(back, -step, step))
 
 
 def reached(search: Search, root: Root, steps: int) -> I32:

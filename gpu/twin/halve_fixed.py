@@ -35,13 +35,13 @@ def begun(root: Root) -> Search:
 def halved(old: Search, k: int) -> Search:
     """The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root."""
     bend = (old.a + np.int32(1 << k)) >> np.int32(k + 1)
-    before = (old.value > 0) & (old.slope < 0)
+    back = (old.value <= 0) | (old.slope >= 0)
     doubled = old.value + old.value
-    value = np.where(before, doubled + old.slope, doubled - old.slope) + bend
+    value = np.where(back, doubled - old.slope, doubled + old.slope) + bend
     return Search(
-        (old.position + old.position) + np.where(before, np.int32(1), np.int32(-1)),
+        (old.position + old.position) + np.where(back, np.int32(-1), np.int32(1)),
         np.clip(value, -LIMIT, LIMIT),
-        np.where(before, old.slope + (bend + bend), old.slope - (bend + bend)),
+        np.where(back, old.slope - (bend + bend), old.slope + (bend + bend)),
         old.a,
     )
 

@@ -31,11 +31,11 @@ def begun(root: Root) -> Search:
 def halved(old: Search, k: int) -> Search:
     """The search after its halving number k, from 0: a step of 2^-(k + 1) towards the root."""
     step = np.float32(2.0 ** -(k + 1))
-    before = (old.value > 0) & (old.slope < 0)
-    change: F32 = np.where(before, step, -step)
+    back = (old.value <= 0) | (old.slope >= 0)
+    change: F32 = np.where(back, -step, step)
     square = (step * step) * old.a
     return Search(
-        (old.position + old.position) + np.where(before, np.int32(1), np.int32(-1)),
+        (old.position + old.position) + np.where(back, np.int32(-1), np.int32(1)),
         (old.value + change * old.slope) + square,
         old.slope + (change + change) * old.a,
         old.a,
