@@ -200,6 +200,14 @@ def test_cases_take_turns_and_warm_up(monkeypatch: pytest.MonkeyPatch) -> None:
     assert done == [0.25, 0.5, 0.75, 1.0]
 
 
+def test_a_turn_lasts_as_long_as_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter(np.cumsum([0, 30, 0, 4, 0, 3, 0, 2, 0, 1]) / 1e3)
+    monkeypatch.setattr(timing, "WARM_UP", 1)
+    monkeypatch.setattr("time.perf_counter", lambda: float(next(clock)))
+    times = timing.interleaved({"a": lambda: None}, 1, turn=9.5)
+    assert times["a"].wall == pytest.approx(2.5)
+
+
 def test_a_line_is_the_least_squares_one() -> None:
     exact = timing.line([0, 1, 2], [1, 3, 5])
     assert (exact.slope, exact.intercept, exact.r_squared) == pytest.approx((2.0, 1.0, 1.0))

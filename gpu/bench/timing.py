@@ -32,31 +32,40 @@ def interleaved(
     cases: Mapping[Case, Callable[[], float | None]],
     rounds: int,
     progress: Callable[[float], None] = lambda _: None,
+    *,
+    turn: float = 0.0,
 ) -> dict[Case, Times]:
     """Median times of ``cases``, each run once in every round, and ``WARM_UP`` times before.
 
     A machine that slows down so does it for all of them. A case returns the device's time in ms,
-    or None if it has none; its wall time is taken here.
+    or None if it has none; its wall time is taken here. With ``turn``, in ms, a case is run again
+    until it has taken so long, so that what others leave in the caches is of no account.
     """
-    walls: dict[Case, list[float]] = {case: [] for case in cases}
-    devices: dict[Case, list[float]] = {case: [] for case in cases}
-    for turn in range(-WARM_UP, rounds):
+    times: dict[Case, list[tuple[float, float | None]]] = {case: [] for case in cases}
+    for done in range(-WARM_UP, rounds):
         for case, run in cases.items():
-            begin = time.perf_counter()
-            device = run()
-            wall = (time.perf_counter() - begin) * 1e3
-            if turn >= 0:
-                walls[case].append(wall)
-                if device is not None:
-                    devices[case].append(device)
-        progress((turn + WARM_UP + 1) / (rounds + WARM_UP))
-    return {
-        case: Times(
-            statistics.median(walls[case]),
-            statistics.median(devices[case]) if devices[case] else None,
-        )
-        for case in cases
-    }
+            taken = [_timed(run)]
+            while sum(wall for wall, _ in taken) < turn:
+                taken.append(_timed(run))
+            if done >= 0:
+                times[case] += taken
+        progress((done + WARM_UP + 1) / (rounds + WARM_UP))
+    return {case: _medians(taken) for case, taken in times.items()}
+
+
+def _timed(run: Callable[[], float | None]) -> tuple[float, float | None]:
+    """Wall time of a run, ms, and the device's."""
+    begin = time.perf_counter()
+    device = run()
+    return (time.perf_counter() - begin) * 1e3, device
+
+
+def _medians(taken: list[tuple[float, float | None]]) -> Times:
+    devices = [device for _, device in taken if device is not None]
+    return Times(
+        statistics.median(wall for wall, _ in taken),
+        statistics.median(devices) if devices else None,
+    )
 
 
 @dataclass(frozen=True)
