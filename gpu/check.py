@@ -19,9 +19,9 @@ from halfstep.canary import Fingerprint, fingerprint
 from halfstep.device import INT64, choose_adapter, is_lavapipe, open_device
 from halfstep.formats import FIXED32
 from halfstep.frame import SOURCES, device_outputs
+from halfstep.needs import needs_of
 from halfstep.pack import Packed, frame_record, srgb_quads
 from halfstep.replay import Replay, replay
-from halfstep.run_gpu import needs_of
 from halfstep.scene import Scene, with_overrides
 from halfstep.source import compose, stage_names
 from halfstep.testing.census import Census, MismatchError

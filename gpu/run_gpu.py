@@ -13,19 +13,18 @@ from halfstep.compute import Bound, Compute
 from halfstep.device import INT64, Adapter, device_errors, open_device, wgpu_errors
 from halfstep.errors import AdapterError
 from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
-from halfstep.layout import LANES, TILE, TILE_WORDS
-from halfstep.pack import Packed, frame_record, joined_key, srgb_quads
-from halfstep.scene import Scene
-from halfstep.source import (
-    MOST_TAGS,
-    OUTPUT_BYTES,
-    UNIFORM_BYTES,
-    Needs,
-    binding_types,
-    byte_offsets,
-    compose,
-    plane_offsets,
+from halfstep.framebuffer import (
+    ALIGNMENT,
+    FrameBuffer,
+    Planes,
+    pixel_bytes,
+    written_for,
 )
+from halfstep.layout import TILE, TILE_WORDS
+from halfstep.needs import UNIFORM_BYTES, Needs, needs_of
+from halfstep.pack import Packed, frame_record, srgb_quads
+from halfstep.scene import Scene
+from halfstep.source import binding_types, compose
 from halfstep.tiles import (
     Classes,
     TileGroup,
@@ -35,18 +34,12 @@ from halfstep.tiles import (
     tile_lists,
 )
 
-Planes = dict[str, NDArray[Any]]
-
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
 BAND_BYTES = 128 << 20
-# Room for half-spaces comes in this many, so that few scenes need a shader of their own.
-LINES_GRANULE = 8
 SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
-# A part of a buffer that is bound, and times that are resolved to it, begin at multiples of this.
-_PART_ALIGNMENT = 256
 RECORD_BYTES = 4 * TILE_WORDS
-RECORDS_ALIGNMENT = _PART_ALIGNMENT // RECORD_BYTES
+RECORDS_ALIGNMENT = ALIGNMENT // RECORD_BYTES
 # A dispatch has at most so many workgroups.
 MOST_WORKGROUPS = 1 << 13
 PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
@@ -134,7 +127,7 @@ class Device:
         """Picture rows of a band whose frame buffer fits the device, a multiple of the tile."""
         size = min(BAND_BYTES, self.largest_binding)
         stride = -(-width // TILE) * TILE
-        return max(size // (_pixel_bytes(outputs) * stride) // TILE, 1) * TILE
+        return max(size // (pixel_bytes(outputs) * stride) // TILE, 1) * TILE
 
     def render_band(
         self,
@@ -151,18 +144,23 @@ class Device:
             DeviceError: the device is lost or out of memory.
         """
         self.check_format(packed.format)
-        written = _written(outputs, packed)
-        needs = needs_of(packed, scene.accuracy.method, written, together=self._together)
-        needs = replace(needs, uniform=self._uniform and _fits_uniform(packed))
+        written = written_for(outputs, packed)
+        needs = needs_of(
+            packed,
+            scene.accuracy.method,
+            written,
+            together=self._together,
+            uniform=self._uniform,
+        )
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
         if len(packed.order) > 1 and self._is_too_large(packed, members):
             return self._render_in_halves(scene, packed, first_row, rows, outputs)
         tiles_x = -(-packed.setup.view.width // TILE)
-        picture = _Picture.of(written, int(frame["plane_quads"][0]))
+        layout = FrameBuffer(written, packed.setup.view.width, rows)
         with device_errors(self.adapter):
-            buffer = self._frame_buffer(picture)
-        ground = buffer, picture, tiles_x, written, scene.image.background
+            buffer = self._frame_buffer(layout)
+        ground = buffer, layout, scene.image.background
         blank = blank_tiles(starts, needs.classes)
         left_out = self._left_out(needs, ground, blank)
         sets = self._sets(needs, starts)
@@ -177,22 +175,23 @@ class Device:
             8: srgb_quads(),
         }
         with device_errors(self.adapter):
-            bound = {5: (buffer, 0, picture.words), 6: (buffer, picture.words, picture.bytes)}
+            pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
+            bound = {5: (buffer, 0, pixels_at), 6: (buffer, pixels_at, length)}
             bindings = {
                 number: bound[number]
                 if number in bound
                 else self._upload(number, type_, contents[number])
                 for number, type_ in binding_types(needs).items()
             }
-            memory = self._dispatch(needs, parts, bindings, buffer, picture.stamps)
+            memory = self._dispatch(needs, parts, bindings, buffer, layout)
             try:
-                found = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
-                planes = _planes(found, picture, written, outputs, packed, rows)
-                begin, end = found[picture.stamps :][:16].view(np.uint64).tolist()
+                content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
+                planes = layout.copies(content, outputs)
+                milliseconds = layout.milliseconds(content) if self._timed else None
             finally:
                 memory.unmap()
         self._blank = ground, blank
-        return planes, (end - begin) / 1e6 if self._timed else None
+        return planes, milliseconds
 
     def _left_out(self, needs: Needs, ground: Any, blank: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which of the tiles ``blank`` need no rendering: in the last frame they were the same."""
@@ -285,10 +284,10 @@ class Device:
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
         return buffer, 0, room or buffer.size
 
-    def _frame_buffer(self, picture: _Picture) -> Any:
-        """The buffer that a band is rendered to, with room for two times."""
+    def _frame_buffer(self, layout: FrameBuffer) -> Any:
+        """The buffer that a band is rendered to."""
         access = "MAP_READ" if self._mapped else "COPY_SRC"
-        return self._buffer("picture", picture.stamps + 16, f"STORAGE|QUERY_RESOLVE|{access}")
+        return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|{access}")
 
     def _buffer(self, name: str, size: int, usage: str) -> Any:
         """A kept buffer of at least ``size`` bytes."""
@@ -308,12 +307,9 @@ class Device:
         parts: list[_Part],
         bindings: dict[int, _Binding],
         frame: Any,
-        stamps: int,
+        layout: FrameBuffer,
     ) -> Any:
-        """Render to the buffer ``frame``, and wait: a mapped buffer with what it holds.
-
-        At ``stamps`` are two times.
-        """
+        """Render to the buffer ``frame``, and wait: a mapped buffer with what it holds."""
         encoder = self._device.create_command_encoder()
         timing = {}
         if self._timed:
@@ -330,13 +326,13 @@ class Device:
             compute.dispatch_workgroups(part.tiles)
         compute.end()
         if self._timed:
-            encoder.resolve_query_set(self._queries, 0, 2, frame, stamps)
+            encoder.resolve_query_set(self._queries, 0, 2, frame, layout.times_at)
         memory = frame
         if not self._mapped:
-            memory = self._buffer("copy of the picture", stamps + 16, "MAP_READ|COPY_DST")
-            encoder.copy_buffer_to_buffer(frame, 0, memory, 0, stamps + 16)
+            memory = self._buffer("copy of the picture", layout.size, "MAP_READ|COPY_DST")
+            encoder.copy_buffer_to_buffer(frame, 0, memory, 0, layout.size)
         self._device.queue.submit([encoder.finish()])
-        memory.map_sync("READ", 0, stamps + 16)
+        memory.map_sync("READ", 0, layout.size)
         return memory
 
     def _bind_group(self, needs: Needs, bindings: dict[int, _Binding]) -> Any:
@@ -378,44 +374,6 @@ def _parts(groups: list[TileGroup]) -> tuple[NDArray[np.uint32], list[_Part]]:
     return np.concatenate(pieces), parts
 
 
-class _Picture(NamedTuple):
-    """A frame buffer: planes of words, then outputs of bytes, then two times."""
-
-    words: int  # length of the planes in bytes
-    bytes: int  # length of the outputs of bytes
-    stamps: int  # where the times are
-
-    @classmethod
-    def of(cls, written: frozenset[str], plane_quads: int) -> _Picture:
-        """For the outputs ``written`` of ``plane_quads`` quads in whole tiles.
-
-        A tile has 256 pixels, so that all parts begin at multiples of ``_PART_ALIGNMENT``.
-        """
-        pixels = plane_quads * LANES
-        words = 4 * plane_offsets(written)["total"] * pixels
-        in_bytes = byte_offsets(written)["total"] * pixels
-        return cls(words, in_bytes, words + in_bytes)
-
-
-def _pixel_bytes(outputs: frozenset[str]) -> int:
-    """Bytes of a frame buffer for each pixel."""
-    return 4 * plane_offsets(outputs)["total"] + byte_offsets(outputs)["total"]
-
-
-def _fits_uniform(packed: Packed) -> bool:
-    """Whether the scene's solids and half-spaces fit uniform memory, whatever the camera sees."""
-    solids = packed.solid_count * packed.solids.itemsize
-    half_spaces = (packed.surface_count - packed.solid_count) * packed.half_spaces.itemsize
-    return max(solids, half_spaces) <= UNIFORM_BYTES
-
-
-def _written(outputs: frozenset[str], packed: Packed) -> frozenset[str]:
-    """What the shader writes for ``outputs``: tags for surfaces if they are few."""
-    if packed.surface_count <= MOST_TAGS:
-        return outputs - {"surface"} | {"tag"}
-    return outputs
-
-
 _SUBGROUP_SIZE = """\
 @group(0) @binding(0) var<storage, read_write> found: array<u32>;
 
@@ -431,60 +389,3 @@ def _subgroup_size(device: Any) -> int:
     asked = Bound(0, 0, "storage", np.zeros(512, np.uint8))
     [found] = Compute(device).run(_SUBGROUP_SIZE, "ask", [asked], (1, 1, 1))
     return int(found.view(np.uint32).min())
-
-
-def needs_of(packed: Packed, method: str, outputs: frozenset[str], *, together: int = 1) -> Needs:
-    """What the shader of a frame must hold."""
-    lines = packed.most_half_spaces if method == "article" else 0
-    return Needs(
-        classes=packed.present,
-        outputs=outputs,
-        method=method,
-        format=packed.format,
-        lights=len(packed.lights),
-        point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
-        shininess_bits=packed.shininess_bits,
-        together=together,
-        short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
-        max_lines=(lines // LINES_GRANULE + 1) * LINES_GRANULE,
-    )
-
-
-def _planes(
-    found: NDArray[np.uint8],
-    picture: _Picture,
-    written: frozenset[str],
-    outputs: frozenset[str],
-    packed: Packed,
-    rows: int,
-) -> Planes:
-    """Copies from a frame buffer, an array (rows, width, …) for each output."""
-    width = packed.setup.view.width
-    height, stride = (-(-size // TILE) * TILE for size in (rows, width))
-    first_plane, first_byte = plane_offsets(written), byte_offsets(written)
-    grid = found[: picture.words].view(np.uint32).reshape(-1, height, stride)[:, :rows, :width]
-    pixels = found[picture.words : picture.stamps].reshape(-1, height * stride)
-
-    def of_bytes(name: str) -> NDArray[np.uint8]:
-        size, first = OUTPUT_BYTES[name], first_byte[name]
-        plane = pixels[first : first + size].reshape(height, stride, size)
-        return np.array(plane[:rows, :width])
-
-    planes: Planes = {}
-    for name in outputs:
-        words = grid[first_plane.get(name, 0) :]
-        if name == "image":
-            planes[name] = of_bytes(name)
-        elif name == "surface" and "tag" in written:
-            planes[name] = of_bytes("tag")[..., 0]
-        elif name == "surface":
-            planes[name] = np.array(words[0])
-        elif name in ("key", "exit"):
-            planes[name] = joined_key(*words[:2])
-        elif name == "error":
-            planes["low"] = joined_key(*words[:2])
-            planes["doubt"] = joined_key(*words[2:4])
-            planes["bound"] = np.array(words[4]).view(np.float32)
-        else:
-            planes[name] = np.stack([*words[:3]], axis=-1).view(np.float32)
-    return planes

@@ -14,6 +14,7 @@ from halfstep import api, device, run_gpu, source
 from halfstep.api import Renderer
 from halfstep.errors import AdapterError, SceneError, UsageError
 from halfstep.frame import SOURCES, Frame
+from halfstep.needs import Needs
 from halfstep.scene import Camera, Material, Scene, with_overrides
 
 SIZE = (40, 30)
@@ -313,7 +314,7 @@ def test_another_scene_gets_the_options_but_its_own_camera(backend: str) -> None
 def test_solids_that_move_compile_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     compiled: list[None] = []
 
-    def counted(needs: source.Needs) -> str:
+    def counted(needs: Needs) -> str:
         compiled.append(None)
         return source.compose(needs)
 

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import canary, check, run_gpu, source
+from halfstep import canary, check, library, run_gpu, source
 from halfstep.calls import Calls, noted
 from halfstep.check import Checker
 from halfstep.cli import main
 from halfstep.device import Adapter
+from halfstep.needs import Needs
 from halfstep.scene import Scene, bundled_scenes, with_overrides
-from halfstep.source import Needs
 from halfstep.testing import frames
 from halfstep.twin import halve, piece
 
@@ -58,7 +58,7 @@ def test_more_than_16_halvings_are_checked(checker: Checker) -> None:
 @pytest.fixture
 def slip(monkeypatch: pytest.MonkeyPatch) -> None:
     """A slip in a stage function of the shader."""
-    stage = source.stage
+    stage = library.stage
 
     def faulty(name: str) -> str:
         text = stage(name)
@@ -121,7 +121,7 @@ def test_where_bits_are_not_promised_a_device_is_no_excuse_for_itself(
     checker: Checker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Of a plane that is met at the wrong place the shader's own certificate says: not certain.
-    stage = source.stage
+    stage = library.stage
     wrong = "!outside & (piece.id_in > i4(0))", "!outside & (piece.id_in > i4(2))"
     assert wrong[0] in stage("root")
     monkeypatch.setattr(source, "stage", lambda name: stage(name).replace(*wrong))

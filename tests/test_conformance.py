@@ -13,9 +13,9 @@ import halfstep
 from halfstep import run_gpu, source
 from halfstep.device import Adapter
 from halfstep.frame import SOURCES, Frame
+from halfstep.needs import Needs
 from halfstep.pack import Class
 from halfstep.scene import bundled_scenes
-from halfstep.source import Needs
 
 SIZE = (160, 120)
 # A thousand solids cost the twin more than pixels do.

@@ -14,15 +14,15 @@ import pytest
 from halfstep.device import Adapter, open_device
 from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.frame import SOURCES, device_outputs
+from halfstep.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, needs_of
 from halfstep.pack import Class
-from halfstep.run_gpu import needs_of
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
-from halfstep.source import OUTPUT_WORDS, Needs, compose, stage_names
+from halfstep.source import compose, stage_names
 from tests.test_pack import SIZE, packed_frame
 
 METHODS = ("visible", "article")
 FORMATS = (FLOAT32, FLOAT32_EXACT, FIXED32)
-ALL = frozenset(OUTPUT_WORDS)
+ALL = frozenset(OUTPUT_WORDS | OUTPUT_BYTES)
 
 QUADRICS = {Class.QUADRIC, Class.QUADRIC_INSIDE}
 POLYHEDRA = {Class.POLYHEDRON, Class.POLYHEDRON_INSIDE}
@@ -181,7 +181,7 @@ def combinations() -> Iterator[Needs]:
     visible: list[tuple[Class, ...]] = [(), tuple(Class), *((klass,) for klass in Class)]
     article: list[tuple[Class, ...]] = [(), article_classes]
     article += [(klass,) for klass in article_classes]
-    outputs = [ALL, *(frozenset({"surface", name}) for name in OUTPUT_WORDS)]
+    outputs = [ALL, *(frozenset({"tag", name}) for name in OUTPUT_WORDS | OUTPUT_BYTES)]
     for method, sets in (("visible", visible), ("article", article)):
         for classes, form, wanted in product(sets, FORMATS, outputs):
             yield replace(NEEDS, classes=classes, method=method, format=form, outputs=wanted)

@@ -11,9 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
+from halfstep import needs, run_gpu, source, tiles
 from halfstep import pack as packing
-from halfstep import run_gpu, source, tiles
 from halfstep.errors import DeviceError
+from halfstep.framebuffer import FrameBuffer
 from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Class, Packed
 from halfstep.scene import bundled_scenes, load, with_overrides
@@ -196,7 +197,7 @@ def test_what_stays_blank_is_not_rendered_again(
         for turn, which in enumerate(turns):
             if turn % 7 == 6:
                 with monkeypatch.context() as context:
-                    context.setattr(run_gpu, "_planes", failing)
+                    context.setattr(FrameBuffer, "copies", failing)
                     with pytest.raises(DeviceError):
                         renderer.render(scenes[1 + turn % 2])
             frame = renderer.render(scenes[which])
@@ -215,8 +216,8 @@ def test_records_in_uniform_memory_or_not_give_the_same_bits(
     shaders: list[str] = []
     compose = source.compose
 
-    def noted(needs: Any) -> str:
-        shaders.append(compose(needs))
+    def noted(need: Any) -> str:
+        shaders.append(compose(need))
         return shaders[-1]
 
     monkeypatch.setattr(run_gpu, "compose", noted)
@@ -226,7 +227,7 @@ def test_records_in_uniform_memory_or_not_give_the_same_bits(
         few = halfstep.render(small, outputs=OUTPUTS, backend="gpu")
         assert "var<uniform> solids" in shaders[-1]
         with monkeypatch.context() as context:
-            context.setattr(run_gpu, "UNIFORM_BYTES", 0)
+            context.setattr(needs, "UNIFORM_BYTES", 0)
             many = halfstep.render(small, outputs=OUTPUTS, backend="gpu")
         assert "var<storage, read> solids" in shaders[-1]
         for name in OUTPUTS:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from unittest import mock
 
-from halfstep import source
+from halfstep import visits
+from halfstep.needs import Needs
 
 # The first crossing from + to - of a v² + g v + c, in the cell of the halvings that holds it.
 _ROOT = """\
@@ -25,9 +26,9 @@ def closed_form() -> AbstractContextManager[object]:
     The positions are those of the halvings, so the accuracy is the same, and all else is too. For
     at most 16 halvings in float32.
     """
-    return mock.patch("halfstep.source.conveyor", conveyor)
+    return mock.patch("halfstep.visits.conveyor", conveyor)
 
 
-def conveyor(needs: source.Needs, roots: tuple[str, ...]) -> str:
-    """As `source.conveyor`, without its loop."""
-    return source.per_root(needs, roots, _ROOT)
+def conveyor(needs: Needs, roots: tuple[str, ...]) -> str:
+    """As `visits.conveyor`, without its loop."""
+    return visits.per_root(needs, roots, _ROOT)

@@ -1,0 +1,55 @@
+"""The WGSL files of the stages, and which of their definitions a shader needs."""
+
+from __future__ import annotations
+
+import functools
+import re
+from dataclasses import dataclass
+from importlib.resources import files
+
+
+@functools.cache
+def stage(name: str) -> str:
+    """Text of the WGSL file of a stage."""
+    return files("halfstep.wgsl").joinpath(f"{name}.wgsl").read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A function, struct, constant or alias of a stage file, with the comment above it."""
+
+    name: str  # of a function with a bracket, so that no member is taken for it
+    text: str
+    words: frozenset[str]  # identifiers in its code, and those of calls with their bracket
+
+
+_DEFINITION = re.compile(
+    r"^(?://.*\n)*(?:(fn|struct) (\w+)[\s\S]*?^\}|(?:const|alias) (\w+)[^;]*;)\n", re.MULTILINE
+)
+
+
+@functools.cache
+def definitions(text: str) -> tuple[Definition, ...]:
+    """What a stage file defines, in order."""
+    return tuple(
+        Definition(f"{name}(" if kind == "fn" else name or constant, match[0], _words(match[0]))
+        for match in _DEFINITION.finditer(text)
+        for kind, name, constant in [match.groups()]
+    )
+
+
+def _words(text: str) -> frozenset[str]:
+    words = re.findall(r"\b[A-Za-z_]\w*\(?", re.sub(r"//.*", "", text))
+    return frozenset(words) | {word.rstrip("(") for word in words}
+
+
+def reached(library: list[Definition], kernel: str) -> list[str]:
+    """The texts of the definitions that the kernel needs, directly or not, in order."""
+    by_name = {item.name: item for item in library}
+    reached: set[str] = set()
+    wanted = by_name.keys() & _words(kernel)
+    while wanted:
+        reached |= wanted
+        words = {word for name in wanted for word in by_name[name].words}
+        wanted = (by_name.keys() & words) - reached
+    return [item.text for item in library if item.name in reached]

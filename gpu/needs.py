@@ -1,0 +1,122 @@
+"""What the shaders of a frame depend on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from halfstep.formats import Format
+from halfstep.pack import Class, Packed
+
+# Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
+# of bytes, with how many a pixel has.
+OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "color": 3, "normal": 3, "error": 5}
+OUTPUT_BYTES = {"image": 3, "tag": 1}
+# A tag is the number of a surface, where a scene has no more than this.
+MOST_TAGS = 255
+# Most bytes of what is bound as uniform memory: every device has so many.
+UNIFORM_BYTES = 1 << 16
+# Room for half-spaces comes in this many, so that few scenes need a shader of their own.
+LINES_GRANULE = 8
+
+
+@dataclass(frozen=True)
+class Needs:
+    """All that a shader's text depends on; equal needs share one compiled pipeline."""
+
+    classes: tuple[Class, ...]
+    outputs: frozenset[str]  # of OUTPUT_WORDS and OUTPUT_BYTES
+    method: str  # "visible" or "article"
+    format: Format
+    lights: int
+    point_lights: bool
+    shininess_bits: int  # of the largest exponent of a highlight, 0 where nothing shines
+    short_keys: bool  # depth keys fit a word
+    max_lines: int  # most half-spaces of a solid; the article method keeps them all at hand
+    # So many invocations of a subgroup fetch records together: each loads some words, as 64 bits,
+    # and gives them to all.  A device that a processor plays does a load for one invocation after
+    # another, and all invocations of a tile want the same record.
+    together: int = 1
+    # Solids and half-spaces are few enough for uniform memory, of which such a device has less, but
+    # where a load takes a third of the time; for records fetched together only.
+    uniform: bool = False
+
+    @property
+    def shaded(self) -> bool:
+        """Whether colours are needed."""
+        return bool(self.outputs & {"image", "color"})
+
+    @property
+    def oriented(self) -> bool:
+        """Whether normals are needed."""
+        return self.shaded or "normal" in self.outputs
+
+    @property
+    def leaving(self) -> bool:
+        """Whether it is needed where a ray leaves the solid it hit."""
+        return "exit" in self.outputs
+
+    @property
+    def quads(self) -> int:
+        """Quads of a block: more of them share what is fetched of a solid, and compile longer."""
+        return 2 if self.method == "visible" and not self.certified else 1
+
+    @property
+    def wide_pixels(self) -> bool:
+        """Whether the bytes of a block are stored as words of 64 bits."""
+        return self.together > 1 and self.quads > 1
+
+    @property
+    def certified(self) -> bool:
+        """Whether bounds of the error are needed."""
+        return "error" in self.outputs
+
+
+def plane_offsets(outputs: frozenset[str]) -> dict[str, int]:
+    """First plane of each output of words, and the number of planes under ``"total"``."""
+    return _offsets(OUTPUT_WORDS, outputs)
+
+
+def byte_offsets(outputs: frozenset[str]) -> dict[str, int]:
+    """Bytes a pixel has of outputs of bytes before each one, and of all under ``"total"``."""
+    return _offsets(OUTPUT_BYTES, outputs)
+
+
+def _offsets(sizes: dict[str, int], outputs: frozenset[str]) -> dict[str, int]:
+    offsets, end = {}, 0
+    for name, size in sizes.items():
+        if name in outputs:
+            offsets[name] = end
+            end += size
+    return offsets | {"total": end}
+
+
+def needs_of(
+    packed: Packed,
+    method: str,
+    outputs: frozenset[str],
+    *,
+    together: int = 1,
+    uniform: bool = False,
+) -> Needs:
+    """What the shader of a frame must hold; ``uniform``: if its solids are few enough for it."""
+    lines = packed.most_half_spaces if method == "article" else 0
+    return Needs(
+        classes=packed.present,
+        outputs=outputs,
+        method=method,
+        format=packed.format,
+        lights=len(packed.lights),
+        point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
+        shininess_bits=packed.shininess_bits,
+        together=together,
+        uniform=uniform and _fits_uniform(packed),
+        short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
+        max_lines=(lines // LINES_GRANULE + 1) * LINES_GRANULE,
+    )
+
+
+def _fits_uniform(packed: Packed) -> bool:
+    """Whether the scene's solids and half-spaces fit uniform memory, whatever the camera sees."""
+    solids = packed.solid_count * packed.solids.itemsize
+    half_spaces = (packed.surface_count - packed.solid_count) * packed.half_spaces.itemsize
+    return max(solids, half_spaces) <= UNIFORM_BYTES
