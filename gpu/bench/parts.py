@@ -96,7 +96,7 @@ def halving(bench: Bench) -> Part:
             cases |= {("C", n): partial(native.run, n) for n in _HALVINGS}
             notes.append(f"C: {native.compiler} {' '.join(FLAGS)}, {threads} threads.")
         # What counts is the difference of times that are nearly the same.
-        times = bench.times(cases, times=4)
+        times = bench.times(cases, times=4, turn=20.0)
     unit = 1e6 / (size[0] * size[1] * len(scene.solids))
     fits = {
         where: line(_HALVINGS, [times[where, n].best * unit for n in _HALVINGS])
