@@ -175,6 +175,20 @@ def test_a_film_has_the_colours_of_the_pictures(tmp_path: Path) -> None:
         assert np.abs(found.astype(int) - picture).max() <= 3
 
 
+def test_an_encoder_that_av_lacks_is_named(
+    scene_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("halfstep.files.mp4._ENCODER", "nonesuch")
+    path = tmp_path / "m.mp4"
+    assert animate(scene_file, path) == 1
+    message = f"{path}: av has no encoder nonesuch, which MP4 files need"
+    assert capsys.readouterr().err.splitlines()[-1] == message
+    assert names(tmp_path) == ["moving.toml"]
+
+
 @pytest.mark.parametrize("ending", MOVIES)
 def test_a_file_says_how_it_was_made(
     scene_file: Path, scene: Scene, tmp_path: Path, ending: str

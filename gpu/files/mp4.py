@@ -5,6 +5,7 @@ By av itself, as imageio, which also writes films with it, passes no options to 
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
@@ -13,6 +14,8 @@ from typing import Any
 from halfstep.files.filetype import MovieType, Rgb
 from halfstep.provenance import Provenance, to_text
 
+# Some builds of FFmpeg come without.
+_ENCODER = "libx264"
 # Constant rate factor of x264, 0…51: less is better.
 _RATE_FACTOR = "16"
 # What x264 writes depends on its number of threads, which therefore is not the machine's.
@@ -24,6 +27,7 @@ _LIMITED_RANGE = 1
 
 def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -> None:
     import av
+    from av.codec.codec import UnknownCodecError
 
     try:
         # With its index at the front, a film can be shown while it is loaded.
@@ -37,12 +41,15 @@ def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -
             film.mux(stream.encode())
     except av.FFmpegError as error:
         raise OSError(error.errno, error.strerror) from error
+    except UnknownCodecError as error:
+        lacks = f"av has no encoder {_ENCODER}, which MP4 files need"
+        raise OSError(errno.ENOSYS, lacks) from error
 
 
 def _stream(film: Any, picture: Rgb, fps: float) -> Any:
     """A stream for frames of the size of ``picture``."""
     rate = Fraction(fps).limit_denominator(1001)
-    stream = film.add_stream("libx264", rate=rate, options={"crf": _RATE_FACTOR})
+    stream = film.add_stream(_ENCODER, rate=rate, options={"crf": _RATE_FACTOR})
     stream.height, stream.width, _ = picture.shape
     stream.pix_fmt = "yuv420p"
     context = stream.codec_context
