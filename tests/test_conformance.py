@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from halfstep.device import Adapter
 from halfstep.frame import SOURCES, Frame
 from halfstep.needs import Needs
 from halfstep.pack import Class
+from halfstep.run_gpu import Device
 from halfstep.scene import bundled_scenes
 
 SIZE = (160, 120)
@@ -190,6 +192,35 @@ def test_shaders_of_fewer_classes_give_the_same_bits(
     whole, *parts = compiled
     assert len(parts) >= 2
     assert all(set(part) < set(whole) for part in parts)
+
+
+@pytest.mark.parametrize("scene", ["figure", "gallery"])
+def test_shaders_and_buffers_for_a_graphics_card(
+    scene: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no processor plays the device, loads, stores and memory are others."""
+    shaders: list[Needs] = []
+
+    def noted(needs: Needs) -> str:
+        shaders.append(needs)
+        return source.compose(needs)
+
+    card = Device(replace(adapter, summary=replace(adapter.summary, kind="discrete")))
+    monkeypatch.setattr(run_gpu, "compose", noted)
+    monkeypatch.setattr(run_gpu, "Device", lambda *_: card)
+    loaded = halfstep.load(scene)
+    for outputs in ({"image"}, PLAIN):
+        frames = [{"center": (9, -9, 7)}, {"look_at": (4, 0, 2)}, {}, {}]
+        monkeypatch.setattr(card, "close", lambda: None)
+        with halfstep.Renderer(loaded, size=SIZE, outputs=outputs, backend="gpu") as renderer:
+            for camera in frames:
+                frame = renderer.render(camera=camera)
+                assert (frame.solid >= 0).any()
+        expected = render(scene, "numpy", size=SIZE, outputs=outputs)
+        assert differences(frame, expected) == {}
+    assert {(needs.together, needs.uniform) for needs in shaders} == {(1, False)}
+    monkeypatch.undo()
+    card.close()
 
 
 @pytest.mark.parametrize(("old", "new"), FAULTS)
