@@ -252,7 +252,7 @@ def setup(bench: Bench) -> Part:
         for count in _SET_UP:
             renderer = stack.enter_context(bench.renderer(scenes.mixed(count)))
             cases[count] = partial(_prepare, renderer)
-        times = bench.times(cases, times=4)
+        times = bench.times(cases, turn=50.0)
     rows: list[dict[str, Value]] = [
         {"solids": count, "wall ms": own.wall} for count, own in times.items()
     ]
