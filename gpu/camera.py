@@ -43,7 +43,7 @@ class View:
         x, y = (2 * i + (1 - self.width)) * half, (2 * j + (1 - self.height)) * half
         # Not by BLAS, which sums in another order on every processor; and no zero is negative.
         right, down, forward = self.camera_from_world.reshape(3, 3, *[1] * x.ndim) + 0.0
-        return np.moveaxis(x * right + y * down + forward, 0, -1)
+        return (x * right + y * down + forward).transpose(*range(1, x.ndim + 1), 0)
 
 
 def view(camera: Camera, size: tuple[int, int]) -> View:

@@ -111,12 +111,13 @@ def _store_bytes(needs: Needs, name: str, words: list[str]) -> str:
     """Statements that store ``words`` as the block's part of an output of bytes."""
     before = byte_offsets(needs.outputs)[name]
     first = f"{before}u * frame.plane_quads + {OUTPUT_BYTES[name]}u * place"
-    if not needs.wide_pixels:
+    if needs.stored == 1:
         return "".join(f"  pixels[{first} + {k}u] = {word};\n" for k, word in enumerate(words))
-    words = [*words, *["0u"] * (len(words) % 4)]
+    padded = [*words, *["0u"] * (len(words) % 4)]
     text = ""
-    for k in range(0, len(words), 4):
-        text += f"  let {name}_{k // 2} = whole(vec4<u32>({', '.join(words[k : k + 4])}));\n"
-    for k in range(needs.quads * OUTPUT_BYTES[name] // 2):
-        text += f"  pixels[({first}) / 2u + {k}u] = {name}_{k // 2 * 2}.{'xy'[k % 2]};\n"
+    for k in range(0, len(words), needs.stored):
+        if k % 4 == 0:
+            text += f"  let {name}_{k} = whole(vec4<u32>({', '.join(padded[k : k + 4])}));\n"
+        value = f"{name}_{k // 4 * 4}" + f".{'xy'[k // 2 % 2]}" * (needs.stored == 2)
+        text += f"  pixels[({first} + {k}u) / {needs.stored}u] = {value};\n"
     return text

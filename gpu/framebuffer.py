@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,18 +28,18 @@ class FrameBuffer:
     width: int  # pixels
     rows: int
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, int]:
         """Rows, and pixels of a row, in whole tiles."""
         return -(-self.rows // TILE) * TILE, -(-self.width // TILE) * TILE
 
-    @property
+    @cached_property
     def pixels_at(self) -> int:
         """Where outputs of bytes begin."""
         height, stride = self.shape
         return 4 * plane_offsets(self.written)["total"] * height * stride
 
-    @property
+    @cached_property
     def times_at(self) -> int:
         """Where the times are."""
         height, stride = self.shape

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 from halfstep.formats import Format
@@ -58,12 +59,14 @@ class Needs:
     @property
     def quads(self) -> int:
         """Quads of a block: more of them share what is fetched of a solid, and compile longer."""
-        return 2 if self.method == "visible" and not self.certified else 1
+        if self.method == "article" or self.certified:
+            return 1
+        return 4 if self.together > 1 and len(self.classes) <= 1 else 2
 
     @property
-    def wide_pixels(self) -> bool:
-        """Whether the bytes of a block are stored as words of 64 bits."""
-        return self.together > 1 and self.quads > 1
+    def stored(self) -> int:
+        """Words of 32 bits that are stored at once of outputs of bytes."""
+        return self.quads if self.together > 1 else 1
 
     @property
     def certified(self) -> bool:
@@ -71,11 +74,13 @@ class Needs:
         return "error" in self.outputs
 
 
+@functools.cache
 def plane_offsets(outputs: frozenset[str]) -> dict[str, int]:
     """First plane of each output of words, and the number of planes under ``"total"``."""
     return _offsets(OUTPUT_WORDS, outputs)
 
 
+@functools.cache
 def byte_offsets(outputs: frozenset[str]) -> dict[str, int]:
     """Bytes a pixel has of outputs of bytes before each one, and of all under ``"total"``."""
     return _offsets(OUTPUT_BYTES, outputs)

@@ -18,6 +18,8 @@ What lavapipe asks for, measured, the last two for devices that a processor play
 
 from __future__ import annotations
 
+import functools
+
 from halfstep.finish import declare_finish, finish_block
 from halfstep.layout import LANES, SOLID, TILE, TILE_WORDS
 from halfstep.library import definitions, reached, stage
@@ -55,6 +57,7 @@ def compose(needs: Needs) -> str:
     return "\n".join([*reached(library, kernel), kernel])
 
 
+@functools.cache
 def binding_types(needs: Needs) -> dict[int, str]:
     """The bindings a shader declares: wgpu's type of buffer of each, by number."""
     records = "uniform" if needs.uniform else "read-only-storage"
@@ -87,7 +90,7 @@ def _bindings(needs: Needs) -> str:
     if plane_offsets(needs.outputs)["total"]:
         lines.append(f"@group(0) @binding(5) var<storage, read_write> planes: array<{quad}>;")
     if byte_offsets(needs.outputs)["total"]:
-        word = "u64" if needs.wide_pixels else "u32"
+        word = {1: "u32", 2: "u64", 4: "vec2<u64>"}[needs.stored]
         lines.append(f"@group(0) @binding(6) var<storage, read_write> pixels: array<{word}>;")
     if needs.shaded:
         lines += [
