@@ -19,11 +19,11 @@ from halfstep.canary import Fingerprint, fingerprint
 from halfstep.device import INT64, choose_adapter, is_lavapipe, open_device
 from halfstep.formats import FIXED32
 from halfstep.frame import SOURCES, device_outputs
-from halfstep.needs import needs_of
 from halfstep.pack import Packed, frame_record, srgb_quads
 from halfstep.replay import Replay, replay
 from halfstep.scene import Scene, with_overrides
-from halfstep.source import compose, stage_names
+from halfstep.shader.needs import needs_of
+from halfstep.shader.source import compose, stage_names
 from halfstep.testing.census import Census, MismatchError
 from halfstep.testing.frames import FrameCensus, compare_frames, picture_file
 from halfstep.testing.kit import Kit

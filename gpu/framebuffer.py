@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.layout import TILE
-from halfstep.needs import MOST_TAGS, OUTPUT_BYTES, byte_offsets, plane_offsets
 from halfstep.pack import Packed, joined_key
+from halfstep.shader.needs import MOST_TAGS, OUTPUT_BYTES, byte_offsets, plane_offsets
 
 Planes = dict[str, NDArray[Any]]
 

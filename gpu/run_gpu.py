@@ -21,10 +21,10 @@ from halfstep.framebuffer import (
     written_for,
 )
 from halfstep.layout import TILE, TILE_WORDS
-from halfstep.needs import UNIFORM_BYTES, Needs, needs_of
 from halfstep.pack import Packed, frame_record, srgb_quads
 from halfstep.scene import Scene
-from halfstep.source import binding_types, compose
+from halfstep.shader.needs import UNIFORM_BYTES, Needs, needs_of
+from halfstep.shader.source import binding_types, compose
 from halfstep.tiles import (
     Classes,
     TileGroup,

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import api, device, run_gpu, source
+from halfstep import api, device, run_gpu
 from halfstep.api import Renderer
 from halfstep.errors import AdapterError, SceneError, UsageError
 from halfstep.frame import SOURCES, Frame
-from halfstep.needs import Needs
 from halfstep.scene import Camera, Material, Scene, with_overrides
+from halfstep.shader import source
+from halfstep.shader.needs import Needs
 
 SIZE = (40, 30)
 # Few solids of different classes, so that a shader compiles fast; lit from two sides.

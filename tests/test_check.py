@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import canary, check, library, run_gpu, source
+from halfstep import canary, check, run_gpu
 from halfstep.calls import Calls, noted
 from halfstep.check import Checker
 from halfstep.cli import main
 from halfstep.device import Adapter
-from halfstep.needs import Needs
 from halfstep.scene import Scene, bundled_scenes, with_overrides
+from halfstep.shader import library, source
+from halfstep.shader.needs import Needs
 from halfstep.testing import frames
 from halfstep.twin import halve, piece
 

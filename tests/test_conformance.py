@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import run_gpu, source
+from halfstep import run_gpu
 from halfstep.device import Adapter
 from halfstep.frame import SOURCES, Frame
-from halfstep.needs import Needs
 from halfstep.pack import Class
 from halfstep.run_gpu import Device
 from halfstep.scene import bundled_scenes
+from halfstep.shader import source
+from halfstep.shader.needs import Needs
 
 SIZE = (160, 120)
 # A thousand solids cost the twin more than pixels do.

@@ -12,7 +12,7 @@ from halfstep import layout
 from halfstep.device import Adapter, open_device
 from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.layout import FRAME, LIGHT, RECORDS, Record
-from halfstep.library import stage
+from halfstep.shader.library import stage
 
 # WGSL types of coefficients and values.
 TYPES = {

@@ -14,10 +14,10 @@ import pytest
 from halfstep.device import Adapter, open_device
 from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.frame import SOURCES, device_outputs
-from halfstep.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, needs_of
 from halfstep.pack import Class
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
-from halfstep.source import compose, stage_names
+from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, needs_of
+from halfstep.shader.source import compose, stage_names
 from tests.test_pack import SIZE, packed_frame
 
 METHODS = ("visible", "article")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from halfstep.errors import UsageError
-from halfstep.library import stage
+from halfstep.shader.library import stage
 from halfstep.testing.module import Module
 from halfstep.testing.parse import declarations, without_comments
 from halfstep.testing.types import (

@@ -11,13 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep import needs, run_gpu, source, tiles
 from halfstep import pack as packing
+from halfstep import run_gpu, tiles
 from halfstep.errors import DeviceError
 from halfstep.framebuffer import FrameBuffer
 from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Class, Packed
 from halfstep.scene import bundled_scenes, load, with_overrides
+from halfstep.shader import needs, source
 from halfstep.tiles import frequent_sets, tile_groups, tile_lists
 from tests.scenes_random import PLACES, random_scene
 from tests.test_pack import packed_frame

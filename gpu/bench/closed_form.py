@@ -5,8 +5,8 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from unittest import mock
 
-from halfstep import visits
-from halfstep.needs import Needs
+from halfstep.shader import visits
+from halfstep.shader.needs import Needs
 
 # The first crossing from + to - of a v² + g v + c, in the cell of the halvings that holds it.
 _ROOT = """\
@@ -26,7 +26,7 @@ def closed_form() -> AbstractContextManager[object]:
     The positions are those of the halvings, so the accuracy is the same, and all else is too. For
     at most 16 halvings in float32.
     """
-    return mock.patch("halfstep.visits.conveyor", conveyor)
+    return mock.patch("halfstep.shader.visits.conveyor", conveyor)
 
 
 def conveyor(needs: Needs, roots: tuple[str, ...]) -> str:

@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import functools
 
-from halfstep.finish import declare_finish, finish_block
 from halfstep.layout import LANES, SOLID, TILE, TILE_WORDS
-from halfstep.library import definitions, reached, stage
-from halfstep.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
 from halfstep.pack import SRGB_ENTRIES
-from halfstep.statements import FETCHED, each_quad, fetch, loop, quads, variables
-from halfstep.visits import declare_keep, declare_nearest, try_solid
+from halfstep.shader.finish import declare_finish, finish_block
+from halfstep.shader.library import definitions, reached, stage
+from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
+from halfstep.shader.statements import FETCHED, each_quad, fetch, loop, quads, variables
+from halfstep.shader.visits import declare_keep, declare_nearest, try_solid
 
 
 def stage_names(needs: Needs) -> list[str]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from halfstep.layout import HALF_SPACE
-from halfstep.needs import Needs
 from halfstep.pack import Class
-from halfstep.statements import each_quad, fetch, loop, quads, variables, vector
+from halfstep.shader.needs import Needs
+from halfstep.shader.statements import each_quad, fetch, loop, quads, variables, vector
 
 CURVED = frozenset({Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE})
 INSIDE = frozenset({Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE})

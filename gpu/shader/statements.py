@@ -10,7 +10,7 @@ import numpy as np
 
 from halfstep.formats import Format
 from halfstep.layout import Record
-from halfstep.needs import Needs
+from halfstep.shader.needs import Needs
 
 # Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
 FETCHED = 32

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from halfstep.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, byte_offsets, plane_offsets
-from halfstep.statements import each_quad, vector
+from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, byte_offsets, plane_offsets
+from halfstep.shader.statements import each_quad, vector
 
 _WHOLE = """\
 // Four words as two of 64 bits, by a select that no compiler can prove idle.
