@@ -13,13 +13,7 @@ from halfstep.compute import Bound, Compute
 from halfstep.device import INT64, Adapter, device_errors, open_device, wgpu_errors
 from halfstep.errors import AdapterError
 from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
-from halfstep.framebuffer import (
-    ALIGNMENT,
-    FrameBuffer,
-    Planes,
-    pixel_bytes,
-    written_for,
-)
+from halfstep.framebuffer import ALIGNMENT, FrameBuffer, Planes, pixel_bytes, written_for
 from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Packed, frame_record, srgb_quads
 from halfstep.scene import Scene
@@ -274,15 +268,16 @@ class Device:
         """A part of a buffer that holds ``content``."""
         # An empty binding is not allowed: nothing reads this one record of zeros.
         content = content if len(content) else np.zeros(1, content.dtype)
-        # Tiles are bound in parts of one size, so beyond the last one there must be room.
-        room = PART_BYTES if number == 3 else 0
-        size = content.nbytes + room
-        if number in (1, 2) and type_ == "uniform":
-            size = room = UNIFORM_BYTES
-        usage = "UNIFORM|STORAGE|COPY_DST"
-        buffer = self._buffer(_NAMES[number], size, usage)
+        size, bound = content.nbytes, None
+        if number == 3:
+            # Bound in parts of one size, so that beyond the last one there must be room.
+            size, bound = size + PART_BYTES, PART_BYTES
+        elif number in (1, 2) and type_ == "uniform":
+            # As large as the shader declares it.
+            size = bound = UNIFORM_BYTES
+        buffer = self._buffer(_NAMES[number], size, "UNIFORM|STORAGE|COPY_DST")
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
-        return buffer, 0, room or buffer.size
+        return buffer, 0, bound or buffer.size
 
     def _frame_buffer(self, layout: FrameBuffer) -> Any:
         """The buffer that a band is rendered to."""

@@ -58,7 +58,10 @@ class Needs:
 
     @property
     def quads(self) -> int:
-        """Quads of a block: more of them share what is fetched of a solid, and compile longer."""
+        """Quads of a block: more of them share what is fetched of a solid, and compile longer.
+
+        That is worth while for the code of one class, on devices where a fetch costs most.
+        """
         if self.method == "article" or self.certified:
             return 1
         return 4 if self.together > 1 and len(self.classes) <= 1 else 2
