@@ -129,7 +129,7 @@ def pack(
     scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: NDArray[np.int64]
 ) -> Packed:
     """Records of the frame ``setup`` with ``steps`` (V,) halvings for each solid."""
-    classes, usual = _classes(tables, setup), tables.usual[~geometry.is_empty]
+    classes, usual = _classes(tables, setup), tables.usual
     if scene.accuracy.method == "article":
         classes, usual = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[usual]
     # Numbers of 16 bits or less are sorted in linear time.

@@ -291,6 +291,18 @@ def test_with_everything_behind_the_camera_the_frame_is_empty(
     assert np.all(frame.steps == 0)
 
 
+def test_where_no_solid_has_a_point_there_is_the_background(backend: str) -> None:
+    # x² + y² + z² + 1 <= 0
+    imaginary = {"kind": "quadric", "coefficients": [1, 1, 1, 0, 0, 0, 0, 0, 0, 1]}
+    scene = _scene(imaginary, volume=4.0)
+    with halfstep.Renderer(scene, size=SIZE, outputs=("image", "depth"), backend=backend) as one:
+        for _ in range(3):
+            frame = one.render()
+            assert np.all(frame.solid == -1)
+            assert np.all(np.isnan(frame.depth))
+            assert np.all(frame.image == frame.image[0, 0])
+
+
 def test_a_ball_beside_the_eye_is_not_seen_behind_it(backend: str) -> None:
     """Lines through the eye meet an uncut ball at its side also where the ray does not."""
     scene = _scene(
