@@ -197,7 +197,8 @@ class Renderer:
 
         A ``scene`` in place of the renderer's gets its options too, but for the camera. Where it
         has solids of the same kinds, as one of the same animation, no shader is compiled anew, but
-        for the second frame, from where on there is one for each set of kinds that meets often.
+        for the second frame, from where on there is one for each set of kinds that meets often, and
+        where a tolerance comes to need longer depth keys or integers of 64 bits.
 
         Raises:
             SceneError: the camera, or an option for this scene, is not valid.

@@ -43,7 +43,7 @@ class FrameBuffer:
     def times_at(self) -> int:
         """Where the times are."""
         height, stride = self.shape
-        return self.pixels_at + byte_offsets(self.written)["total"] * height * stride
+        return pixel_bytes(self.written) * height * stride
 
     @property
     def size(self) -> int:

@@ -150,7 +150,6 @@ class Device:
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
         if len(packed.order) > 1 and self._is_too_large(packed, members):
             return self._render_in_halves(scene, packed, first_row, rows, outputs)
-        tiles_x = -(-packed.setup.view.width // TILE)
         layout = FrameBuffer(written, packed.setup.view.width, rows)
         with device_errors(self.adapter):
             buffer = self._frame_buffer(layout)
@@ -158,6 +157,7 @@ class Device:
         blank = blank_tiles(starts, needs.classes)
         left_out = self._left_out(needs, ground, blank)
         sets = self._sets(needs, starts)
+        tiles_x = layout.shape[1] // TILE
         records, parts = _parts(tile_groups(starts, needs.classes, tiles_x, sets, left_out))
         contents = {
             0: frame,

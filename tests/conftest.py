@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from halfstep.device import Adapter
+from halfstep.shader.needs import Needs
+from halfstep.shader.source import compose
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -47,6 +49,19 @@ def rng(seed: int) -> np.random.Generator:
 def adapter(halfstep_adapter: Adapter) -> Adapter:
     """The adapter to test on."""
     return halfstep_adapter
+
+
+@pytest.fixture
+def composed(monkeypatch: pytest.MonkeyPatch) -> list[Needs]:
+    """What the shaders hold that are compiled from here on, in order."""
+    found: list[Needs] = []
+
+    def noted(needs: Needs) -> str:
+        found.append(needs)
+        return compose(needs)
+
+    monkeypatch.setattr("halfstep.run_gpu.compose", noted)
+    return found
 
 
 @pytest.fixture(params=["numpy", "gpu"])

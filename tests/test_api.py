@@ -15,7 +15,6 @@ from halfstep.api import Renderer
 from halfstep.errors import AdapterError, SceneError, UsageError
 from halfstep.frame import SOURCES, Frame
 from halfstep.scene import Camera, Material, Scene, with_overrides
-from halfstep.shader import source
 from halfstep.shader.needs import Needs
 
 SIZE = (40, 30)
@@ -229,8 +228,6 @@ def test_samples_with_a_single_output(backend: str, outputs: tuple[str, ...]) ->
 @pytest.mark.usefixtures("adapter")
 def test_a_picture_in_bands_is_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bands of one row of tiles, as where memory is short; odd sizes leave a part of a band."""
-    from halfstep import run_gpu
-
     size = (70, 131)
     whole = [render(size=size, samples=k, backend="gpu") for k in (1, 3)]
     monkeypatch.setattr(run_gpu, "BAND_BYTES", 1)
@@ -312,22 +309,15 @@ def test_another_scene_gets_the_options_but_its_own_camera(backend: str) -> None
 
 
 @pytest.mark.usefixtures("adapter")
-def test_solids_that_move_compile_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled: list[None] = []
-
-    def counted(needs: Needs) -> str:
-        compiled.append(None)
-        return source.compose(needs)
-
-    monkeypatch.setattr(run_gpu, "compose", counted)
+def test_solids_that_move_compile_nothing(composed: list[Needs]) -> None:
     with Renderer(SCENE, backend="gpu") as renderer:
         for _ in range(2):
             renderer.render()
-            assert compiled
-        compiled.clear()
+            assert composed
+        composed.clear()
         for z in (0.0, 0.5, 1.5):
             renderer.render(moved(SCENE, (-1, 0, z), (1.2, z, 0)))
-    assert not compiled
+    assert not composed
 
 
 def test_frames_do_not_share_memory(backend: str) -> None:

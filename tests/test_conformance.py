@@ -14,7 +14,6 @@ import halfstep
 from halfstep import run_gpu
 from halfstep.device import Adapter
 from halfstep.frame import SOURCES, Frame
-from halfstep.pack import Class
 from halfstep.run_gpu import Device
 from halfstep.scene import bundled_scenes
 from halfstep.shader import source
@@ -174,54 +173,43 @@ def test_bands_do_not_show(
 
 @pytest.mark.parametrize("scene", ["gallery", "figure"])
 def test_shaders_of_fewer_classes_give_the_same_bits(
-    scene: str, device: run_gpu.Device, monkeypatch: pytest.MonkeyPatch
+    scene: str,
+    device: run_gpu.Device,
+    composed: list[Needs],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From the second frame on, tiles that see only some classes have shaders of their own."""
-    compiled: list[tuple[Class, ...]] = []
-
-    def noted(needs: Needs) -> str:
-        compiled.append(needs.classes)
-        return source.compose(needs)
-
     monkeypatch.setattr(device, "_known", {})
     monkeypatch.setattr(device, "_pipelines", {})
-    monkeypatch.setattr(run_gpu, "compose", noted)
     loaded = halfstep.load(scene)
     with halfstep.Renderer(loaded, size=(320, 240), outputs=PLAIN, backend="gpu") as renderer:
         first, second, third = (renderer.render() for _ in range(3))
     assert differences(second, first) == differences(third, first) == {}
-    whole, *parts = compiled
+    whole, *parts = (needs.classes for needs in composed)
     assert len(parts) >= 2
     assert all(set(part) < set(whole) for part in parts)
 
 
 @pytest.mark.parametrize("scene", ["figure", "gallery"])
 def test_shaders_and_buffers_for_a_graphics_card(
-    scene: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    scene: str, adapter: Adapter, composed: list[Needs], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where no processor plays the device, loads, stores and memory are others."""
-    shaders: list[Needs] = []
-
-    def noted(needs: Needs) -> str:
-        shaders.append(needs)
-        return source.compose(needs)
-
     card = Device(replace(adapter, summary=replace(adapter.summary, kind="discrete")))
-    monkeypatch.setattr(run_gpu, "compose", noted)
+    close = card.close
+    monkeypatch.setattr(card, "close", lambda: None)
     monkeypatch.setattr(run_gpu, "Device", lambda *_: card)
     loaded = halfstep.load(scene)
     for outputs in ({"image"}, PLAIN):
         frames = [{"center": (9, -9, 7)}, {"look_at": (4, 0, 2)}, {}, {}]
-        monkeypatch.setattr(card, "close", lambda: None)
         with halfstep.Renderer(loaded, size=SIZE, outputs=outputs, backend="gpu") as renderer:
             for camera in frames:
                 frame = renderer.render(camera=camera)
                 assert (frame.solid >= 0).any()
         expected = render(scene, "numpy", size=SIZE, outputs=outputs)
         assert differences(frame, expected) == {}
-    assert {(needs.together, needs.uniform) for needs in shaders} == {(1, False)}
-    monkeypatch.undo()
-    card.close()
+    assert {(needs.together, needs.uniform) for needs in composed} == {(1, False)}
+    close()
 
 
 @pytest.mark.parametrize(("old", "new"), FAULTS)

@@ -18,7 +18,9 @@ from halfstep.framebuffer import FrameBuffer
 from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Class, Packed
 from halfstep.scene import bundled_scenes, load, with_overrides
-from halfstep.shader import needs, source
+from halfstep.shader import needs
+from halfstep.shader.needs import Needs
+from halfstep.shader.source import compose
 from halfstep.tiles import frequent_sets, tile_groups, tile_lists
 from tests.scenes_random import PLACES, random_scene
 from tests.test_pack import packed_frame
@@ -212,25 +214,17 @@ def test_what_stays_blank_is_not_rendered_again(
 
 @pytest.mark.usefixtures("adapter")
 def test_records_in_uniform_memory_or_not_give_the_same_bits(
-    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+    rng: np.random.Generator, composed: list[Needs], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shaders: list[str] = []
-    compose = source.compose
-
-    def noted(need: Any) -> str:
-        shaders.append(compose(need))
-        return shaders[-1]
-
-    monkeypatch.setattr(run_gpu, "compose", noted)
     scenes = [load("gallery"), random_scene(rng, PLACES[0], most=8).scene, load("figure")]
     for scene in scenes:
         small = with_overrides(scene, size=SIZE)
         few = halfstep.render(small, outputs=OUTPUTS, backend="gpu")
-        assert "var<uniform> solids" in shaders[-1]
+        assert "var<uniform> solids" in compose(composed[-1])
         with monkeypatch.context() as context:
             context.setattr(needs, "UNIFORM_BYTES", 0)
             many = halfstep.render(small, outputs=OUTPUTS, backend="gpu")
-        assert "var<storage, read> solids" in shaders[-1]
+        assert "var<storage, read> solids" in compose(composed[-1])
         for name in OUTPUTS:
             assert np.array_equal(getattr(few, name), getattr(many, name), equal_nan=True), name
 

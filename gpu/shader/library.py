@@ -46,10 +46,10 @@ def _words(text: str) -> frozenset[str]:
 def reached(library: list[Definition], kernel: str) -> list[str]:
     """The texts of the definitions that the kernel needs, directly or not, in order."""
     by_name = {item.name: item for item in library}
-    reached: set[str] = set()
+    found: set[str] = set()
     wanted = by_name.keys() & _words(kernel)
     while wanted:
-        reached |= wanted
+        found |= wanted
         words = {word for name in wanted for word in by_name[name].words}
-        wanted = (by_name.keys() & words) - reached
-    return [item.text for item in library if item.name in reached]
+        wanted = (by_name.keys() & words) - found
+    return [item.text for item in library if item.name in found]

@@ -14,7 +14,7 @@ OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "color": 3, "normal": 3, "err
 OUTPUT_BYTES = {"image": 3, "tag": 1}
 # A tag is the number of a surface, where a scene has no more than this.
 MOST_TAGS = 255
-# Most bytes of what is bound as uniform memory: every device has so many.
+# Bytes of what is bound as uniform memory, where a device has so many: WebGPU asks for no less.
 UNIFORM_BYTES = 1 << 16
 # Room for half-spaces comes in this many, so that few scenes need a shader of their own.
 LINES_GRANULE = 8
