@@ -1,24 +1,28 @@
-"""A scene on a device against the twin: the whole frame, and every stage function alone.
+"""A scene on a device against the twin: whole frames, and every stage function alone.
 
-The frame says whether something is wrong, the stages what. While the twin renders the scene, the
+Frames say whether something is wrong, the stages what. A shader holds what its outputs need, and
+the second frame of a renderer may get other shaders than the first: so a frame with all outputs is
+compared, and the first three of an image alone. While the twin renders the scene, the
 arguments and results of its functions are noted; the shader's function of the same name is then
-given the same arguments and must return the same results. If all of them agree and the frame does
+given the same arguments and must return the same results. If all of them agree and a frame does
 not, the fault lies in the kernel that joins them, or in what the driver makes of it.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
+
+import numpy as np
 
 from halfstep.api import Renderer
 from halfstep.calls import Calls, noted
 from halfstep.canary import Fingerprint, fingerprint
 from halfstep.device import INT64, choose_adapter, is_lavapipe, open_device
 from halfstep.formats import FIXED32
-from halfstep.frame import SOURCES, device_outputs
+from halfstep.frame import SOURCES, Frame, device_outputs
 from halfstep.pack import Packed, frame_record, srgb_quads
 from halfstep.replay import Replay, replay
 from halfstep.scene import Scene, with_overrides
@@ -29,6 +33,10 @@ from halfstep.testing.frames import FrameCensus, compare_frames, picture_file
 from halfstep.testing.kit import Kit
 from halfstep.testing.module import Module
 
+# Frames of an image alone: the first has one shader, the second may get more, the third leaves out
+# what has not changed.
+IMAGES = 3
+
 
 @dataclass(frozen=True)
 class SceneReport:
@@ -36,14 +44,16 @@ class SceneReport:
 
     Attributes:
         scene: as it was rendered.
-        frame: the whole frame.
+        frame: the frame with all outputs.
+        images: of an image alone, one after another by one renderer.
         stages: stage function -> its census; those that the scene does not use are left out.
         exact: whether the device promises every bit; otherwise the stages are for information.
-        picture: a PNG file of where the frame differs, None where it does not.
+        picture: a PNG file of where the first frame that differs does, None where none does.
     """
 
     scene: Scene
     frame: FrameCensus
+    images: tuple[FrameCensus, ...]
     stages: dict[str, Census]
     exact: bool
     picture: bytes | None
@@ -56,7 +66,8 @@ class SceneReport:
     @property
     def agrees(self) -> bool:
         """Whether nothing differs that must not."""
-        return not (self.frame.failed.any() or (self.exact and self.faulty))
+        frames_fail = any(census.failed.any() for census in (self.frame, *self.images))
+        return not (frames_fail or (self.exact and self.faulty))
 
     def as_dict(self) -> dict[str, Any]:
         """The report for JSON."""
@@ -67,6 +78,7 @@ class SceneReport:
             "number_format": accuracy.number_format,
             "agrees": self.agrees,
             "frame": self.frame.as_dict(),
+            "images": [census.as_dict() for census in self.images],
             "stages": {name: census.as_dict() for name, census in self.stages.items()},
             "scene_sha256": self.scene.sha256,
         }
@@ -82,7 +94,11 @@ class SceneReport:
         if self.agrees:
             rest = f", {ambiguous} of them ambiguous" if ambiguous else ""
             return f"{head}: {self.frame.failed.size} pixels{rest}, {len(self.stages)} stages agree"
-        lines = [f"{head}: {self.frame}", *(str(self.stages[name]) for name in self.faulty)]
+        lines = [f"{head}: {self.frame}"]
+        for number, census in enumerate(self.images, start=1):
+            if census.failed.any():
+                lines.append(f"frame {number} of an image alone: {census}")
+        lines += [str(self.stages[name]) for name in self.faulty]
         if not self.faulty:
             lines.append(
                 "every stage function agrees alone: the fault is in the kernel that joins them, or "
@@ -129,21 +145,35 @@ class Checker:
             AdapterError, DeviceError: as ``render``.
         """
         scene = with_overrides(scene, samples=1)
-        with Renderer(scene, backend="gpu", adapter=self._adapter, outputs=SOURCES) as renderer:
-            found = renderer.render()
+        [found] = self._rendered(scene, SOURCES, 1)
         with warnings.catch_warnings(), noted() as calls:
-            warnings.simplefilter("ignore")  # it says what has just been said
+            warnings.simplefilter("ignore")  # they say what has just been said
+            images = self._rendered(scene, ("image",), IMAGES)
             twin = Twin(scene, backend="numpy", outputs=SOURCES)
             expected = twin.render()
         replayed = None if self._exact else twin.replayed()
-        census = compare_frames(found, expected, exact=self._exact, replay=replayed)
+        frame = compare_frames(found, expected, exact=self._exact, replay=replayed)
+        is_fixed = scene.accuracy.number_format == FIXED32.name
+        if not self._exact and replayed is None and not is_fixed:
+            # What bounds a frame with all outputs bounds an image as well.
+            replayed = Replay(expected.depth, np.maximum(found.error, expected.error))
+        pairs = [(image, expected.only(image.outputs)) for image in images]
+        censuses = [compare_frames(*pair, exact=self._exact, replay=replayed) for pair in pairs]
+        compared = zip([(found, expected), *pairs], [frame, *censuses], strict=True)
+        pictures = (picture_file(*pair, census) for pair, census in compared if not census.equal)
         return SceneReport(
             scene=scene,
-            frame=census,
+            frame=frame,
+            images=tuple(censuses),
             stages=dict(self._stages(twin, calls)),
             exact=self._exact,
-            picture=None if census.equal else picture_file(found, expected, census),
+            picture=next(pictures, None),
         )
+
+    def _rendered(self, scene: Scene, outputs: Iterable[str], count: int) -> list[Frame]:
+        """The first frames of a renderer."""
+        with Renderer(scene, backend="gpu", adapter=self._adapter, outputs=outputs) as renderer:
+            return [renderer.render() for _ in range(count)]
 
     def _stages(
         self, twin: Twin, calls: Mapping[tuple[str, str], Calls]

@@ -94,6 +94,10 @@ class Frame:
         """Names of the arrays that are there."""
         return tuple(self._arrays)
 
+    def only(self, outputs: Iterable[str]) -> Frame:
+        """The frame with some of its arrays."""
+        return Frame({name: self._arrays[name] for name in outputs}, self.info)
+
 
 def check_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
     """``outputs`` in the order of ``SOURCES``, with ``solid``.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from halfstep.calls import Calls, noted
 from halfstep.check import Checker
 from halfstep.cli import main
 from halfstep.device import Adapter
+from halfstep.errors import AdapterError
 from halfstep.scene import Scene, bundled_scenes, with_overrides
 from halfstep.shader import library, source
 from halfstep.shader.needs import Needs
@@ -43,6 +44,7 @@ def test_the_device_agrees(checker: Checker, scene: str, method: str) -> None:
     assert report.agrees, str(report)
     assert report.picture is None
     assert report.frame.exact
+    assert [census.failed.size for census in report.images] == [SIZE[0] * SIZE[1]] * 3
     # Of every part of the pipeline something was tried, on many pixels.
     files = {name.split(".")[0] for name in report.stages}
     files_of_method = {"article"} if method == "article" else {"piece", "root"}
@@ -104,6 +106,70 @@ def test_a_fault_between_the_stages_is_told_from_one_in_them(checker: Checker) -
     picture = imageio.imread(io.BytesIO(report.picture))
     red = (picture[:, 2 * SIZE[0] :] == (255, 0, 96)).all(axis=-1)
     np.testing.assert_array_equal(red, report.frame.failed)
+
+
+def plant(
+    monkeypatch: pytest.MonkeyPatch, old: str, new: str, where: Callable[[Needs], bool]
+) -> None:
+    """Plant a slip in the shaders of a certain kind."""
+
+    def faulty(needs: Needs) -> str:
+        text = source.compose(needs)
+        if where(needs):
+            assert old in text
+            text = text.replace(old, new)
+        return text
+
+    monkeypatch.setattr(run_gpu, "compose", faulty)
+
+
+def of_two_quads(needs: Needs) -> bool:
+    return needs.quads > 1 and len(needs.classes) > 0
+
+
+def test_a_fault_in_the_shader_of_an_image_alone_is_found(
+    checker: Checker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plant(monkeypatch, "offset(x_1, y)", "offset(x_0, y)", of_two_quads)
+    report = checker.check(small("one_sphere"))
+    assert not report.agrees
+    assert report.faulty == []
+    assert not report.frame.failed.any()
+    assert all(census.failed.any() for census in report.images)
+    assert "frame 1 of an image alone: " in str(report)
+    assert "every stage function agrees alone" in str(report)
+    assert report.picture is not None
+    assert len(report.as_dict()["images"]) == 3
+
+
+def test_a_fault_in_the_shaders_of_second_frames_is_found(
+    checker: Checker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = small("gallery")
+    with halfstep.Renderer(scene, backend="numpy") as renderer:
+        classes = len(renderer._pack(scene, 1).present)
+    plant(
+        monkeypatch,
+        "let position = root_position_0;",
+        "let position = root_position_0 + i4(512);",
+        lambda needs: 0 < len(needs.classes) < classes,
+    )
+    report = checker.check(scene)
+    assert [census.failed.any() for census in report.images] == [False, True, True]
+    assert not report.frame.failed.any()
+    assert not report.agrees
+    assert "frame 2 of an image alone: " in str(report)
+
+
+def test_an_image_of_a_device_that_rounds_otherwise_is_excused_where_decisions_are(
+    checker: Checker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Half a pixel's width, which only what lies within rounding may hide, must be found.
+    monkeypatch.setattr(checker, "_exact", False)
+    for method in ("visible", "article"):
+        assert checker.check(small("gallery", method=method)).agrees
+    plant(monkeypatch, "offset(x_1, y)", "offset(x_0, y)", of_two_quads)
+    assert not checker.check(small("gallery")).agrees
 
 
 @pytest.mark.usefixtures("slip")
@@ -195,6 +261,36 @@ def test_all_are_the_bundled_scenes(
     assert main(["check", "--all", "--size", "32x24"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(",")[0] for line in lines] == list(few)
+
+
+@pytest.mark.usefixtures("adapter")
+def test_all_scenes_are_checked_though_one_cannot_be(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = dict.fromkeys(("one_box", "one_plane", "one_sphere"), "")
+    monkeypatch.setattr(halfstep.scene, "bundled_scenes", lambda: few)
+    render_check = Checker.check
+
+    def refusing(checker: Checker, scene: Scene) -> check.SceneReport:
+        if scene.name == "one_plane":
+            raise AdapterError("no such integers")
+        return render_check(checker, scene)
+
+    monkeypatch.setattr(Checker, "check", refusing)
+    assert main(["check", "--all", "--size", "32x24"]) == 3
+    out, err = capsys.readouterr()
+    assert [line.split(",")[0] for line in out.splitlines()] == [
+        "one_box",
+        "one_plane: no such integers",
+        "one_sphere",
+    ]
+    assert err.splitlines()[-1] == "2 of 3 scenes agree; not: one_plane"
+    assert main(["check", "--all", "--size", "32x24", "--json"]) == 3
+    report = json.loads(capsys.readouterr().out)
+    assert report["agree"] is False
+    assert report["refused"] == {"one_plane": "no such integers"}
+    assert main(["check", "one_plane", "--size", "32x24"]) == 3
+    assert capsys.readouterr().err.endswith("no such integers\n")
 
 
 @pytest.mark.parametrize(

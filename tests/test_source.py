@@ -62,7 +62,7 @@ NEEDS = Needs(
 
 @pytest.fixture(scope="module")
 def device(adapter: Adapter) -> Iterator[Any]:
-    device = open_device(adapter, features=("shader-int64",))
+    device = open_device(adapter, features=("shader-int64", "subgroup"))
     yield device
     device.destroy()
 
@@ -176,7 +176,18 @@ def test_a_solid_out_of_sight_asks_for_no_other_shader() -> None:
 
 
 def combinations() -> Iterator[Needs]:
-    """Every class with every method, number format and output, and all classes together."""
+    """Every class with every method, number format and output, and all classes together.
+
+    Each as it is where an invocation loads alone, and where those of a subgroup of four or eight
+    load together, from storage or uniform memory.
+    """
+    for need in _combinations():
+        yield need
+        for together, uniform in ((4, False), (8, False), (8, True)):
+            yield replace(need, together=together, uniform=uniform)
+
+
+def _combinations() -> Iterator[Needs]:
     article_classes = (Class.QUADRIC, Class.POLYHEDRON, Class.PATCH)
     visible: list[tuple[Class, ...]] = [(), tuple(Class), *((klass,) for klass in Class)]
     article: list[tuple[Class, ...]] = [(), article_classes]
@@ -197,4 +208,4 @@ def test_every_combination_compiles(device: Any) -> None:
     for need in combinations():
         device.create_shader_module(code=compose(need))
         count += 1
-    assert count > 100
+    assert count > 1000

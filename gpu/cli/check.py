@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from halfstep import __version__
 from halfstep.cli.options import add_adapter, add_conveyor, add_size
 from halfstep.cli.output import print_json, say
-from halfstep.errors import UsageError
+from halfstep.errors import HalfstepError, UsageError
 
 if TYPE_CHECKING:
     from halfstep.check import SceneReport
@@ -56,24 +56,42 @@ def run(arguments: argparse.Namespace) -> int:
         for name in names
     ]
     reports: list[SceneReport] = []
+    # Scenes that could not be rendered: the others are checked all the same.
+    refused: dict[str, HalfstepError] = {}
     with Checker(arguments.adapter) as checker:
         fingerprint = checker.fingerprint
         say(f"{fingerprint.stack['adapter']}, {fingerprint.stack['driver']}: {fingerprint}")
         for scene in scenes:
-            reports.append(checker.check(scene))
+            try:
+                reports.append(checker.check(scene))
+            except HalfstepError as error:
+                if not arguments.all:
+                    raise
+                refused[scene.name] = error
             if not arguments.json:
-                print(reports[-1], flush=True)
-    agree = all(report.agrees for report in reports)
+                told = (
+                    f"{scene.name}: {refused[scene.name]}" if scene.name in refused else reports[-1]
+                )
+                print(told, flush=True)
+    differ = [report.scene.name for report in reports if not report.agrees]
+    agree = not (differ or refused)
     result = {
         "halfstep": __version__,
         "agree": agree,
         "canary": fingerprint.as_dict(),
         "scenes": [report.as_dict() for report in reports],
+        "refused": {name: str(error) for name, error in refused.items()},
     }
     if arguments.output is not None:
         _write(Path(arguments.output), result, reports)
     if arguments.json:
         print_json(result)
+    if arguments.all:
+        failed = ", ".join([*differ, *refused])
+        count = len(scenes) - len(differ) - len(refused)
+        say(f"{count} of {len(scenes)} scenes agree" + (f"; not: {failed}" if failed else ""))
+    if refused and not differ:
+        return next(iter(refused.values())).exit_code
     return 0 if agree else 1
 
 
