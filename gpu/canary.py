@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from halfstep.compute import UNWRITTEN, Bound, Compute
 from halfstep.device import INT64
 from halfstep.errors import DeviceError
+from halfstep.probe import loop_limit
 
 Array = NDArray[Any]
 Records = NDArray[np.void]
@@ -65,6 +66,8 @@ class Fingerprint:
         square_root: the same.
         int64: "right" or "absent".
         widening: i64(u32): "right", or "extends the sign", a fault that Halfstep's shaders avoid.
+        loop_limit: rounds after which the driver ends all loops of an invocation, a fault that
+            Halfstep's frames avoid; None where it was not seen to.
         stack: adapter, driver and versions.
     """
 
@@ -76,6 +79,7 @@ class Fingerprint:
     square_root: str
     int64: str
     widening: str
+    loop_limit: int | None
     stack: dict[str, str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -95,6 +99,8 @@ class Fingerprint:
         ]
         if self.widening not in ("right", "absent"):
             parts.append(f"i64(u32) {self.widening}")
+        if self.loop_limit is not None:
+            parts.append(f"loops end after {self.loop_limit:,} rounds")
         return ", ".join(parts)
 
 
@@ -154,8 +160,13 @@ def fingerprint(device: Any) -> Fingerprint:
         faults = "".join(f"\n  {fault}" for fault in judge.faults)
         told = ", ".join(f"{name} {value}" for name, value in compute.stack.items())
         raise DeviceError(f"the driver compiles shaders wrongly ({told}):{faults}")
-    int64 = "right" if has_int64 else "absent"
-    return Fingerprint(**choices, int64=int64, widening=widening, stack=compute.stack)
+    return Fingerprint(
+        **choices,
+        int64="right" if has_int64 else "absent",
+        widening=widening,
+        loop_limit=loop_limit(compute),
+        stack=compute.stack,
+    )
 
 
 def _judge_32(compute: Compute, judge: _Judge) -> dict[str, str]:

@@ -8,14 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep import split
-from halfstep.compute import Bound, Compute
+from halfstep import rounds, split
+from halfstep.compute import Compute
 from halfstep.device import INT64, Adapter, device_errors, open_device, wgpu_errors
-from halfstep.errors import AdapterError
+from halfstep.errors import AdapterError, DeviceError
 from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.framebuffer import ALIGNMENT, FrameBuffer, Planes, pixel_bytes, written_for
 from halfstep.layout import TILE, TILE_WORDS
 from halfstep.pack import Packed, frame_record, srgb_quads
+from halfstep.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.scene import Scene
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, needs_of
 from halfstep.shader.source import binding_types, compose
@@ -74,8 +75,10 @@ class Device:
         # Where a processor plays the device, a load serves one invocation after another, and no
         # code is jumped over. Both ways round that are worth a factor of 1.3 to 2, measured.
         self._together = 1
+        compute = Compute(self._device)
+        self.loop_rounds = loop_limit(compute) or MOST_ROUNDS
         if self._played and {SUBGROUP, INT64} <= self._device.features:
-            self._together = min(_subgroup_size(self._device), MOST_TOGETHER)
+            self._together = min(subgroup_size(compute), MOST_TOGETHER)
         limits = self._device.limits
         self._uniform = self._together > 1 and (
             limits["max-uniform-buffer-binding-size"] >= UNIFORM_BYTES
@@ -148,8 +151,14 @@ class Device:
         )
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
-        if len(packed.order) > 1 and self._is_too_large(packed, members):
+        too_long = rounds.exceed(needs, packed, starts, members, self.loop_rounds)
+        if len(packed.order) > 1 and (too_long or self._is_too_large(packed, members)):
             return self._render_in_halves(scene, packed, first_row, rows, outputs)
+        if too_long:
+            raise DeviceError(
+                f"adapter {self.adapter.summary}: the driver ends loops after "
+                f"{self.loop_rounds:,} rounds, and one solid with these lights takes more"
+            )
         layout = FrameBuffer(written, packed.setup.view.width, rows)
         with device_errors(self.adapter):
             buffer = self._frame_buffer(layout)
@@ -367,20 +376,3 @@ def _parts(groups: list[TileGroup]) -> tuple[NDArray[np.uint32], list[_Part]]:
             pieces += [piece, room]
             end += len(piece) + len(room)
     return np.concatenate(pieces), parts
-
-
-_SUBGROUP_SIZE = """\
-@group(0) @binding(0) var<storage, read_write> found: array<u32>;
-
-@compute @workgroup_size(128)
-fn ask(@builtin(local_invocation_index) local: u32, @builtin(subgroup_size) size: u32) {
-  found[local] = size;
-}
-"""
-
-
-def _subgroup_size(device: Any) -> int:
-    """How many invocations are in a subgroup: adapters tell no more than a range."""
-    asked = Bound(0, 0, "storage", np.zeros(512, np.uint8))
-    [found] = Compute(device).run(_SUBGROUP_SIZE, "ask", [asked], (1, 1, 1))
-    return int(found.view(np.uint32).min())

@@ -62,6 +62,8 @@ FORMAT = 1
 LARGEST = 1e15
 MAX_SIDE = 16384
 MAX_HALF_SPACES = 255
+# As many as fit uniform memory, of which WebGPU asks a device for 64 KiB.
+MAX_LIGHTS = 2048
 MAX_FRAMES = 100_000
 # Least time between two keys, of 1 for the whole animation: far below a frame.
 SHORTEST_TIME = 1e-6
@@ -801,7 +803,9 @@ class Scene(_Table):
     accuracy: Accuracy = Accuracy()
     volume: Volume | None = None
     ambient: Ambient = Ambient()
-    lights: Sequence[Light] = Field(default=(), alias="light")
+    lights: Annotated[Sequence[Light], Field(max_length=MAX_LIGHTS)] = Field(
+        default=(), alias="light"
+    )
     materials: Sequence[Material] = Field(default=(), alias="material")
     solids: Annotated[Sequence[Solid], Field(min_length=1)] = Field(alias="solid")
 

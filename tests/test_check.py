@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import canary, check, run_gpu
+from halfstep import canary, check, rounds, run_gpu
 from halfstep.calls import Calls, noted
 from halfstep.check import Checker
 from halfstep.cli import main
@@ -24,6 +24,7 @@ from halfstep.shader import library, source
 from halfstep.shader.needs import Needs
 from halfstep.testing import frames
 from halfstep.twin import halve, piece
+from tests.test_rounds import barrels
 
 SIZE = (96, 72)
 
@@ -159,6 +160,17 @@ def test_a_fault_in_the_shaders_of_second_frames_is_found(
     assert not report.frame.failed.any()
     assert not report.agrees
     assert "frame 2 of an image alone: " in str(report)
+
+
+def test_loops_that_are_cut_short_are_found(
+    checker: Checker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if checker.fingerprint.loop_limit != 65_535:
+        pytest.skip("this driver lets loops run")
+    monkeypatch.setattr(rounds, "exceed", lambda *_: False)
+    report = checker.check(barrels(12))  # `test_rounds` has it with parts
+    assert not report.agrees
+    assert report.frame.failed.any()
 
 
 def test_an_image_of_a_device_that_rounds_otherwise_is_excused_where_decisions_are(

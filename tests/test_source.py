@@ -56,7 +56,6 @@ NEEDS = Needs(
     point_lights=True,
     shininess_bits=6,
     short_keys=False,
-    max_lines=8,
 )
 
 

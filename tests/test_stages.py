@@ -50,7 +50,7 @@ SMALLEST = -36
 WIDE_BITS, VALUE_BITS, BITS = 61, 29, {"a": 26, "g": 28, "u": 30, "near_u": 30, "far_u": 30}
 
 # What works on values is tested in either number format.
-VALUES = ("piece", "root", "patch", "article", "certify")
+VALUES = ("piece", "root", "patch", "lines", "article", "certify")
 SHADING = ("normal", "ray", "shade", "encode")
 FILES = {
     FLOAT32: (*FLOAT32.stages, *VALUES, "nearest", *SHADING),
@@ -172,6 +172,7 @@ FAULTS = [
     ("halve_incremental.reached", "-search.position", "search.position"),
     ("patch.facing", ">= product", "> product"),
     ("patch.bound", ">=", ">"),
+    ("lines.line_of", "[j]", "[0]"),
     ("article.line_value", "line.b, u", "line.c, u"),
     ("article.blocked_in", "line.b < v4(0)", "line.b <= v4(0)"),
     ("article.blocked_out", "line.b >= v4(0)", "line.b > v4(0)"),
@@ -331,6 +332,8 @@ class Draw:
                 return 4 * np.abs(self._usual(name, leaf))
             case "excess":
                 return rng.integers(0, 33, shape)
+            case "j" if self._function.file == "lines":
+                return BLOCK % 8
             case "i" | "j":
                 return rng.integers(0, 2**17, shape)
             case _ if self._function.name == "shade" and ("color" in place or name in LIT):
@@ -432,7 +435,8 @@ def _argument(name: str, hint: Any, given: Mapping[str, Array], like: Array) -> 
         case "table":
             return srgb_table()
         case "lines":
-            lines = given["lines"][:, : given["count"][0]]
+            lines = given["lines"]
+            lines = lines[:, : given["count"][0] if "count" in given else lines.shape[1]]
             return [Line(lines["c"][:, k], lines["b"][:, k]) for k in range(lines.shape[1])]
         case "frame":
             return {key: _columns(given["frame"][key]) for key in ("first_ray", "right", "down")}
@@ -498,7 +502,14 @@ def test_no_stage_is_left_out() -> None:
     tested = {file for files in FILES.values() for file in files}
     there = {path.stem for path in (Path(__file__).parents[1] / "wgsl").glob("*.wgsl")}
     # Types, records, and what is no stage.
-    assert there - tested == {"lanes", "layout", "canary", "canary_int64"}
+    assert there - tested == {
+        "lanes",
+        "layout",
+        "canary",
+        "canary_int64",
+        "probe_rounds",
+        "probe_subgroup",
+    }
 
 
 def test_every_function_has_a_planted_fault() -> None:

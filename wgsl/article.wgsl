@@ -7,8 +7,6 @@
 
 const START: i32 = -1;
 
-alias Lines = array<Line, MAX_LINES>;
-
 // The visible point and the point where the ray leaves the solid after it.
 struct Found {
   hit: b4,
@@ -41,7 +39,7 @@ fn line_value(line: Line, u: v4) -> w4 {
 fn blocked_in(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -> b4 {
   var blocked = u < v4(near_u);
   for (var j = 0u; j < count; j++) {
-    let line = (*lines)[j];
+    let line = line_of(lines, j);
     blocked = blocked | ((line.b < v4(0)) & (line_value(line, u) > w4(0)));
   }
   return blocked;
@@ -51,7 +49,7 @@ fn blocked_in(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -> 
 fn blocked_out(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> b4 {
   var blocked = u > v4(far_u);
   for (var j = 0u; j < count; j++) {
-    let line = (*lines)[j];
+    let line = line_of(lines, j);
     blocked = blocked | ((line.b >= v4(0)) & (line_value(line, u) > w4(0)));
   }
   return blocked;
@@ -61,7 +59,7 @@ fn blocked_out(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> 
 fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -> Blocker {
   var found = Blocker(i4(0), max(v4(near_u) - u, v4(0)), v4(ONE));
   for (var j = 0u; j < count; j++) {
-    let line = (*lines)[j];
+    let line = line_of(lines, j);
     let f = reduced(line_value(line, u));
     let further = (line.b < v4(0)) & (f > v4(0))
       & (product(f, found.slope) > product(found.value, -line.b));
@@ -78,7 +76,7 @@ fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -
 fn first_left(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> Blocker {
   var found = Blocker(i4(0), max(u - v4(far_u), v4(0)), v4(ONE));
   for (var j = 0u; j < count; j++) {
-    let line = (*lines)[j];
+    let line = line_of(lines, j);
     let f = reduced(line_value(line, u));
     let further = (line.b >= v4(0)) & (f > v4(0))
       & (product(f, found.slope) > product(found.value, line.b));
@@ -265,7 +263,7 @@ fn article_quadric(form: Form, outside: b4, lines: ptr<function, Lines>, count: 
 // A bounded plane: (13) and (15), then the extra step (14) at the point that was found.  The
 // first line is the plane, the others are its bounds.
 fn article_patch(lines: ptr<function, Lines>, count: u32, near_u: Value, far_u: Value, steps: u32) -> Found {
-  let plane = facing((*lines)[0], near_u, far_u);
+  let plane = facing(line_of(lines, 0u), near_u, far_u);
   var u = v4(0);
   var position = i4(0);
   var step = ONE;
@@ -277,7 +275,7 @@ fn article_patch(lines: ptr<function, Lines>, count: u32, near_u: Value, far_u: 
   }
   var met = plane.hit;
   for (var j = 1u; j < count; j++) {
-    let line = (*lines)[j];
+    let line = line_of(lines, j);
     met = met & (line_value(line, u) <= w4(0));
   }
   return Found(met, i4(0), position, b4(false), met, position);

@@ -16,8 +16,8 @@ OUTPUT_BYTES = {"image": 3, "tag": 1}
 MOST_TAGS = 255
 # Bytes of what is bound as uniform memory, where a device has so many: WebGPU asks for no less.
 UNIFORM_BYTES = 1 << 16
-# Room for half-spaces comes in this many, so that few scenes need a shader of their own.
-LINES_GRANULE = 8
+# Above this, shading takes far longer than fetching, and blocks of one quad leave more rounds.
+MOST_LIGHT_ROUNDS = 1 << 12
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,6 @@ class Needs:
     point_lights: bool
     shininess_bits: int  # of the largest exponent of a highlight, 0 where nothing shines
     short_keys: bool  # depth keys fit a word
-    max_lines: int  # most half-spaces of a solid; the article method keeps them all at hand
     # So many invocations of a subgroup fetch records together: each loads some words, as 64 bits,
     # and gives them to all.  A device that a processor plays does a load for one invocation after
     # another, and all invocations of a tile want the same record.
@@ -62,9 +61,14 @@ class Needs:
 
         That is worth while for the code of one class, on devices where a fetch costs most.
         """
-        if self.method == "article" or self.certified:
+        if self.method == "article" or self.certified or self.light_rounds > MOST_LIGHT_ROUNDS:
             return 1
         return 4 if self.together > 1 and len(self.classes) <= 1 else 2
+
+    @property
+    def light_rounds(self) -> int:
+        """The most rounds of loops that shading a quad takes."""
+        return (self.lights + 1) * (self.shininess_bits + 2) if self.shaded else 0
 
     @property
     def stored(self) -> int:
@@ -107,7 +111,6 @@ def needs_of(
     uniform: bool = False,
 ) -> Needs:
     """What the shader of a frame must hold; ``uniform``: if its solids are few enough for it."""
-    lines = packed.most_half_spaces if method == "article" else 0
     return Needs(
         classes=packed.present,
         outputs=outputs,
@@ -119,7 +122,6 @@ def needs_of(
         together=together,
         uniform=uniform and _fits_uniform(packed),
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
-        max_lines=(lines // LINES_GRANULE + 1) * LINES_GRANULE,
     )
 
 

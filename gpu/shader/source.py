@@ -23,10 +23,14 @@ import functools
 from halfstep.layout import LANES, SOLID, TILE, TILE_WORDS
 from halfstep.pack import SRGB_ENTRIES
 from halfstep.shader.finish import declare_finish, finish_block
-from halfstep.shader.library import definitions, reached, stage
+from halfstep.shader.library import Definition, definitions, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
 from halfstep.shader.statements import FETCHED, each_quad, fetch, loop, quads, variables
-from halfstep.shader.visits import declare_keep, declare_nearest, try_solid
+from halfstep.shader.visits import declare_keep, declare_lines, declare_nearest, try_solid
+
+# Half-spaces that a function of the article method takes when it is run alone. More would take
+# long to compile: llvmpipe needs ten minutes for 256.
+MAX_LINES = 8
 
 
 def stage_names(needs: Needs) -> list[str]:
@@ -50,11 +54,31 @@ def stage_names(needs: Needs) -> list[str]:
 
 def compose(needs: Needs) -> str:
     """The whole shader; its entry point is ``render``."""
+    kernel = _joined_stages(needs)
+    return "\n".join([*reached(_library(stage_names(needs)), kernel), kernel])
+
+
+def compose_stages(needs: Needs) -> str:
+    """The stage functions that a shader calls, each to be run alone.
+
+    The article method's take the half-spaces of a solid as an array, which has room for MAX_LINES.
+    """
+    library = _library([*stage_names(needs), "lines"])
+    room = f"const MAX_LINES: u32 = {MAX_LINES}u;\n"
+    return "\n".join([*reached(library, _joined_stages(needs)), _bindings(needs), room])
+
+
+def _joined_stages(needs: Needs) -> str:
+    """The kernel that joins the stages."""
     parts = [_bindings(needs), declare_nearest(needs)]
     parts += [declare_keep(needs)] * bool(needs.classes)
-    kernel = "\n".join([*parts, declare_finish(needs), _kernel(needs)])
-    library = [item for name in stage_names(needs) for item in definitions(stage(name))]
-    return "\n".join([*reached(library, kernel), kernel])
+    parts += [declare_lines(needs)] * (needs.method == "article" and bool(needs.classes))
+    return "\n".join([*parts, declare_finish(needs), _kernel(needs)])
+
+
+def _library(names: list[str]) -> list[Definition]:
+    """What stage files define, in order."""
+    return [item for name in names for item in definitions(stage(name))]
 
 
 @functools.cache
@@ -103,8 +127,6 @@ def _bindings(needs: Needs) -> str:
         # A word of each vec4, because uniform arrays have no smaller stride.
         table = f"var<uniform> srgb_table: array<vec4<u32>, {SRGB_ENTRIES}>"
         lines.append(f"@group(0) @binding(8) {table};")
-    if needs.method == "article":
-        lines.append(f"const MAX_LINES: u32 = {needs.max_lines}u;")
     return "\n".join(lines) + "\n"
 
 

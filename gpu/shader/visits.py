@@ -110,6 +110,21 @@ def declare_keep(needs: Needs) -> str:
     )
 
 
+def declare_lines(needs: Needs) -> str:
+    """What stands for ``lines.wgsl`` in a kernel: half-spaces are fetched when they are tried."""
+    lane, before = "", ""
+    if needs.together > 1:
+        lane, before = "  lane: u32,\n", "    let lane = (*lines).lane;\n"
+    fetched = fetch(needs, HALF_SPACE, "half_spaces", "(*lines).start + j", "half_space")
+    return (
+        "// Where the half-spaces of a solid are, and the quad on whose rays they are tried.\n"
+        f"struct Lines {{\n  at: Offset,\n  start: u32,\n{lane}}}\n\n"
+        "// A half-space along the rays, counted from 0.\n"
+        "fn line_of(lines: ptr<function, Lines>, j: u32) -> Line {\n"
+        f"{before}    let at = (*lines).at;\n{fetched}    return {_LINE};\n}}\n"
+    )
+
+
 _EYE_OUTSIDE = "b4((solid.flags & FLAG_EYE_OUTSIDE_QUADRIC) != 0u)"
 _STARTS_AT_EYE = "b4((solid.flags & FLAG_STARTS_AT_EYE) != 0u)"
 _EYE_INSIDE = "((solid.flags & FLAG_EYE_INSIDE) != 0u)"
@@ -315,14 +330,8 @@ def _certify(needs: Needs, klass: Class) -> str:
 
 def _article(needs: Needs, klass: Class) -> str:
     """The paper's own sequences, a quad at a time."""
-    half_space = fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start + k", "half_space")
-    row = (
-        "    var lines: Lines;\n"
-        "    for (var k = 0u; k < solid.plane_count; k++) {\n"
-        f"{half_space}"
-        f"      lines[k] = {_LINE};\n"
-        "    }\n"
-    )
+    lane = ", lane" * (needs.together > 1)
+    row = f"    var lines = Lines(at, solid.plane_start{lane});\n"
     base_planes = "&lines, solid.plane_count, solid.near_u, solid.far_u"
     if klass is Class.PATCH:
         row += f"    let found = article_patch({base_planes}, solid.steps);\n"
@@ -361,7 +370,8 @@ def _article_slope(needs: Needs, klass: Class) -> str:
     if klass is Class.PATCH:
         own = fetch(needs, HALF_SPACE, "half_spaces", "solid.plane_start", "own")
         normal = _PLANE_NORMAL.replace("half_space", "own")
-        turned = vector("select(normal.AXIS, -normal.AXIS, lines[0].b > v4(0))")
+        first = "line_of(&lines, 0u).b"
+        turned = vector(f"select(normal.AXIS, -normal.AXIS, {first} > v4(0))")
         return f"{own}    let normal = {normal};\n    let slope = {turned};\n"
     first = _GRADIENT if klass in CURVED else "Vector(f4(0.0), f4(0.0), f4(0.0))"
     turned = vector("select(slope.AXIS, normal.AXIS, found.surface == i4(i32(k) + 1))")

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.twin.lanes import I32, Bools, Form
+from halfstep.twin.lines import line_of
 from halfstep.twin.patch import facing
 from halfstep.twin.piece import Line
 from halfstep.twin.values import (
@@ -64,7 +65,8 @@ def line_value(line: Line, u: Values) -> Products:
 def blocked_in(lines: Sequence[Line], near_u: Value, u: Values) -> Bools:
     """Whether a plane that the ray enters excludes u; the indicator (13) of sequence I."""
     blocked = u < near_u
-    for line in lines:
+    for j in range(len(lines)):
+        line = line_of(lines, j)
         blocked = blocked | ((line.b < 0) & (line_value(line, u) > 0))
     return blocked
 
@@ -72,7 +74,8 @@ def blocked_in(lines: Sequence[Line], near_u: Value, u: Values) -> Bools:
 def blocked_out(lines: Sequence[Line], far_u: Value, u: Values) -> Bools:
     """Whether a plane that the ray leaves excludes u; the indicator (13) of sequence O."""
     blocked = u > far_u
-    for line in lines:
+    for j in range(len(lines)):
+        line = line_of(lines, j)
         blocked = blocked | ((line.b >= 0) & (line_value(line, u) > 0))
     return blocked
 
@@ -82,7 +85,8 @@ def last_entered(lines: Sequence[Line], near_u: Value, u: Values) -> Blocker:
     number = np.zeros(u.shape, np.int32)
     value = np.maximum(near_u - u, np.zeros_like(u))
     slope = np.full(u.shape, one_of(u))
-    for j, line in enumerate(lines):
+    for j in range(len(lines)):
+        line = line_of(lines, j)
         f = reduced(line_value(line, u))
         later = product(f, slope) > product(value, -line.b)
         further = (line.b < 0) & (f > 0) & later
@@ -97,7 +101,8 @@ def first_left(lines: Sequence[Line], far_u: Value, u: Values) -> Blocker:
     number = np.zeros(u.shape, np.int32)
     value = np.maximum(u - far_u, np.zeros_like(u))
     slope = np.full(u.shape, one_of(u))
-    for j, line in enumerate(lines):
+    for j in range(len(lines)):
+        line = line_of(lines, j)
         f = reduced(line_value(line, u))
         later = product(f, slope) > product(value, line.b)
         further = (line.b >= 0) & (f > 0) & later
@@ -299,7 +304,7 @@ def article_patch(lines: Sequence[Line], near_u: Value, far_u: Value, steps: int
 
     The first line is the plane, the others are its bounds.
     """
-    plane = facing(lines[0], near_u, far_u)
+    plane = facing(line_of(lines, 0), near_u, far_u)
     u = np.zeros_like(plane.c)
     position = np.zeros(plane.c.shape, np.int32)
     step = one_of(near_u)
@@ -309,7 +314,8 @@ def article_patch(lines: Sequence[Line], near_u: Value, far_u: Value, steps: int
         u = u + np.where(up, step, -step)
         position = (position + position) + np.where(up, np.int32(1), np.int32(-1))
     met = plane.hit
-    for line in lines[1:]:
+    for j in range(1, len(lines)):
+        line = line_of(lines, j)
         met = met & (line_value(line, u) <= 0)
     none = np.zeros(plane.c.shape, np.int32)
     return Found(met, none, position, np.zeros(none.shape, bool), met, position)
