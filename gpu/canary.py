@@ -1,7 +1,8 @@
 """A kernel with known answers: whether a driver computes at all, and which liberties it takes.
 
 WGSL lets a device contract a·b + c, change the order of sums, flush subnormal numbers and round a
-division within 2.5 units in the last place. Such choices are told apart here, not judged.
+division within 2.5 units in the last place. Such choices are told apart here, not judged; so is
+whether workgroup memory begins as zeros, which wgpu-native leaves to the driver.
 Everything else has one right answer, and a driver that gives another compiles shaders wrongly:
 nothing that it renders means anything.
 """
@@ -68,6 +69,7 @@ class Fingerprint:
         widening: i64(u32): "right", or "extends the sign", a fault that Halfstep's shaders avoid.
         loop_limit: rounds after which the driver ends all loops of an invocation, a fault that
             Halfstep's frames avoid; None where it was not seen to.
+        workgroup_memory: "zero" at the start, or "not cleared"; Halfstep's shaders have none.
         stack: adapter, driver and versions.
     """
 
@@ -80,6 +82,7 @@ class Fingerprint:
     int64: str
     widening: str
     loop_limit: int | None
+    workgroup_memory: str
     stack: dict[str, str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -96,6 +99,7 @@ class Fingerprint:
             f"division {self.division}",
             f"square root {self.square_root}",
             f"64-bit integers {self.int64}",
+            f"workgroup memory {self.workgroup_memory}",
         ]
         if self.widening not in ("right", "absent"):
             parts.append(f"i64(u32) {self.widening}")
@@ -156,6 +160,7 @@ def fingerprint(device: Any) -> Fingerprint:
     widening = _judge_64(compute, judge) if has_int64 else "absent"
     for words in SIZES:
         _judge_readback(compute, judge, words)
+    memory = _told_memory(compute)
     if judge.faults:
         faults = "".join(f"\n  {fault}" for fault in judge.faults)
         told = ", ".join(f"{name} {value}" for name, value in compute.stack.items())
@@ -164,6 +169,7 @@ def fingerprint(device: Any) -> Fingerprint:
         **choices,
         int64="right" if has_int64 else "absent",
         widening=widening,
+        workgroup_memory=memory,
         loop_limit=loop_limit(compute),
         stack=compute.stack,
     )
@@ -267,6 +273,17 @@ def _judge_readback(compute: Compute, judge: _Judge, words: int) -> None:
     [found] = compute.run(shader("canary"), "fill", bound, groups, name="canary.wgsl")
     expected = (np.arange(words, dtype=np.uint32) + np.uint32(1)) * np.uint32(2654435761)
     judge.exactly(f"buffer of {words} words", found.view(np.uint32), expected)
+
+
+def _told_memory(compute: Compute) -> str:
+    """Whether workgroup memory is zero at the start, after others have left something in it."""
+    raw = np.full(ROWS * 64, UNWRITTEN, np.uint32).view(np.uint8)
+    for entry_point in ("leave", "count"):
+        bound = [Bound(0, 0, "storage", raw)]
+        [found] = compute.run(
+            shader("canary"), entry_point, bound, (ROWS, 1, 1), name="canary.wgsl"
+        )
+    return "zero" if (found.view(np.uint32) == 1).all() else "not cleared"
 
 
 def shader(name: str) -> str:

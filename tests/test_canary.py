@@ -54,6 +54,7 @@ def test_this_driver_computes_rightly(device: Any) -> None:
         assert (found.contraction, found.subnormals) == ("separate", "kept")
         assert (found.division, found.square_root) == ("correctly rounded", "correctly rounded")
         assert found.int64 == "right"
+        assert found.workgroup_memory == "not cleared"
 
 
 @pytest.mark.parametrize(
@@ -145,6 +146,19 @@ def test_what_wgsl_allows_is_a_choice(
     expected = fingerprint(device)
     plant(old, new)
     assert fingerprint(device) == replace(expected, **cast(Any, choice))
+
+
+def test_whether_workgroup_memory_begins_as_zeros_is_told(device: Any, plant: Plant) -> None:
+    begin = "atomicAdd(&memory[ix], 1u);"
+    plant(begin, f"atomicStore(&memory[ix], 0u); {begin}")
+    found = fingerprint(device)
+    assert found.workgroup_memory == "zero"
+    assert "workgroup memory zero" in str(found)
+    # One workgroup that finds something is enough.
+    plant(begin, f"atomicStore(&memory[ix], select(0u, 1u, id.x == 999u)); {begin}")
+    found = fingerprint(device)
+    assert found.workgroup_memory == "not cleared"
+    assert "workgroup memory not cleared" in str(found)
 
 
 def test_a_known_fault_is_told_apart(device: Any, plant: Plant) -> None:

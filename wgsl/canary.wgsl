@@ -82,3 +82,27 @@ fn fill(@builtin(global_invocation_id) id: vec3<u32>) {
     places[id.x] = (id.x + 1u) * 2654435761u;
   }
 }
+
+var<workgroup> memory: array<atomic<u32>, 64>;
+
+// Leaves numbers that are not zero in the memory of every workgroup.
+@compute @workgroup_size(64)
+fn leave(
+  @builtin(global_invocation_id) id: vec3<u32>,
+  @builtin(local_invocation_index) ix: u32,
+) {
+  atomicStore(&memory[ix], places[id.x] + ix);
+  workgroupBarrier();
+  places[id.x] = atomicLoad(&memory[63u - ix]);
+}
+
+// One more than what memory holds at the start.
+@compute @workgroup_size(64)
+fn count(
+  @builtin(global_invocation_id) id: vec3<u32>,
+  @builtin(local_invocation_index) ix: u32,
+) {
+  atomicAdd(&memory[ix], 1u);
+  workgroupBarrier();
+  places[id.x] = atomicLoad(&memory[63u - ix]);
+}
