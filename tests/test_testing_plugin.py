@@ -41,12 +41,17 @@ def test_frames():
     )
 """
 # Where there is no driver; wgpu lists them once for a process.
-NO_DRIVER = {"VK_DRIVER_FILES": "none", "VK_ICD_FILENAMES": "none"}
+NO_DRIVER = {"VK_LOADER_DRIVERS_DISABLE": "*"}
+# Variables that ask for an adapter.
+ASKING = (
+    *("HALFSTEP_EXPECT_LAVAPIPE", "HALFSTEP_ADAPTER", "WGPUPY_WGPU_ADAPTER_NAME"),
+    *("WGPU_BACKEND_TYPE", "VK_DRIVER_FILES", "VK_ICD_FILENAMES"),
+)
 
 
 def run_alone(pytester: pytest.Pytester, **environ: str) -> subprocess.CompletedProcess[str]:
     """Run the tests of ``pytester`` in a process of their own, whose modules are its own."""
-    inherited = {k: v for k, v in os.environ.items() if k != "HALFSTEP_EXPECT_LAVAPIPE"}
+    inherited = {k: v for k, v in os.environ.items() if k not in ASKING}
     return subprocess.run(
         [sys.executable, "-m", "pytest", "-rs", "-p", "no:cacheprovider"],
         cwd=pytester.path,
@@ -158,6 +163,37 @@ def test_where_lavapipe_is_expected_its_absence_is_a_failure(pytester: pytest.Py
     assert "HALFSTEP_EXPECT_LAVAPIPE=1: no lavapipe" in result.stdout
     assert "1 error" in result.stdout
     assert "skipped" not in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [
+        ("HALFSTEP_ADAPTER", "nosuch"),
+        ("HALFSTEP_ADAPTER", "99"),
+        ("WGPUPY_WGPU_ADAPTER_NAME", "nosuch"),
+        ("WGPU_BACKEND_TYPE", "Metal"),
+        ("VK_DRIVER_FILES", "/none.json"),
+        ("VK_ICD_FILENAMES", "/none.json"),
+    ],
+)
+def test_an_adapter_that_is_asked_for_and_absent_is_a_failure(
+    pytester: pytest.Pytester, variable: str, value: str
+) -> None:
+    pytester.makepyfile(PASSING)
+    result = run_alone(pytester, **{variable: value})
+    assert result.returncode == 1, result.stdout
+    assert variable in result.stdout
+    assert "1 error" in result.stdout
+    assert "skipped" not in result.stdout
+
+
+@pytest.mark.usefixtures("adapter")
+def test_the_choices_of_the_driver_are_told_once(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_a=PASSING, test_b=PASSING)
+    lines = pytester.runpytest_inprocess().stdout.str().splitlines()
+    [told] = [line for line in lines if line.startswith("halfstep: ")]
+    assert ": a·b + c " in told
+    assert ", workgroup memory " in told
 
 
 def test_a_project_that_does_not_use_it_pays_nothing(pytester: pytest.Pytester) -> None:

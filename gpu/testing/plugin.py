@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from halfstep.testing.kit import Kit
 
 
+# With these somebody asks for drivers or a backend, beside those that name an adapter.
+_ASKING = ("WGPU_BACKEND_TYPE", "VK_DRIVER_FILES", "VK_ICD_FILENAMES")
+_CHOICES = pytest.StashKey[str]()
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the option that says where results are kept."""
     group = parser.getgroup("halfstep", "shader tests by Halfstep")
@@ -43,17 +48,18 @@ def pytest_configure(config: pytest.Config) -> None:
 def halfstep_adapter() -> Adapter:
     """The adapter that `halfstep doctor` says is chosen.
 
-    Without one tests are skipped, or fail if HALFSTEP_EXPECT_LAVAPIPE is 1: a run that was to test
-    shaders does not pass by not running them.
+    Without one tests are skipped, or fail if a variable of the environment asks for an adapter, a
+    driver or a backend: a run that was to test shaders does not pass by not running them.
     """
-    from halfstep.device import choose_adapter
+    from halfstep.device import choose_adapter, is_requested
     from halfstep.errors import AdapterError
 
     try:
         return choose_adapter()
     except AdapterError as error:
-        if os.environ.get("HALFSTEP_EXPECT_LAVAPIPE") == "1":
-            pytest.fail(str(error), pytrace=False)
+        asking = [f"{name}={os.environ[name]}" for name in _ASKING if os.environ.get(name)]
+        if asking or is_requested():
+            pytest.fail("\n".join([str(error), *asking]), pytrace=False)
         pytest.skip(str(error).splitlines()[0])
 
 
@@ -73,14 +79,23 @@ def halfstep_device(halfstep_adapter: Adapter) -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def wgsl(halfstep_device: Any) -> Kit:
+def wgsl(halfstep_device: Any, pytestconfig: pytest.Config) -> Kit:
     """Runs WGSL and compares it with NumPy: `halfstep.testing.Kit`."""
     from halfstep.canary import fingerprint
     from halfstep.testing.kit import Kit
 
     # A driver that cannot add would fail every test, and none of them would say why.
-    fingerprint(halfstep_device)
+    choices = fingerprint(halfstep_device)
+    pytestconfig.stash[_CHOICES] = f"{choices.stack['adapter']}: {choices}"
     return Kit(halfstep_device)
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Tell the choices of the driver that shaders were tested on."""
+    if _CHOICES in config.stash:
+        terminalreporter.write_line(f"halfstep: {config.stash[_CHOICES]}")
 
 
 @pytest.hookimpl(wrapper=True)
