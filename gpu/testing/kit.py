@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from operator import methodcaller
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +16,7 @@ from halfstep.testing.census import Census, MismatchError, Tolerance, take, with
 from halfstep.testing.kernel import ENTRY_POINT, WORKGROUP, Kernel, kernel
 from halfstep.testing.module import Module
 from halfstep.testing.results import keep
+from halfstep.testing.source import Source, named_text
 from halfstep.testing.types import (
     FEATURES,
     DType,
@@ -41,18 +40,17 @@ from halfstep.testing.values import (
 # Of a mismatch, and of what does not fit, pytest shows the test's line and the message.
 __tracebackhide__ = methodcaller("errisinstance", (MismatchError, HalfstepError))
 
-Source = str | os.PathLike[str]
 Reference = Callable[..., Any]
 
 
 class Kit:
     """Runs WGSL on one device; every pipeline is kept for the next use.
 
-    A ``source`` is WGSL, or the path of a file of it: a path object, or a string that ends with
-    ".wgsl". Its helper functions, constants, aliases and structs are there for the function that
-    is run. Types are those of `types`; in NumPy the rows are the first axis, vectors have one axis
-    more, matrices are (rows, columns), arrays have their elements before what these are, and
-    structs are structured arrays, mappings of their members or tuples of them.
+    A ``source`` is WGSL, or the path of a file of it: a path object, or a string of one line that
+    ends with ".wgsl". Its helper functions, constants, aliases and structs are there for the
+    function that is run. Types are those of `types`; in NumPy the rows are the first axis, vectors
+    have one axis more, matrices are (rows, columns), arrays have their elements before what these
+    are, and structs are structured arrays, mappings of their members or tuples of them.
     """
 
     def __init__(self, device: Any) -> None:
@@ -230,13 +228,7 @@ class Kit:
         return census
 
     def _module(self, source: Source) -> Module:
-        name, text = "WGSL", os.fspath(source)
-        if isinstance(source, os.PathLike) or text.endswith(".wgsl"):
-            name = text
-            try:
-                text = Path(text).read_text(encoding="utf-8")
-            except OSError as error:
-                raise UsageError(f"{name}: {error.strerror}") from error
+        name, text = named_text(source)
         return self._modules.setdefault((name, text), Module(name, text))
 
     def _prepare(
