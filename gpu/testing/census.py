@@ -7,8 +7,9 @@ type there are from one to the other. The two zeros are one apart; a NaN is equa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -171,6 +172,7 @@ def take(
     inputs: Mapping[str, Values],
     excused: Bools,
     stack: Mapping[str, str],
+    member: str = "",
 ) -> Census:
     """The census of two arrays (rows, …) of the same type, which may be structured.
 
@@ -182,12 +184,13 @@ def take(
         inputs: name -> (rows, …), to be shown with a row.
         excused: (rows,), where a row that differs is ambiguous.
         stack: what the device stands on.
+        member: of what is compared, the name of the part that the arrays are.
     """
     rows = len(found)
     count = _Count(rows, tolerance)
-    pairs = zip(leaves(found), leaves(expected), strict=True)
-    for (member, values), (_, others) in pairs:
-        count.add(member, values.reshape(rows, -1), others.reshape(rows, -1))
+    pairs = zip(leaves(found, member), leaves(expected, member), strict=True)
+    for (label, values), (_, others) in pairs:
+        count.add(label, values.reshape(rows, -1), others.reshape(rows, -1))
     failed = np.flatnonzero(count.differs & ~excused)
     return Census(
         name=name,
@@ -200,8 +203,26 @@ def take(
         worst_row=count.worst_row,
         histogram=_histogram(count.values),
         members=count.members,
-        first=tuple(_row(int(ix), found, expected, inputs) for ix in failed[:SHOWN]),
+        first=tuple(_row(int(ix), found, expected, inputs, member) for ix in failed[:SHOWN]),
         stack=stack,
+    )
+
+
+def joined(censuses: Sequence[Census]) -> Census:
+    """One census of the parts of a whole, each of which has rows of its own."""
+    worst = max(censuses, key=lambda one: (one.worst_row is not None, one.worst_ulp))
+    counts: Counter[str] = Counter()
+    for one in censuses:
+        counts.update(one.histogram)
+    return replace(
+        worst,
+        rows=sum(one.rows for one in censuses),
+        differing=sum(one.differing for one in censuses),
+        ambiguous=sum(one.ambiguous for one in censuses),
+        unwritten=sum(one.unwritten for one in censuses),
+        histogram=dict(counts),
+        members={name: rows for one in censuses for name, rows in one.members.items()},
+        first=tuple(row for one in censuses for row in one.first)[:SHOWN],
     )
 
 
@@ -380,13 +401,15 @@ def _bin(exponent: int) -> str:
     return f"2^{exponent}… ulp"
 
 
-def _row(index: int, found: Values, expected: Values, inputs: Mapping[str, Values]) -> Row:
+def _row(
+    index: int, found: Values, expected: Values, inputs: Mapping[str, Values], part: str
+) -> Row:
     shown = Row(index, {}, {}, {}, {})
     for name, values in inputs.items():
         shown.inputs.update({n: v[0] for n, v in leaves(values[index : index + 1], name)})
     here = slice(index, index + 1)
     for (member, value), (_, other) in zip(
-        leaves(found[here]), leaves(expected[here]), strict=True
+        leaves(found[here], part), leaves(expected[here], part), strict=True
     ):
         unequal = _unequal(value, other)
         if unequal.any():

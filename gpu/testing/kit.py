@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from halfstep.compute import Bound, Compute
 from halfstep.errors import AdapterError, HalfstepError, UsageError
-from halfstep.testing.census import Census, MismatchError, Tolerance, take, within
+from halfstep.testing.census import Census, MismatchError, Tolerance, joined, leaves, take, within
 from halfstep.testing.kernel import ENTRY_POINT, WORKGROUP, Kernel, kernel
 from halfstep.testing.module import Module
 from halfstep.testing.results import keep
@@ -32,6 +32,7 @@ from halfstep.testing.values import (
     Values,
     conform,
     pack,
+    paired,
     prefilled,
     spread,
     unpack,
@@ -110,9 +111,10 @@ class Kit:
             rounded=True,
         )
         expected = spread(expected, call.rows, dtype_of(call.kernel.result), "reference")
+        _check_rtol(tolerance, function, [expected])
         excused = within(None if margin is None else margin(*arguments, **variables), call.rows)
         found = self._run(call)
-        return self._judge(function, found, expected, tolerance, call.values, excused)
+        return self._judge(self._census(function, found, expected, tolerance, call.values, excused))
 
     def run(
         self,
@@ -162,7 +164,7 @@ class Kit:
 
     def compare(
         self,
-        found: Values,
+        found: Any,
         expected: Any,
         *,
         name: str = "result",
@@ -172,27 +174,43 @@ class Kit:
         rtol: float = 0.0,
         margin: ArrayLike | None = None,
     ) -> Census:
-        """Compare arrays (rows, …), as those that `kernel` gives, as `check` does.
+        """Compare what `kernel` gives, or any arrays (rows, …), as `check` does.
 
         Args:
-            found: what the device gave.
-            expected: what it should have given, (rows, …) or one value for all rows.
+            found: what the device gave: an array, a number, a struct, or a mapping of such, as all
+                that `kernel` gives is one. Each part of a mapping has rows of its own.
+            expected: what it should have given, formed alike; one value may stand for all rows of
+                an array.
             name: of what is compared.
-            inputs: name -> (rows, …), to be shown with the rows that differ.
+            inputs: name -> (rows, …), to be shown with the rows of an array that differ.
             ulp: as `check`, as are atol and rtol.
             atol: see ulp.
             rtol: see ulp.
-            margin: the distance of each row, (rows,).
+            margin: the distance of each row of an array, (rows,).
 
         Raises:
             MismatchError: they differ.
             UsageError: the shapes or types do not fit.
         """
-        dtype = np.dtype((found.dtype, found.shape[1:]))
-        wanted = conform(expected, dtype, "expected", rounded=True)
-        wanted = spread(wanted, len(found), dtype, "expected")
-        excused = within(margin, len(found))
-        return self._judge(name, found, wanted, Tolerance(ulp, atol, rtol), inputs or {}, excused)
+        tolerance = Tolerance(ulp, atol, rtol)
+        parts = list(paired(found, expected))
+        _check_rtol(tolerance, name, [values for _, values, _ in parts])
+        if isinstance(found, Mapping):
+            if margin is not None or inputs:
+                raise UsageError("found: a mapping has no rows for margin and inputs")
+            censuses = [
+                self._census(name, values, wanted, tolerance, member=member)
+                for member, values, wanted in parts
+            ]
+            return self._judge(joined(censuses))
+        [(_, values, wanted)] = parts
+        rows = len(values)
+        shown = {
+            key: spread(np.asarray(value), rows, np.asarray(value).dtype, f"inputs: {key}")
+            for key, value in (inputs or {}).items()
+        }
+        excused = within(margin, rows)
+        return self._judge(self._census(name, values, wanted, tolerance, shown, excused))
 
     def struct(self, source: Source, name: str) -> DType:
         """The structured type that a struct is in NumPy, to make arrays of it with.
@@ -204,24 +222,29 @@ class Kit:
         with _CompilerFirst(self._compute, module):
             return dtype_of(module.struct(name))
 
-    def _judge(
+    def _census(
         self,
         name: str,
         found: Values,
         expected: Values,
         tolerance: Tolerance,
-        inputs: Mapping[str, Values],
-        excused: NDArray[np.bool_],
+        inputs: Mapping[str, Values] | None = None,
+        excused: NDArray[np.bool_] | None = None,
+        *,
+        member: str = "",
     ) -> Census:
-        census = take(
+        return take(
             name,
             found,
             expected,
             tolerance,
-            inputs=inputs,
-            excused=excused,
+            inputs=inputs or {},
+            excused=within(None, len(found)) if excused is None else excused,
             stack=self._compute.stack,
+            member=member,
         )
+
+    def _judge(self, census: Census) -> Census:
         keep(census.as_dict())
         if census.failed:
             raise MismatchError(census)
@@ -357,6 +380,13 @@ class _Call:
             values.flags.writeable = False
         arguments = [views.pop(name) for name in self.parameters]
         return arguments, views
+
+
+def _check_rtol(tolerance: Tolerance, name: str, arrays: Iterable[Values]) -> None:
+    """See that there are floats where a part of them is tolerated."""
+    numbers = (numbers for array in arrays for _, numbers in leaves(array))
+    if tolerance.rtol and not any(one.dtype.kind == "f" for one in numbers):
+        raise UsageError(f"rtol: {name} has no floats; atol is for whole numbers too")
 
 
 def _variables(module: Module, function: str, inputs: Mapping[str, Any]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from operator import methodcaller
 from typing import Any
 
@@ -56,6 +56,7 @@ def conform(value: Any, dtype: DType, where: str, *, rounded: bool = False) -> V
         UsageError: another shape or other members, or a value that the type does not hold.
     """
     scalar, shape = dtype.base, dtype.shape
+    value = _unmasked(value, where)
     if scalar.names is None:
         return _numbers(value, scalar, shape, where, rounded=rounded)
     members = _members(value, scalar.names, where)
@@ -73,6 +74,39 @@ def conform(value: Any, dtype: DType, where: str, *, rounded: bool = False) -> V
     for name, part in parts.items():
         result[name] = part
     return result
+
+
+def paired(found: Any, expected: Any, where: str = "") -> Iterator[tuple[str, Values, Values]]:
+    """The arrays (rows, …) that a value is made of, by name, with those expected of them.
+
+    Args:
+        found: what `Kit.kernel` gives, or all of it: an array, a value without rows, or a mapping
+            of such. A list is what NumPy makes of it.
+        expected: formed alike; one value may stand for all rows of an array.
+        where: the name of ``found`` in what it is a part of.
+
+    Raises:
+        UsageError: they are formed otherwise, or are no numbers.
+    """
+    dot = f"{where}." if where else ""
+    if isinstance(found, Mapping):
+        if not found:
+            raise UsageError(f"{dot}found: nothing to compare")
+        parts = _members(expected, tuple(found), f"{dot}expected")
+        for name, part in found.items():
+            yield from paired(part, parts[name], f"{dot}{name}")
+        return
+    try:
+        values = np.asarray(_unmasked(found, f"{dot}found"))
+    except ValueError as error:
+        raise UsageError(f"{dot}found: not an array: {error}") from error
+    if not all(leaf.kind in "biuf" and leaf.itemsize <= 8 for leaf in _leaf_types(values.dtype)):
+        raise UsageError(f"{dot}found: {values.dtype} is not a type of numbers that a device has")
+    if values.ndim == 0:
+        values, expected = values[None], _one_row(expected)
+    dtype = np.dtype((values.dtype, values.shape[1:]))
+    wanted = conform(expected, dtype, f"{dot}expected", rounded=True)
+    yield where, values, spread(wanted, len(values), dtype, f"{dot}expected")
 
 
 def spread(values: Values, rows: int, dtype: DType, where: str) -> Values:
@@ -122,6 +156,22 @@ def member(values: Values | Mapping[str, Values], path: tuple[str, ...]) -> Valu
     for name in path:
         array = array[name]
     return array
+
+
+def _unmasked(value: Any, where: str) -> Any:
+    """``value``, if no part of it is masked: a device has no such thing."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise UsageError(f"{where}: a masked array; give its rows that are not masked")
+    return value
+
+
+def _leaf_types(dtype: DType) -> Iterator[DType]:
+    """The types of the numbers that a type is made of."""
+    if dtype.base.names is None:
+        yield dtype.base
+        return
+    for name in dtype.base.names:
+        yield from _leaf_types(dtype.base[name])
 
 
 class Resource:
