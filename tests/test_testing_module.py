@@ -7,7 +7,8 @@ import pytest
 from halfstep.errors import UsageError
 from halfstep.shader.library import stage
 from halfstep.testing.module import Module
-from halfstep.testing.parse import declarations, without_comments
+from halfstep.testing.parse import declarations
+from halfstep.testing.tokens import tokens_of
 from halfstep.testing.types import (
     Array,
     Matrix,
@@ -67,8 +68,8 @@ def module() -> Module:
 
 
 def test_comments_are_no_code() -> None:
-    text = "a // b */ c\n/* d /* e */ f // */ g /* h"
-    assert without_comments(text).split() == ["a", "g"]
+    text = "a // b */ c\n/* d /* e */ f // */ g /**/ h//"
+    assert tokens_of(text, "text") == ["a", "g", "h"]
     assert not {"in_a_line", "in_a_block"} & declarations(TEXT).keys()
 
 
@@ -136,15 +137,72 @@ def test_a_name_of_something_within_a_function_is_not_what_it_reaches() -> None:
         """
         @group(0) @binding(0) var<storage, read> counts: array<u32>;
         struct Sums { counts: f32, finish: f32 }
+        struct Nested { Sums: Sums }
         fn finish(x: f32) -> u32 { return counts[0]; }
         fn scaled(finish: f32, s: Sums) -> f32 { return finish * s.counts; }
         fn twice(counts: u32) -> u32 { let finish = counts; return finish + finish; }
         fn both(s: Sums) -> f32 { return scaled(f32(finish(s.finish)), s); }
+        fn inner(n: Nested) -> f32 { return n.Sums.counts; }
         """,
     )
     assert module.reached("scaled") == {"scaled", "Sums"}
     assert module.reached("twice") == {"twice"}
     assert module.reached("both") == {"both", "scaled", "Sums", "finish", "counts"}
+    assert module.reached("inner") == {"inner", "Nested", "Sums"}
+
+
+@pytest.mark.parametrize(
+    ("body", "reaches"),
+    [
+        ("let t = 1u; return t;", False),
+        ("var t = 1u; return t;", False),
+        ("var<function> t: u32 = 1u; return t;", False),
+        ("const t = 1u; return t;", False),
+        ("let t = t[0]; return t;", True),
+        ("{ let t = 1u; } return t[0];", True),
+        ("if x > 1u { let t = 1u; return t; } return x;", False),
+        ("if x > 1u { let t = 1u; } else { return t[0]; } return x;", True),
+        ("for (var t = 0u; t < x; t++) { let y = t; } return x;", False),
+        ("for (var t = 0u; t < x; t++) { } return t[0];", True),
+        ("for (var t = 0u; t < x; t++) { for (var u = t; u < x; u++) { } } return t[0];", True),
+        ("loop { let t = x; continuing { break if t > 1u; } } return x;", False),
+        ("loop { let t = x; if t > 1u { break; } } return t[0];", True),
+        ("var y = array(1u, 2u); let z = y[t[0]]; return z;", True),
+        ("let t = array(x, x); return t[0];", False),
+        ("switch x { case 1u { let t = x; return t; } default { return t[0]; } }", True),
+        ("switch x { case 1u { let t = x; return t; } default { return x; } }", False),
+        ("@diagnostic(off, t) { let y = x; } return x;", False),
+        ("var s: S; return s.t;", False),
+        ("let p: ptr<function, u32> = &x; return x; /* t */", False),
+    ],
+)
+def test_a_local_is_known_from_its_statement_to_the_end_of_its_block(
+    body: str, reaches: bool
+) -> None:
+    text = f"""
+        @group(0) @binding(0) var<storage, read> t: array<u32>;
+        struct S {{ t: u32 }}
+        fn f(x: u32) -> u32 {{ {body} }}
+    """
+    assert ("t" in Module("text", text).reached("f")) == reaches
+
+
+def test_names_beyond_ascii_and_all_ends_of_lines_are_read() -> None:
+    text = "const क\u0940 = 2; // a\rconst b = 3; // c\u2028const d = 4;"
+    assert list(declarations(text)) == ["क\u0940", "b", "d"]
+
+
+def test_a_comment_that_is_not_closed_is_told_with_its_line() -> None:
+    module = Module("text", "fn f(x: f32) -> f32 {\r\n return x; }\n/* /* */\nfn g() {}")
+    with pytest.raises(UsageError) as caught:
+        module.signature("f")
+    assert str(caught.value) == "text: the comment that begins in line 3 is not closed"
+
+
+def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
+    assert Module("text", "fn f() {}").prefix == "halfstep_"
+    text = "fn halfstep_call(x: f32) {} struct halfstep2_Row { x: f32 }"
+    assert Module("text", text).prefix == "halfstep3_"
 
 
 @pytest.mark.parametrize(
@@ -177,10 +235,24 @@ def test_a_name_of_something_within_a_function_is_not_what_it_reaches() -> None:
          "text: variable a: N is not a constant that can be worked out here"),
         (lambda _: Module("text", "override N = 2u; var<private> a: array<f32, N>;").variable("a"),
          "text: variable a: N is not a constant that can be worked out here"),
+        (lambda _: Module("text", "fn u32() {} var<private> a: u32;").variable("a"),
+         "text: variable a: u32 is not a type that a buffer can hold"),
+        (lambda _: Module("text", "struct S { @size(8) a: vec3<f32> }").struct("S"),
+         "text: S.a: @size(8), and its type has 12 bytes"),
+        (lambda _: Module("text", "struct S { @align(2) a: f32 }").struct("S"),
+         "text: S.a: @align(2) is not a power of two from 4"),
+        (lambda _: Module("text", "struct S { @align(12) a: f32 }").struct("S"),
+         "text: S.a: @align(12) is not a power of two from 4"),
+        (lambda _: Module("text", "@fragment fn fs() -> f32 {}").signature("fs"),
+         "text: fs is the entry point of a fragment shader; only functions and compute shaders "
+         "are run"),
+        (lambda _: Module("text", "@vertex fn vs() {}").check_entry_point("vs"),
+         "text: vs is the entry point of a vertex shader; only functions and compute shaders "
+         "are run"),
         (lambda _: Module("text", "var<private> a: vec4<vec2<f32>>;").variable("a"),
          "text: variable a: vec2<f32> is not a scalar"),
         (lambda _: Module("text", "var<private> a: array<f32, 4 / 0>;").variable("a"),
-         "text: variable a: 4/0 is not a constant that can be worked out here"),
+         "text: variable a: 4 / 0 is not a constant that can be worked out here"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_named(module: Module, call: object, message: str) -> None:
@@ -190,7 +262,7 @@ def test_what_cannot_be_read_is_named(module: Module, call: object, message: str
     assert str(caught.value) == message
 
 
-@pytest.mark.parametrize("text", ["", "fn f(", "struct", "@", "var<", "}{", "fn f() -> {", "/*"])
+@pytest.mark.parametrize("text", ["", "fn f(", "struct", "@", "var<", "}{", "fn f() -> {"])
 def test_no_text_is_too_broken_to_look_for_a_function_in(text: str) -> None:
     with pytest.raises(UsageError, match="there is no function"):
         Module("text", text).signature("g")

@@ -6,10 +6,11 @@ in another buffer. The text comes after the user's, whose lines keep their numbe
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import methodcaller
 
+from halfstep.errors import HalfstepError
 from halfstep.testing.module import Module
 from halfstep.testing.types import (
     Array,
@@ -18,13 +19,18 @@ from halfstep.testing.types import (
     Struct,
     Type,
     Vector,
+    align_of,
     leaves_of,
     struct_of,
     text_of,
 )
 
-ENTRY_POINT = "halfstep_call"
+# As in `kit`.
+__tracebackhide__ = methodcaller("errisinstance", HalfstepError)
+
 WORKGROUP = 64
+# What the text means by these is what WGSL declares.
+_NEEDED = ("array", "arrayLength", "u32", "vec2", "vec3", "vec4")
 
 
 @dataclass(frozen=True)
@@ -33,12 +39,14 @@ class Kernel:
 
     Attributes:
         code: the user's text and the entry point.
+        entry_point: its name.
         row: the arguments of a call, and the variables that are set before it.
         result: what the function returns.
         first_binding: in group 0 the buffer of rows; the next one is that of results.
     """
 
     code: str
+    entry_point: str
     row: Struct
     result: Type
     first_binding: int
@@ -55,35 +63,44 @@ def kernel(module: Module, function: str, variables: Sequence[str]) -> Kernel:
         name: type_.target if isinstance(type_, Pointer) else type_
         for name, type_ in signature.parameters.items()
     } | {name: module.variable(name) for name in variables}
-    row = struct_of("halfstep_Row", [(name, type_, 0, 0) for name, type_ in types.items()])
-    taken = [module.binding(name) for name in module.resources()]
-    first = 1 + max((binding.number for binding in taken if binding.group == 0), default=-1)
-    stored = _Stored()
-    place = "halfstep_rows[halfstep_ix]"
+    module.check_free(_NEEDED)
+    own = module.prefix
+    row = _row(f"{own}Row", types)
+    taken = [binding.number for binding in module.buffers(function) if binding.group == 0]
+    first = 1 + max(taken, default=-1)
+    stored = _Stored(own)
+    place = f"{own}rows[{own}ix]"
     before = [f"  {name} = {stored.read(types[name], f'{place}.{name}')};\n" for name in variables]
     arguments = []
     for name, type_ in signature.parameters.items():
         argument = stored.read(types[name], f"{place}.{name}")
         if isinstance(type_, Pointer):
-            before.append(f"  var halfstep_{name}: {text_of(type_.target)} = {argument};\n")
-            argument = f"&halfstep_{name}"
+            before.append(f"  var {own}to_{name}: {text_of(type_.target)} = {argument};\n")
+            argument = f"&{own}to_{name}"
         arguments.append(argument)
     result = stored.written(signature.result, f"{function}({', '.join(arguments)})")
     text = (
         f"{stored.struct(row.name, row)}"
-        f"@group(0) @binding({first}) var<storage, read> halfstep_rows: array<{row.name}>;\n"
+        f"@group(0) @binding({first}) var<storage, read> {own}rows: array<{row.name}>;\n"
         f"@group(0) @binding({first + 1}) var<storage, read_write>"
-        f" halfstep_results: array<{stored.type(signature.result)}>;\n"
+        f" {own}results: array<{stored.type(signature.result)}>;\n"
         f"@compute @workgroup_size({WORKGROUP})\n"
-        f"fn {ENTRY_POINT}(@builtin(global_invocation_id) halfstep_id: vec3<u32>) {{\n"
-        "  let halfstep_ix = halfstep_id.x;\n"
-        "  if (halfstep_ix >= arrayLength(&halfstep_rows)) {\n    return;\n  }\n"
+        f"fn {own}call(@builtin(global_invocation_id) {own}id: vec3<u32>) {{\n"
+        f"  let {own}ix = {own}id.x;\n"
+        f"  if ({own}ix >= arrayLength(&{own}rows)) {{\n    return;\n  }}\n"
         f"{''.join(before)}"
-        f"  halfstep_results[halfstep_ix] = {result};\n"
+        f"  {own}results[{own}ix] = {result};\n"
         "}\n"
     )
-    code = "\n".join([module.text, *stored.helpers.values(), text])
-    return Kernel(code, row, signature.result, first)
+    code = "\n".join([module.text, *stored.helpers(), text, module.asserted()])
+    return Kernel(code, f"{own}call", row, signature.result, first)
+
+
+def _row(name: str, types: Mapping[str, Type]) -> Struct:
+    """A struct of arguments whose size is a multiple of 4: a buffer holds so many bytes."""
+    members = [(member, type_, 0, 0) for member, type_ in types.items()]
+    (member, type_, _, _), *rest = members
+    return struct_of(name, [(member, type_, max(align_of(type_), 4), 0), *rest])
 
 
 class _Stored:
@@ -91,13 +108,18 @@ class _Stored:
 
     A type without a bool is the same there. Of the others a struct is declared a second time, and
     functions turn structs and arrays into what they are in a buffer and back.
-
-    Attributes:
-        helpers: name -> text of what is declared for that.
     """
 
-    def __init__(self) -> None:
-        self.helpers: dict[str, str] = {}
+    def __init__(self, own: str) -> None:
+        """``own`` is how the names of what is declared for that begin."""
+        self._own = own
+        # Direction, or "stored", and type -> the name of what is declared, and its text.
+        self._names: dict[tuple[str, str], str] = {}
+        self._helpers: dict[tuple[str, str], str] = {}
+
+    def helpers(self) -> list[str]:
+        """The texts of what is declared."""
+        return list(self._helpers.values())
 
     def type(self, type_: Type) -> str:
         """How the type is written in a buffer."""
@@ -109,9 +131,9 @@ class _Stored:
             case Array(element, count):
                 return f"array<{self.type(element)}, {count}>"
             case Struct(name):
-                stored = f"halfstep_stored_{name}"
-                if stored not in self.helpers:
-                    self.helpers[stored] = self.struct(stored, type_)
+                stored = f"{self._own}stored_{name}"
+                if ("stored", name) not in self._helpers:
+                    self._helpers["stored", name] = self.struct(stored, type_)
                 return stored
             case _:
                 return "u32"
@@ -143,30 +165,34 @@ class _Stored:
             case _ if not _has_bool(type_):
                 return value
             case Scalar():
-                return f"select(0u, 1u, {value})"
+                return f"u32({value})"
             case Vector(_, count):
-                return f"select(vec{count}<u32>(0u), vec{count}<u32>(1u), {value})"
+                return f"vec{count}<u32>({value})"
             case _:
                 return f"{self._function('written', type_)}({value})"
 
     def _function(self, direction: str, type_: Type) -> str:
         """The name of a function that makes what `read` or `written` says of an array or struct."""
-        name = re.sub(r"\W+", "_", f"halfstep_{direction}_{text_of(type_)}")
+        own, key = self._own, (direction, text_of(type_))
+        name = self._names.setdefault(key, f"{own}{direction}_{len(self._names)}")
+        if key in self._helpers:
+            return name
         convert = self.read if direction == "read" else self.written
         types = [self.type(type_), text_of(type_)]
         source, target = types if direction == "read" else reversed(types)
         if isinstance(type_, Array):
+            element = convert(type_.element, f"{own}source[{own}ix]")
             body = (
-                f"  var source = value;\n  var result: {target};\n"
-                f"  for (var ix = 0u; ix < {type_.count}u; ix++) {{\n"
-                f"    result[ix] = {convert(type_.element, 'source[ix]')};\n  }}\n"
-                "  return result;\n"
+                f"  var {own}source = {own}value;\n  var {own}result: {target};\n"
+                f"  for (var {own}ix = 0u; {own}ix < {type_.count}u; {own}ix++) {{\n"
+                f"    {own}result[{own}ix] = {element};\n  }}\n"
+                f"  return {own}result;\n"
             )
         else:
             assert isinstance(type_, Struct)
-            members = (convert(m.type, f"value.{m.name}") for m in type_.members)
+            members = (convert(m.type, f"{own}value.{m.name}") for m in type_.members)
             body = f"  return {target}({', '.join(members)});\n"
-        self.helpers[name] = f"fn {name}(value: {source}) -> {target} {{\n{body}}}\n"
+        self._helpers[key] = f"fn {name}({own}value: {source}) -> {target} {{\n{body}}}\n"
         return name
 
 

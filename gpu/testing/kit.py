@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from halfstep.compute import Bound, Compute
 from halfstep.errors import AdapterError, HalfstepError, UsageError
 from halfstep.testing.census import Census, MismatchError, Tolerance, joined, leaves, take, within
-from halfstep.testing.kernel import ENTRY_POINT, WORKGROUP, Kernel, kernel
+from halfstep.testing.kernel import WORKGROUP, Kernel, kernel
 from halfstep.testing.module import Module
 from halfstep.testing.results import keep
 from halfstep.testing.source import Source, named_text
@@ -157,7 +157,11 @@ class Kit:
             self._check_features(entry_point, types)
         bound = [_bound(module, name, resource) for name, resource in resources.items()]
         raws = self._compute.run(
-            module.text, entry_point, bound, self._grid(workgroups), name=module.name
+            f"{module.text}\n{module.asserted()}",
+            entry_point,
+            bound,
+            self._grid(workgroups),
+            name=module.name,
         )
         written = [name for name in resources if module.binding(name).kind == "storage"]
         return {name: resources[name].value(raw) for name, raw in zip(written, raws, strict=True)}
@@ -302,7 +306,7 @@ class Kit:
             Bound(0, kernel_.first_binding + 1, "storage", results),
         ]
         *_, raw = self._compute.run(
-            kernel_.code, ENTRY_POINT, bound, (-(-rows // WORKGROUP), 1, 1), name=call.name
+            kernel_.code, kernel_.entry_point, bound, (-(-rows // WORKGROUP), 1, 1), name=call.name
         )
         return unpack(kernel_.result, raw, rows)
 
@@ -310,7 +314,7 @@ class Kit:
         self, module: Module, function: str, bindings: Mapping[str, Any]
     ) -> dict[str, Resource]:
         """What is bound to the resource variables that a function needs."""
-        used = [name for name in module.resources() if name in module.reached(function)]
+        used = [binding.name for binding in module.buffers(function)]
         for name in bindings:
             if name not in used:
                 raise UsageError(

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import ast
-import operator
+import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from operator import methodcaller
 from typing import NamedTuple
 
 from halfstep.errors import HalfstepError, UsageError
-from halfstep.testing.parse import Declaration, Tokens, declarations, split
+from halfstep.testing.constant import WHOLE, Constant, as_declared, evaluate
+from halfstep.testing.parse import Declaration, declarations
+from halfstep.testing.tokens import Tokens, split, written
 from halfstep.testing.types import (
     SCALARS,
     Array,
@@ -22,6 +23,8 @@ from halfstep.testing.types import (
     Struct,
     Type,
     Vector,
+    align_of,
+    size_of,
     struct_of,
 )
 
@@ -31,15 +34,14 @@ __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 _VECTOR = re.compile(r"vec([234])([fiuh]?)")
 _MATRIX = re.compile(r"mat([234])x([234])([fh]?)")
 _SHORT = {"f": "f32", "i": "i32", "u": "u32", "h": "f16"}
-_OPERATORS: dict[type[ast.operator], Callable[[int, int], int]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.floordiv,
-    ast.Mod: operator.mod,
-    ast.LShift: operator.lshift,
-    ast.RShift: operator.rshift,
-}
+# Built-in functions in which the invocations of a workgroup, or the pixels of a quad, take part
+# together: what they give for one row is not its own.
+_TOGETHER = re.compile(
+    r"(workgroup|storage|texture|subgroup)Barrier|workgroupUniformLoad|(subgroup|quad)[A-Z]\w*"
+    r"|(dpdx|dpdy|fwidth)(Coarse|Fine)?"
+)
+_STAGES = ("vertex", "fragment")
+_SPACES = ("private", "workgroup", "uniform", "storage")
 
 
 class Binding(NamedTuple):
@@ -68,14 +70,22 @@ class Module:
     def __init__(self, name: str, text: str) -> None:
         """``name`` is what messages call the ``text``."""
         self.name, self.text = name, text
+        self._numbers: dict[str, int] = {}  # constant expressions, as they are written
 
     @cached_property
-    def _declared(self) -> dict[str, Declaration]:
-        return declarations(self.text)
+    def declared(self) -> dict[str, Declaration]:
+        """The declarations by name."""
+        return declarations(self.text, self.name)
+
+    @cached_property
+    def prefix(self) -> str:
+        """How no name of the text begins."""
+        prefixes = (f"halfstep{number}_" for number in itertools.count(2))
+        return next(p for p in itertools.chain(["halfstep_"], prefixes) if p not in self.text)
 
     def functions(self) -> list[str]:
         """Names of the functions."""
-        return [d.name for d in self._declared.values() if d.kind == "fn"]
+        return [d.name for d in self.declared.values() if d.kind == "fn"]
 
     def signature(self, function: str) -> Signature:
         """Types of the parameters and of the result of a function."""
@@ -83,6 +93,7 @@ class Module:
         where = f"{self.name}: {function}"
         if "compute" in declaration.attributes:
             raise UsageError(f"{where} is an entry point; `kernel` runs those")
+        self._check_stage(declaration)
         if not declaration.type:
             raise UsageError(f"{where} returns nothing, so there is nothing to compare")
         return Signature(
@@ -96,19 +107,25 @@ class Module:
     def check_entry_point(self, name: str) -> None:
         """See whether ``name`` is an entry point."""
         declaration = self._of_kind("fn", "function", name)
+        self._check_stage(declaration)
         if "compute" not in declaration.attributes:
             raise UsageError(f"{self.name}: {name} has no @compute, so it is not an entry point")
 
+    def _check_stage(self, declaration: Declaration) -> None:
+        for stage in _STAGES:
+            if stage in declaration.attributes:
+                raise UsageError(
+                    f"{self.name}: {declaration.name} is the entry point of a {stage} shader; only "
+                    "functions and compute shaders are run"
+                )
+
     def struct(self, name: str) -> Struct:
         """A struct."""
-        self._of_kind("struct", "struct", name)
-        struct = self.type((name,), f"{self.name}: {name}")
-        assert isinstance(struct, Struct)
-        return struct
+        return self._struct(self._of_kind("struct", "struct", name))
 
     def private(self) -> list[str]:
         """Names of the variables that every invocation has its own of."""
-        return [d.name for d in self._declared.values() if d.kind == "var" and "private" in d.space]
+        return [d.name for d in self.declared.values() if d.kind == "var" and "private" in d.space]
 
     def variable(self, name: str) -> Type:
         """Type of a variable."""
@@ -120,7 +137,7 @@ class Module:
 
     def resources(self) -> list[str]:
         """Names of the variables that are bound from outside."""
-        return [d.name for d in self._declared.values() if "binding" in d.attributes]
+        return [d.name for d in self.declared.values() if "binding" in d.attributes]
 
     def binding(self, name: str) -> Binding:
         """What is bound to a resource variable."""
@@ -144,27 +161,84 @@ class Module:
         )
         return Binding(name, group, number, kind, self.type(declaration.type, where))
 
+    def buffers(self, function: str) -> list[Binding]:
+        """What is bound to the resource variables that a function needs.
+
+        Raises:
+            UsageError: it needs what cannot be given to it, or what its rows would share.
+        """
+        where = f"{self.name}: {function}"
+        is_entry_point = "compute" in self.declared[function].attributes
+        for declaration in self._reached(function):
+            name, space = declaration.name, "".join(declaration.space[:1])
+            if declaration.kind == "override" and not declaration.value:
+                raise UsageError(f"{where} uses the override {name}, which has no value")
+            if "binding" in declaration.attributes and not space:
+                raise UsageError(
+                    f"{where} uses {name}, a {written(declaration.type)}; textures and samplers "
+                    "are not supported"
+                )
+            if space and space not in _SPACES:
+                raise UsageError(f"{where} uses {name}: a var<{space}> is not supported")
+            if space == "workgroup" and not is_entry_point:
+                raise self._together(where, name)
+        if not is_entry_point:
+            for name in sorted(self._predeclared(function)):
+                if _TOGETHER.fullmatch(name):
+                    raise self._together(where, name)
+        reached = self.reached(function)
+        return [self.binding(name) for name in self.resources() if name in reached]
+
+    def _together(self, where: str, name: str) -> UsageError:
+        return UsageError(
+            f"{where} uses {name}, in which invocations take part together; a function is run for "
+            "each row alone, and `kernel` runs whole compute shaders"
+        )
+
     def reached(self, function: str) -> set[str]:
         """Names of the declarations that a function needs, directly or not, and its own."""
         reached: set[str] = set()
         wanted = {function}
         while wanted:
             reached |= wanted
-            words = {word for name in wanted for word in _words(self._declared[name])}
-            wanted = {d.name for d in self._declared.values() if _is_named(d, words)} - reached
+            references = {name for one in wanted for name in self.declared[one].references}
+            wanted = (references & self.declared.keys()) - reached
         return reached
+
+    def _reached(self, function: str) -> Iterator[Declaration]:
+        reached = self.reached(function)
+        return (d for d in self.declared.values() if d.name in reached)
+
+    def _predeclared(self, function: str) -> set[str]:
+        """Names that only WGSL declares of those that a function needs."""
+        references = {name for d in self._reached(function) for name in d.references}
+        return references - self.declared.keys()
+
+    def check_free(self, names: Iterable[str]) -> None:
+        """See that ``names``, which stand for what WGSL declares, are not declared by the text."""
+        for name in names:
+            if name in self.declared:
+                raise UsageError(
+                    f"{self.name}: it declares {name}, and what runs it needs the {name} of WGSL"
+                )
+
+    def asserted(self) -> str:
+        """Statements in which the compiler sees for itself that numbers were worked out rightly."""
+        return "".join(f"const_assert {n} == ({text});\n" for text, n in self._numbers.items())
 
     def type(self, tokens: Tokens, where: str) -> Type:
         """The type that is written so; ``where`` begins the message if there is none."""
-        return replace(self._type(tokens, where), written="".join(tokens))
+        return replace(self._type(tokens, where), written=written(tokens))
 
     def _type(self, tokens: Tokens, where: str) -> Type:
-        name, arguments = tokens[0] if tokens else "", split(tokens[2:-1])
-        declaration = self._declared.get(name)
+        name, arguments = str(tokens[0]) if tokens else "", split(tokens[2:-1])
+        declaration = self.declared.get(name)
         if declaration is not None and declaration.kind == "alias":
             return self.type(declaration.type, where)
         if declaration is not None and declaration.kind == "struct":
             return self._struct(declaration)
+        if declaration is not None:
+            raise self._no_type(tokens, where)
         if name in SCALARS:
             return Scalar(name)
         if name == "atomic" and len(arguments) == 1:
@@ -178,17 +252,20 @@ class Module:
             element = self.type(arguments[0], where)
             count = self._number(arguments[1], where) if len(arguments) == 2 else None
             return Array(element, count)
-        raise UsageError(f"{where}: {''.join(tokens)} is not a type that a buffer can hold")
+        raise self._no_type(tokens, where)
+
+    def _no_type(self, tokens: Tokens, where: str) -> UsageError:
+        return UsageError(f"{where}: {written(tokens)} is not a type that a buffer can hold")
 
     def _parameter(self, tokens: Tokens, where: str) -> Type | Pointer:
-        declaration = self._declared.get(tokens[0]) if tokens else None
+        declaration = self.declared.get(tokens[0]) if tokens else None
         if declaration is not None and declaration.kind == "alias":
             return self._parameter(declaration.type, where)
         if tokens[:1] != ("ptr",):
             return self.type(tokens, where)
         space, target, *_ = *split(tokens[2:-1]), (), ()
         if space != ("function",):
-            raise UsageError(f"{where}: a pointer into {''.join(space)}, not into function")
+            raise UsageError(f"{where}: a pointer into {written(space)}, not into function")
         return Pointer("function", self.type(target, where))
 
     def _struct(self, declaration: Declaration) -> Struct:
@@ -199,7 +276,14 @@ class Module:
                 self._number(part.attributes[key], where) if key in part.attributes else 0
                 for key in ("align", "size")
             )
-            members.append((part.name, self.type(part.type, where), align, size))
+            type_ = self.type(part.type, where)
+            if "size" in part.attributes and size < size_of(type_):
+                raise UsageError(f"{where}: @size({size}), and its type has {size_of(type_)} bytes")
+            if "align" in part.attributes and (align & (align - 1) or align < align_of(type_)):
+                raise UsageError(
+                    f"{where}: @align({align}) is not a power of two from {align_of(type_)}"
+                )
+            members.append((part.name, type_, align, size))
         return struct_of(declaration.name, members)
 
     def _component(self, short: str, arguments: list[Tokens], where: str) -> Scalar:
@@ -210,48 +294,39 @@ class Module:
     def _scalar(self, tokens: Tokens, where: str) -> Scalar:
         type_ = self.type(tokens, where)
         if not isinstance(type_, Scalar):
-            raise UsageError(f"{where}: {''.join(tokens)} is not a scalar")
+            raise UsageError(f"{where}: {written(tokens)} is not a scalar")
         return type_
 
     def _number(self, tokens: Tokens, where: str) -> int:
         """The value of a constant expression of whole numbers."""
-        text = "".join(re.sub(r"^(0[xX][\da-fA-F]+|\d+)[iu]$", r"\1", token) for token in tokens)
+        text = written(tokens)
         try:
-            return self._value(ast.parse(text, mode="eval").body, where)
-        except (SyntaxError, ArithmeticError, ValueError) as error:
-            message = f"{where}: {''.join(tokens)} is not a constant that can be worked out here"
-            raise UsageError(message) from error
+            constant = evaluate(tokens, self._meaning)
+        except (ArithmeticError, ValueError):
+            constant = Constant("", None)
+        if constant.type not in WHOLE:
+            raise UsageError(f"{where}: {text} is not a constant that can be worked out here")
+        if len(tokens) > 1 or tokens[0].is_name:
+            self._numbers[text] = constant.value
+        return int(constant.value)
 
-    def _value(self, node: ast.expr, where: str) -> int:
-        match node:
-            case ast.Constant(int(value)):
-                return value
-            case ast.Name(name) if self._is_constant(name):
-                return self._number(self._declared[name].value, where)
-            case ast.BinOp(left, sign, right) if type(sign) in _OPERATORS:
-                operate = _OPERATORS[type(sign)]
-                return operate(self._value(left, where), self._value(right, where))
-            case _:
-                raise ValueError
-
-    def _is_constant(self, name: str) -> bool:
-        return name in self._declared and self._declared[name].kind == "const"
+    def _meaning(self, name: str) -> Constant | str | None:
+        """What `constant.Names` says of a name."""
+        declaration = self.declared.get(name)
+        if declaration is None:
+            return name if name in SCALARS else None
+        type_ = self._meaning(str(declaration.type[0])) if len(declaration.type) == 1 else None
+        if declaration.kind == "alias" and isinstance(type_, str):
+            return type_
+        if declaration.kind != "const" or (declaration.type and not isinstance(type_, str)):
+            raise ValueError(name)
+        constant = evaluate(declaration.value, self._meaning)
+        return as_declared(type_, constant) if isinstance(type_, str) else constant
 
     def _of_kind(self, kind: str, word: str, name: str) -> Declaration:
-        declaration = self._declared.get(name)
+        declaration = self.declared.get(name)
         if declaration is None or declaration.kind != kind:
-            names = [other.name for other in self._declared.values() if other.kind == kind]
+            names = [other.name for other in self.declared.values() if other.kind == kind]
             there = f"there are {', '.join(names)}" if names else "there is none"
             raise UsageError(f"{self.name}: there is no {word} {name!r}; {there}")
         return declaration
-
-
-def _words(declaration: Declaration) -> frozenset[str]:
-    """Its words that may be of other declarations: those of its parameters are not."""
-    return declaration.words - {part.name for part in declaration.parts}
-
-
-def _is_named(declaration: Declaration, words: set[str]) -> bool:
-    """Whether words name it: a function is only called, all others stand alone too."""
-    call = f"{declaration.name}("
-    return call in words or (declaration.kind != "fn" and declaration.name in words)

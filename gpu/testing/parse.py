@@ -1,23 +1,18 @@
 """The declarations of a WGSL text: functions, structs, variables, constants and aliases.
 
-Bodies of functions are not understood, only searched for the names in them. What is not WGSL is
-passed over: the compiler says better what is wrong with it.
+Of the body of a function it is known which names are its own and which are of the module. What is
+not WGSL is passed over: the compiler says better what is wrong with it.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-# A type or an expression, as its words and signs.
-Tokens = tuple[str, ...]
+from halfstep.testing.tokens import CLOSE, OPEN, Token, Tokens, closing, split, tokens_of
 
-_COMMENT = re.compile(r"//[^\n]*|/\*")
-_MARK = re.compile(r"/\*|\*/")
-_TOKEN = re.compile(r"[^\W\d]\w*|0[xX][\da-fA-F.]+(?:[pP][+-]?\d+)?\w?|\d[\w.]*|[^\w\s]")
-_NAME = re.compile(r"[^\W\d]\w*")
-_OPEN, _CLOSE = "([{", ")]}"
+# Attributes whose words are no names of the module.
+_CONTEXTUAL = ("builtin", "diagnostic", "interpolate")
 
 
 @dataclass(frozen=True)
@@ -36,60 +31,49 @@ class Declaration:
     Attributes:
         kind: "fn", "struct", "alias", "const", "override" or "var".
         name: what it declares.
-        words: all names in it but those of members; those of calls with their bracket.
+        references: the names in it that are neither its own nor of members: those of other
+            declarations, and of what WGSL declares.
         attributes: as ``@binding(2)``: name -> what stands in its brackets.
         parts: the parameters of a function or the members of a struct.
-        type: of the result of a function, of a variable, or that an alias stands for; empty where
-            there is none.
-        value: of a constant.
+        type: of the result of a function, of a variable or constant, or that an alias stands for;
+            empty where there is none.
+        value: of a constant; empty where there is none.
         space: address space and access of a variable, as ("storage", "read_write").
+        brackets: of a function, those that begin its parameters and its body.
     """
 
     kind: str
     name: str
-    words: frozenset[str]
+    references: frozenset[str]
     attributes: dict[str, Tokens]
     parts: tuple[Named, ...] = ()
     type: Tokens = ()
     value: Tokens = ()
     space: Tokens = ()
+    brackets: Tokens = ()
 
 
-def declarations(text: str) -> dict[str, Declaration]:
-    """The declarations of ``text`` by name, in order."""
+def declarations(text: str, name: str = "WGSL") -> dict[str, Declaration]:
+    """The declarations of ``text`` by name, in order; ``name`` is what a message calls it.
+
+    Raises:
+        UsageError: a comment is not closed.
+    """
     found: dict[str, Declaration] = {}
-    tokens = _TOKEN.findall(without_comments(text))
-    for statement in _statements(tokens):
+    for statement in _statements(tokens_of(text, name)):
         attributes, rest = _attributes(statement)
-        declaration = _declaration(attributes, rest, _words(statement))
+        declaration = _declaration(attributes, rest)
         if declaration is not None:
             found[declaration.name] = declaration
     return found
 
 
-def without_comments(text: str) -> str:
-    """``text`` with a space in place of every comment; those between ``/*`` and ``*/`` nest."""
-    kept: list[str] = []
-    place = 0
-    while match := _COMMENT.search(text, place):
-        kept += [text[place : match.start()], " "]
-        place = match.end()
-        if match[0] == "/*":
-            depth = 1
-            while depth and (mark := _MARK.search(text, place)):
-                depth += 1 if mark[0] == "/*" else -1
-                place = mark.end()
-            if depth:
-                return "".join(kept)
-    return "".join([*kept, text[place:]])
-
-
-def _statements(tokens: list[str]) -> Iterator[list[str]]:
+def _statements(tokens: list[Token]) -> Iterator[list[Token]]:
     """The statements of a module: each ends with a semicolon or with the brace of its body."""
-    statement: list[str] = []
+    statement: list[Token] = []
     depth = 0
     for token in tokens:
-        depth += (token in _OPEN) - (token in _CLOSE)
+        depth += (token in OPEN) - (token in CLOSE)
         if depth > 0 or token not in ";}":
             statement.append(token)
         elif token == "}":
@@ -100,103 +84,171 @@ def _statements(tokens: list[str]) -> Iterator[list[str]]:
             statement = []
 
 
-def _declaration(
-    attributes: dict[str, Tokens], tokens: list[str], words: frozenset[str]
-) -> Declaration | None:
+def _declaration(attributes: dict[str, Tokens], tokens: list[Token]) -> Declaration | None:
     match tokens:
         case ["fn", name, "(", *_]:
-            end = _closing(tokens, 2)
-            parameters = tuple(map(_named, _split(tokens[3:end])))
-            return Declaration(
-                "fn", name, words, attributes, parameters, _result(tokens[end + 1 :])
-            )
+            return _function(attributes, tokens)
         case ["struct", name, "{", *body, "}"]:
-            return Declaration("struct", name, words, attributes, tuple(map(_named, _split(body))))
+            members = tuple(map(_named, split(body)))
+            return Declaration("struct", str(name), _named_in(members), attributes, members)
         case ["alias", name, "=", *rest]:
-            return Declaration("alias", name, words, attributes, type=tuple(rest))
+            return Declaration("alias", str(name), _names(rest), attributes, type=tuple(rest))
         case ["const" | "override" as kind, name, *rest]:
-            _, value = _typed(rest)
-            return Declaration(kind, name, words, attributes, value=value)
+            references = _names(rest) | _names_of(attributes)
+            type_, value = _typed(rest)
+            return Declaration(
+                str(kind), str(name), references, attributes, type=type_, value=value
+            )
         case ["var", "<", *rest] if ">" in rest:
-            end = rest.index(">")
+            end = _find(rest, ">")
             space = tuple(token for token in rest[:end] if token != ",")
-            type_, _ = _typed(rest[end + 2 :])
-            name = "".join(rest[end + 1 : end + 2])
-            return Declaration("var", name, words, attributes, type=type_, space=space)
-        case ["var", name, *rest]:
-            type_, _ = _typed(rest)
-            return Declaration("var", name, words, attributes, type=type_)
+            return _variable(attributes, space, rest[end + 1 :])
+        case ["var", *rest]:
+            return _variable(attributes, (), rest)
         case _:
             return None
 
 
-def _words(tokens: list[str]) -> frozenset[str]:
-    """The names in ``tokens`` that are not of members; those of calls with their bracket."""
-    around = zip(["", *tokens], tokens, [*tokens[1:], ""], strict=False)
-    return frozenset(
-        f"{name}(" if after == "(" else name
-        for before, name, after in around
-        if _NAME.match(name) and before != "."
+def _function(attributes: dict[str, Tokens], tokens: list[Token]) -> Declaration:
+    end = closing(tokens, 2)
+    body = _find(tokens, "{", end)
+    parameters = tuple(map(_named, split(tokens[3:end])))
+    of_result, result = _attributes(tokens[end + 3 : body])
+    references = (
+        _named_in(parameters)
+        | _names_of(attributes)
+        | _names_of(of_result)
+        | _names(result)
+        | _free_names(tokens[body:], {part.name for part in parameters})
+    )
+    return Declaration(
+        *("fn", str(tokens[1]), references, attributes, parameters),
+        type=tuple(result),
+        brackets=(tokens[2], *tokens[body : body + 1]),
     )
 
 
-def _attributes(tokens: list[str]) -> tuple[dict[str, Tokens], list[str]]:
+def _variable(attributes: dict[str, Tokens], space: Tokens, rest: list[Token]) -> Declaration:
+    type_, _ = _typed(rest[1:])
+    references = _names(rest[1:]) | _names_of(attributes)
+    return Declaration("var", _first(rest), references, attributes, type=type_, space=space)
+
+
+def _names(tokens: Iterable[Token]) -> frozenset[str]:
+    """The names in a type or an expression but those of members and of address spaces."""
+    found, before, last = set(), "", ""
+    for token in tokens:
+        if token.is_name and last != "." and (before, last) != ("ptr", "<"):
+            found.add(str(token))
+        before, last = last, token
+    return frozenset(found)
+
+
+def _names_of(attributes: dict[str, Tokens]) -> frozenset[str]:
+    plain = (tokens for name, tokens in attributes.items() if name not in _CONTEXTUAL)
+    return frozenset[str]().union(*map(_names, plain))
+
+
+def _named_in(parts: tuple[Named, ...]) -> frozenset[str]:
+    """The names in the types and attributes of parameters or members."""
+    names = (_names(part.type) | _names_of(part.attributes) for part in parts)
+    return frozenset[str]().union(*names)
+
+
+def _free_names(body: list[Token], parameters: set[str]) -> frozenset[str]:
+    """The names in the body of a function that nothing within the function declares.
+
+    What a statement declares is known from its end to the end of its block, or of its loop.
+    """
+    found: set[str] = set()
+    scopes = _Scopes(parameters)
+    place = 0
+    while place < len(body):
+        token = body[place]
+        place += 1
+        scopes.pass_(token)
+        if token == "@":
+            # The attributes that statements have name nothing of the module.
+            place += 1
+            if body[place : place + 1] == ["("]:
+                place = closing(body, place) + 1
+        elif token in ("let", "const", "var"):
+            if body[place : place + 1] == ["<"]:
+                place = _find(body, ">", place) + 1
+            scopes.begin(_first(body[place : place + 1]))
+            place += 1
+        elif token not in scopes:
+            # With what stands before it, which says whether it is a name of the module.
+            found |= _names(body[max(place - 3, 0) : place]) & {token}
+    return frozenset(map(str, found))
+
+
+class _Scopes:
+    """The names that are known where one is in the body of a function."""
+
+    def __init__(self, parameters: set[str]) -> None:
+        self._scopes = [parameters]
+        self._is_header = [False]  # of a loop, whose names go with its block
+        self._begun: list[tuple[str, int]] = []  # names whose declaration has not ended
+        self._depth = 0
+
+    def __contains__(self, name: str) -> bool:
+        return any(name in scope for scope in self._scopes)
+
+    def begin(self, name: str) -> None:
+        """A declaration of ``name`` begins."""
+        self._begun.append((name, self._depth))
+
+    def pass_(self, token: Token) -> None:
+        """Go on to a token."""
+        self._depth += (token in OPEN) - (token in CLOSE)
+        if token in ("for", "{"):
+            self._scopes.append(set())
+            self._is_header.append(token == "for")
+        elif token == "}":
+            self._leave()
+            while self._is_header and self._is_header[-1]:
+                self._leave()
+        elif token == ";" and self._begun and self._begun[-1][1] == self._depth:
+            name, _ = self._begun.pop()
+            self._scopes[-1:] = [scope | {name} for scope in self._scopes[-1:]]
+
+    def _leave(self) -> None:
+        self._scopes[-1:], self._is_header[-1:] = [], []
+
+
+def _attributes(tokens: Iterable[Token]) -> tuple[dict[str, Tokens], list[Token]]:
     """The attributes that ``tokens`` begin with, and the rest."""
     found: dict[str, Tokens] = {}
-    while tokens[:1] == ["@"] and len(tokens) > 1:
-        name, end = tokens[1], 1
-        if tokens[2:3] == ["("]:
-            end = _closing(tokens, 2)
-        found[name] = tuple(tokens[3:end])
-        tokens = tokens[end + 1 :]
-    return found, tokens
+    rest = list(tokens)
+    while rest[:1] == ["@"] and len(rest) > 1:
+        name, end = rest[1], 1
+        if rest[2:3] == ["("]:
+            end = closing(rest, 2)
+        found[name] = tuple(rest[3:end])
+        rest = rest[end + 1 :]
+    return found, rest
 
 
-def _named(tokens: list[str]) -> Named:
+def _named(tokens: Tokens) -> Named:
     attributes, rest = _attributes(tokens)
-    return Named(rest[0] if rest else "", tuple(rest[2:]), attributes)
+    return Named(_first(rest), tuple(rest[2:]), attributes)
 
 
-def _result(tokens: list[str]) -> Tokens:
-    """The type after the arrow of a function, if there is one."""
-    if tokens[:2] != ["-", ">"] or "{" not in tokens:
-        return ()
-    _, type_ = _attributes(tokens[2 : tokens.index("{")])
-    return tuple(type_)
+def _find(tokens: list[Token], sign: str, start: int = 0) -> int:
+    """The index of the first ``sign`` from ``start``; past the end without one."""
+    return next((k for k in range(start, len(tokens)) if tokens[k] == sign), len(tokens))
 
 
-def _typed(tokens: list[str]) -> tuple[Tokens, Tokens]:
+def _first(tokens: list[Token]) -> str:
+    return str(tokens[0]) if tokens else ""
+
+
+def _typed(tokens: list[Token]) -> tuple[Tokens, Tokens]:
     """Type and value of ``: type = value``, either of which may be missing."""
-    end = tokens.index("=") if "=" in tokens else len(tokens)
-    return tuple(tokens[1:end]), tuple(tokens[end + 1 :])
-
-
-def _closing(tokens: list[str], start: int) -> int:
-    """Where the bracket that opens at ``start`` closes."""
     depth = 0
-    for place in range(start, len(tokens)):
-        depth += (tokens[place] in _OPEN) - (tokens[place] in _CLOSE)
-        if depth == 0:
-            return place
-    return len(tokens)
-
-
-def _split(tokens: list[str]) -> list[list[str]]:
-    return [list(part) for part in split(tuple(tokens))]
-
-
-def split(tokens: Tokens) -> list[Tokens]:
-    """The parts between commas outside all brackets; a comma at the end begins none."""
-    parts: list[Tokens] = []
-    part: list[str] = []
-    round_, angle = 0, 0
-    for token in tokens:
-        round_ += (token in _OPEN) - (token in _CLOSE)
-        # Within round brackets the signs compare.
-        angle += ((token == "<") - (token == ">")) * (round_ == 0)
-        if token == "," and round_ == 0 and angle == 0:
-            parts.append(tuple(part))
-            part = []
-        else:
-            part.append(token)
-    return [*parts, tuple(part)] if part else parts
+    for place, token in enumerate(tokens):
+        depth += (token in OPEN) - (token in CLOSE)
+        if token == "=" and depth == 0:
+            return tuple(tokens[1:place]), tuple(tokens[place + 1 :])
+    return tuple(tokens[1:]), ()

@@ -1,0 +1,119 @@
+"""A WGSL text as its words and signs."""
+
+from __future__ import annotations
+
+import re
+from operator import methodcaller
+
+from halfstep.errors import HalfstepError, UsageError
+
+# As in `kit`.
+__tracebackhide__ = methodcaller("errisinstance", HalfstepError)
+
+# Where a line of WGSL ends, and with it a comment that begins with two slashes.
+_LINE_ENDS = "\n\v\f\r\x85\u2028\u2029"
+# Beyond ASCII everything is taken for a part of a name: what is none does not compile.
+_NAME = r"[^\W\d][^\x00-/:-@\[-^`{-\x7f\s]*"
+_NUMBER = (
+    r"0[xX][\da-fA-F]*\.?[\da-fA-F]*(?:[pP][+-]?\d+)?\w*|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\w*"
+)
+_TOKEN = re.compile(rf"(/\*)|//[^{_LINE_ENDS}]*|({_NAME}|{_NUMBER}|\S)")
+_MARK = re.compile(r"/\*|\*/")
+_IS_NAME = re.compile(_NAME)
+_LINE = re.compile(rf"\r\n|[{_LINE_ENDS}]")
+
+OPEN, CLOSE = "([{", ")]}"
+
+
+class Token(str):
+    """A word or a single sign.
+
+    Attributes:
+        at: where it begins in the text.
+    """
+
+    at: int
+
+    def __new__(cls, text: str, at: int) -> Token:
+        """A token of ``text`` at a place."""
+        token = super().__new__(cls, text)
+        token.at = at
+        return token
+
+    @property
+    def end(self) -> int:
+        """Where it ends in the text."""
+        return self.at + len(self)
+
+    @property
+    def is_name(self) -> bool:
+        """Whether it is a name or a keyword."""
+        return _IS_NAME.match(self) is not None
+
+
+# A type or an expression.
+Tokens = tuple[Token, ...]
+
+
+def tokens_of(text: str, name: str) -> list[Token]:
+    """The words and signs of ``text`` outside comments; ``name`` is what a message calls it.
+
+    Raises:
+        UsageError: a comment is not closed. Compilers differ in what they make of that.
+    """
+    found: list[Token] = []
+    place = 0
+    while match := _TOKEN.search(text, place):
+        place = _comment_end(text, match.start(), name) if match[1] else match.end()
+        if match[2]:
+            found.append(Token(match[2], match.start(2)))
+    return found
+
+
+def written(tokens: Tokens) -> str:
+    """The tokens as they were written, each gap and comment between two of them a space."""
+    parts: list[str] = []
+    end = tokens[0].at if tokens else 0
+    for token in tokens:
+        parts += [" "] * (token.at > end) + [str(token)]
+        end = token.end
+    return "".join(parts)
+
+
+def closing(tokens: list[Token], start: int) -> int:
+    """The index of the bracket that closes the one at ``start``; past the end without it."""
+    depth = 0
+    for place in range(start, len(tokens)):
+        depth += (tokens[place] in OPEN) - (tokens[place] in CLOSE)
+        if depth == 0:
+            return place
+    return len(tokens)
+
+
+def split(tokens: list[Token] | Tokens) -> list[Tokens]:
+    """The parts between commas outside all brackets; a comma at the end begins none."""
+    parts: list[Tokens] = []
+    part: list[Token] = []
+    round_, angle = 0, 0
+    for token in tokens:
+        round_ += (token in OPEN) - (token in CLOSE)
+        # Within round brackets the signs compare.
+        angle += ((token == "<") - (token == ">")) * (round_ == 0)
+        if token == "," and round_ == 0 and angle == 0:
+            parts.append(tuple(part))
+            part = []
+        else:
+            part.append(token)
+    return [*parts, tuple(part)] if part else parts
+
+
+def _comment_end(text: str, start: int, name: str) -> int:
+    """Where the comment ends that begins at ``start``; those within it nest."""
+    depth, place = 0, start
+    while mark := _MARK.search(text, place):
+        depth += 1 if mark[0] == "/*" else -1
+        place = mark.end()
+        if depth == 0:
+            return place
+    line = 1 + len(_LINE.findall(text, 0, start))
+    raise UsageError(f"{name}: the comment that begins in line {line} is not closed")
