@@ -69,7 +69,8 @@ class Fingerprint:
         widening: i64(u32): "right", or "extends the sign", a fault that Halfstep's shaders avoid.
         loop_limit: rounds after which the driver ends all loops of an invocation, a fault that
             Halfstep's frames avoid; None where it was not seen to.
-        workgroup_memory: "zero" at the start, or "not cleared"; Halfstep's shaders have none.
+        workgroup_memory: "zero" at the start, or "not cleared"; Halfstep's shaders have none, and
+            `testing.Kit` clears it.
         stack: adapter, driver and versions.
     """
 

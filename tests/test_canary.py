@@ -54,6 +54,7 @@ def test_this_driver_computes_rightly(device: Any) -> None:
         assert (found.contraction, found.subnormals) == ("separate", "kept")
         assert (found.division, found.square_root) == ("correctly rounded", "correctly rounded")
         assert found.int64 == "right"
+        # What `testing.Kit` makes up for.
         assert found.workgroup_memory == "not cleared"
 
 

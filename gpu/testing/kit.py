@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from operator import methodcaller
-from typing import Any
+from operator import index, methodcaller
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,7 @@ from halfstep.testing.values import (
     spread,
     unpack,
 )
+from halfstep.testing.workgroup import cleared
 
 # Of a mismatch, and of what does not fit, pytest shows the test's line and the message.
 __tracebackhide__ = methodcaller("errisinstance", (MismatchError, HalfstepError))
@@ -60,6 +61,7 @@ class Kit:
         self._compute = Compute(device)
         self._modules: dict[tuple[str, str], Module] = {}
         self._kernels: dict[tuple[str, str, tuple[str, ...]], Kernel] = {}
+        self._shaders: dict[tuple[str, str], str] = {}  # text and entry point -> what is run
 
     def check(
         self,
@@ -133,9 +135,11 @@ class Kit:
         entry_point: str,
         bindings: Mapping[str, Any],
         *,
-        workgroups: int | tuple[int, ...] = 1,
+        workgroups: SupportsIndex | Sequence[SupportsIndex] = 1,
     ) -> dict[str, Any]:
         """Run a whole compute shader; what its writable buffers hold then, by variable.
+
+        Its workgroup memory begins as zeros, as WGSL has it, also where a driver does not clear it.
 
         Args:
             source: see the class.
@@ -144,7 +148,7 @@ class Kit:
                 back: a value of the variable's type; for an array without a count its elements
                 along the first axis; for a struct that ends with such an array a mapping of its
                 members. `unwritten` makes one that is to be written.
-            workgroups: how many along x, y and z.
+            workgroups: how many along x, y and z; none of them writes anything if one is 0.
 
         Raises:
             UsageError, AdapterError, DeviceError: as `check`.
@@ -156,13 +160,8 @@ class Kit:
             types = [module.binding(name).type for name in resources]
             self._check_features(entry_point, types)
         bound = [_bound(module, name, resource) for name, resource in resources.items()]
-        raws = self._compute.run(
-            f"{module.text}\n{module.asserted()}",
-            entry_point,
-            bound,
-            self._grid(workgroups),
-            name=module.name,
-        )
+        grid, code = self._grid(workgroups), self._shader(module, entry_point)
+        raws = self._compute.run(code, entry_point, bound, grid, name=module.name)
         written = [name for name in resources if module.binding(name).kind == "storage"]
         return {name: resources[name].value(raw) for name, raw in zip(written, raws, strict=True)}
 
@@ -258,6 +257,15 @@ class Kit:
         name, text = named_text(source)
         return self._modules.setdefault((name, text), Module(name, text))
 
+    def _shader(self, module: Module, entry_point: str) -> str:
+        """The text in which an entry point is run."""
+        key = module.text, entry_point
+        if key not in self._shaders:
+            # Of what does not compile a message shows the text that was given.
+            self._compute.compile(module.text, module.name)
+            self._shaders[key] = f"{cleared(module, entry_point)}\n{module.asserted()}"
+        return self._shaders[key]
+
     def _prepare(
         self,
         source: Source,
@@ -339,11 +347,16 @@ class Kit:
                     f"has no {feature}"
                 )
 
-    def _grid(self, workgroups: int | tuple[int, ...]) -> tuple[int, int, int]:
-        counts = (workgroups,) if isinstance(workgroups, int) else workgroups
+    def _grid(self, workgroups: SupportsIndex | Sequence[SupportsIndex]) -> tuple[int, int, int]:
         largest = self.device.limits["max-compute-workgroups-per-dimension"]
-        if not 1 <= len(counts) <= 3 or not all(1 <= count <= largest for count in counts):
-            raise UsageError(f"workgroups: {workgroups} is not 1 to 3 numbers of 1 to {largest}")
+        try:
+            counts = [index(count) for count in np.atleast_1d(np.asarray(workgroups))]
+        except (TypeError, ValueError):
+            counts = []
+        if not 1 <= len(counts) <= 3 or not all(0 <= count <= largest for count in counts):
+            raise UsageError(
+                f"workgroups: {workgroups!r} is not 1 to 3 whole numbers of 0 to {largest}"
+            )
         x, y, z = *counts, *[1] * (3 - len(counts))
         return x, y, z
 

@@ -195,6 +195,10 @@ class Module:
             "each row alone, and `kernel` runs whole compute shaders"
         )
 
+    def workgroup_variables(self, function: str) -> list[Declaration]:
+        """The variables that the invocations of a workgroup share, of those a function needs."""
+        return [d for d in self._reached(function) if d.space == ("workgroup",)]
+
     def reached(self, function: str) -> set[str]:
         """Names of the declarations that a function needs, directly or not, and its own."""
         reached: set[str] = set()

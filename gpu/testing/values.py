@@ -18,10 +18,10 @@ from halfstep.testing.types import (
     Leaf,
     Struct,
     Type,
-    align_of,
     dtype_of,
     leaves_of,
     round_up,
+    size_of,
     stride_of,
 )
 
@@ -184,8 +184,13 @@ class Resource:
         raw: the bytes.
     """
 
-    def __init__(self, type_: Type, value: Any, where: str) -> None:
-        """Raises UsageError as `conform`."""
+    def __init__(
+        self, type_: Type, value: Any, where: str, *, before: int = 0, least: int = 0
+    ) -> None:
+        """Raises UsageError as `conform`, and for elements that would not be bound exactly.
+
+        ``before`` it are so many bytes of a struct of which ``least`` bytes are bound at least.
+        """
         self._type = type_
         self._rows: int | None = None
         self._members: dict[str, tuple[int, Resource]] = {}
@@ -197,19 +202,30 @@ class Resource:
             if values.shape == dtype_of(type_).shape or not len(values):
                 raise UsageError(f"{where}: no elements along a first axis: shape {values.shape}")
             self._rows = len(values)
+            # A shader that asks how many elements there are is told how many fit the binding.
+            end = before + len(values) * stride_of(type_)
+            if end % 4 or end < least:
+                raise UsageError(
+                    f"{where}: {len(values)} elements make {end} bytes, and WebGPU binds a "
+                    f"multiple of 4, here {max(least, 4)} or more"
+                )
             self.raw = pack(type_, values, len(values))
         else:
             self.raw = pack(type_, conform(_one_row(value), dtype_of(type_), where), 1)
 
     def _bind_members(self, struct: Struct, value: Any, where: str) -> None:
         values = _members(value, tuple(member.name for member in struct.members), where)
+        least = size_of(struct)
         for member in struct.members:
-            part = Resource(member.type, values[member.name], f"{where}.{member.name}")
+            place, given = f"{where}.{member.name}", values[member.name]
+            part = Resource(member.type, given, place, before=member.offset, least=least)
             self._members[member.name] = member.offset, part
-        end, last = list(self._members.values())[-1]
-        self.raw = np.zeros(round_up(end + len(last.raw), max(align_of(struct), 4)), np.uint8)
+        # The last part has elements; the bytes of others may end with padding.
+        last = struct.members[-1]
+        self.raw = np.zeros(last.offset + (part._rows or 0) * stride_of(last.type), np.uint8)
         for offset, part in self._members.values():
-            self.raw[offset : offset + len(part.raw)] = part.raw
+            raw = part.raw[: len(self.raw) - offset]
+            self.raw[offset : offset + len(raw)] = raw
 
     def value(self, raw: Bytes) -> Any:
         """The value that ``raw`` holds, formed as the one that was bound."""
