@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from operator import methodcaller
 
 from halfstep.errors import HalfstepError
+from halfstep.testing.loops import watch
 from halfstep.testing.module import Module
 from halfstep.testing.types import (
     Array,
@@ -40,20 +41,34 @@ class Kernel:
     Attributes:
         code: the user's text and the entry point.
         entry_point: its name.
+        function: the user's.
         row: the arguments of a call, and the variables that are set before it.
         result: what the function returns.
         first_binding: in group 0 the buffer of rows; the next one is that of results.
+        watched: whether there is another one, in which `loops.watch` tells what it saw.
     """
 
     code: str
     entry_point: str
+    function: str
     row: Struct
     result: Type
     first_binding: int
+    watched: bool
 
 
-def kernel(module: Module, function: str, variables: Sequence[str]) -> Kernel:
+def first_free(module: Module, function: str) -> int:
+    """The first number in group 0 beyond those of what a function uses."""
+    taken = [binding.number for binding in module.buffers(function) if binding.group == 0]
+    return 1 + max(taken, default=-1)
+
+
+def kernel(
+    module: Module, function: str, variables: Sequence[str], *, watched: bool = False
+) -> Kernel:
     """The shader that calls ``function``, with private ``variables`` of its own in every row.
+
+    If it is ``watched``, it tells where its loops may have been cut short.
 
     Raises:
         UsageError: a name that is not there, or a type that cannot travel.
@@ -66,8 +81,7 @@ def kernel(module: Module, function: str, variables: Sequence[str]) -> Kernel:
     module.check_free(_NEEDED)
     own = module.prefix
     row = _row(f"{own}Row", types)
-    taken = [binding.number for binding in module.buffers(function) if binding.group == 0]
-    first = 1 + max(taken, default=-1)
+    first = first_free(module, function)
     stored = _Stored(own)
     place = f"{own}rows[{own}ix]"
     before = [f"  {name} = {stored.read(types[name], f'{place}.{name}')};\n" for name in variables]
@@ -90,10 +104,13 @@ def kernel(module: Module, function: str, variables: Sequence[str]) -> Kernel:
         f"  if ({own}ix >= arrayLength(&{own}rows)) {{\n    return;\n  }}\n"
         f"{''.join(before)}"
         f"  {own}results[{own}ix] = {result};\n"
+        f"{f'  {own}watch();' * watched}\n"
         "}\n"
     )
+    if watched:
+        text += watch(module, first + 2)
     code = "\n".join([module.text, *stored.helpers(), text, module.asserted()])
-    return Kernel(code, f"{own}call", row, signature.result, first)
+    return Kernel(code, f"{own}call", function, row, signature.result, first, watched)
 
 
 def _row(name: str, types: Mapping[str, Type]) -> Struct:

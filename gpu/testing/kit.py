@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from operator import index, methodcaller
 from typing import Any, SupportsIndex
 
@@ -11,9 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from halfstep.compute import Bound, Compute
-from halfstep.errors import AdapterError, HalfstepError, UsageError
+from halfstep.errors import AdapterError, DeviceError, HalfstepError, UsageError
+from halfstep.probe import loop_limit
+from halfstep.testing import loops
 from halfstep.testing.census import Census, MismatchError, Tolerance, joined, leaves, take, within
-from halfstep.testing.kernel import WORKGROUP, Kernel, kernel
+from halfstep.testing.kernel import WORKGROUP, Kernel, first_free, kernel
 from halfstep.testing.module import Module
 from halfstep.testing.results import keep
 from halfstep.testing.source import Source, named_text
@@ -37,7 +40,7 @@ from halfstep.testing.values import (
     spread,
     unpack,
 )
-from halfstep.testing.workgroup import cleared
+from halfstep.testing.workgroup import clearing
 
 # Of a mismatch, and of what does not fit, pytest shows the test's line and the message.
 __tracebackhide__ = methodcaller("errisinstance", (MismatchError, HalfstepError))
@@ -161,7 +164,11 @@ class Kit:
             self._check_features(entry_point, types)
         bound = [_bound(module, name, resource) for name, resource in resources.items()]
         grid, code = self._grid(workgroups), self._shader(module, entry_point)
+        if self._is_watched(module, entry_point):
+            bound.append(_watched(first_free(module, entry_point)))
         raws = self._compute.run(code, entry_point, bound, grid, name=module.name)
+        if self._is_watched(module, entry_point):
+            self._check_watched(module.name, entry_point, raws.pop())
         written = [name for name in resources if module.binding(name).kind == "storage"]
         return {name: resources[name].value(raw) for name, raw in zip(written, raws, strict=True)}
 
@@ -263,8 +270,37 @@ class Kit:
         if key not in self._shaders:
             # Of what does not compile a message shows the text that was given.
             self._compute.compile(module.text, module.name)
-            self._shaders[key] = f"{cleared(module, entry_point)}\n{module.asserted()}"
+            inserted = clearing(module, entry_point)
+            if self._is_watched(module, entry_point):
+                number = first_free(module, entry_point)
+                inserted += loops.calls(module, entry_point)
+                inserted.append((len(module.text), "\n" + loops.watch(module, number)))
+            text = module.text
+            for place, more in sorted(inserted, key=lambda one: one[0], reverse=True):
+                text = text[:place] + more + text[place:]
+            self._shaders[key] = f"{text}\n{module.asserted()}"
         return self._shaders[key]
+
+    def _is_watched(self, module: Module, function: str) -> bool:
+        """Whether the driver may end loops of a function before their time."""
+        return loops.has_loop(module, function) and self._loop_limit is not None
+
+    @cached_property
+    def _loop_limit(self) -> int | None:
+        return loop_limit(self._compute)
+
+    def _check_watched(self, name: str, function: str, watched: NDArray[np.uint8]) -> None:
+        """See that no loop was ended before its time.
+
+        Raises:
+            DeviceError: some may have been.
+        """
+        if loops.was_cut(watched):
+            raise DeviceError(
+                f"{name}: the loops of {function} used up the {self._loop_limit:,} rounds after "
+                f"which the driver of {self._compute.stack['adapter']} ends all loops of an "
+                "invocation and its neighbours; what they found may be wrong"
+            )
 
     def _prepare(
         self,
@@ -279,7 +315,8 @@ class Kit:
             variables = tuple(_variables(module, function, inputs))
             key = module.text, function, variables
             if key not in self._kernels:
-                self._kernels[key] = kernel(module, function, variables)
+                watched = self._is_watched(module, function)
+                self._kernels[key] = kernel(module, function, variables, watched=watched)
             kernel_ = self._kernels[key]
             resources = self._resources(module, function, bindings)
             types = [module.binding(name).type for name in resources]
@@ -313,10 +350,14 @@ class Kit:
             Bound(0, kernel_.first_binding, "read-only-storage", pack(kernel_.row, values, rows)),
             Bound(0, kernel_.first_binding + 1, "storage", results),
         ]
-        *_, raw = self._compute.run(
+        if kernel_.watched:
+            bound.append(_watched(kernel_.first_binding + 2))
+        raws = self._compute.run(
             kernel_.code, kernel_.entry_point, bound, (-(-rows // WORKGROUP), 1, 1), name=call.name
         )
-        return unpack(kernel_.result, raw, rows)
+        if kernel_.watched:
+            self._check_watched(call.name, kernel_.function, raws.pop())
+        return unpack(kernel_.result, raws[-1], rows)
 
     def _resources(
         self, module: Module, function: str, bindings: Mapping[str, Any]
@@ -397,6 +438,10 @@ class _Call:
             values.flags.writeable = False
         arguments = [views.pop(name) for name in self.parameters]
         return arguments, views
+
+
+def _watched(number: int) -> Bound:
+    return Bound(0, number, "storage", loops.WATCHED.view(np.uint8))
 
 
 def _check_rtol(tolerance: Tolerance, name: str, arrays: Iterable[Values]) -> None:

@@ -40,6 +40,8 @@ class Declaration:
         value: of a constant; empty where there is none.
         space: address space and access of a variable, as ("storage", "read_write").
         brackets: of a function, those that begin its parameters and its body.
+        ends: of a function, each word "return", and the bracket of its body if it is reached.
+        has_loop: of a function, whether its body has one.
     """
 
     kind: str
@@ -51,6 +53,8 @@ class Declaration:
     value: Tokens = ()
     space: Tokens = ()
     brackets: Tokens = ()
+    ends: Tokens = ()
+    has_loop: bool = False
 
 
 def declarations(text: str, name: str = "WGSL") -> dict[str, Declaration]:
@@ -125,7 +129,16 @@ def _function(attributes: dict[str, Tokens], tokens: list[Token]) -> Declaration
         *("fn", str(tokens[1]), references, attributes, parameters),
         type=tuple(result),
         brackets=(tokens[2], *tokens[body : body + 1]),
+        ends=_ends(tokens[body:]),
+        has_loop=not {"for", "while", "loop"}.isdisjoint(tokens[body:]),
     )
+
+
+def _ends(body: list[Token]) -> Tokens:
+    """Where a function that returns nothing ends."""
+    returns = tuple(token for token in body if token == "return")
+    # Nothing may stand behind a return.
+    return returns if body[-3:] == ["return", ";", "}"] else (*returns, *body[-1:])
 
 
 def _variable(attributes: dict[str, Tokens], space: Tokens, rest: list[Token]) -> Declaration:

@@ -22,15 +22,15 @@ _INDEX = "local_invocation_index"
 _NEEDED = ("atomicStore", "u32", "workgroupBarrier")
 
 
-def cleared(module: Module, entry_point: str) -> str:
-    """The text of a module, of which an entry point clears the workgroup memory that it needs.
+def clearing(module: Module, entry_point: str) -> list[tuple[int, str]]:
+    """What a text gains, each at its place, to clear the workgroup memory of an entry point.
 
     Raises:
         UsageError: the text declares a name that this needs.
     """
     variables = module.workgroup_variables(entry_point)
     if not variables:
-        return module.text
+        return []
     module.check_free(_NEEDED)
     text, own = module.text, module.prefix
     declaration = module.declared[entry_point]
@@ -41,11 +41,11 @@ def cleared(module: Module, entry_point: str) -> str:
         parameter = f"@builtin({_INDEX}) {index}: u32, "
     size = " * ".join(f"u32({written(n)})" for n in split(declaration.attributes["workgroup_size"]))
     statements = "".join(_cleared_by_all(module, d.type, d.name, size) for d in variables)
-    return (
-        f"{text[: begin.end]}{parameter}{text[begin.end : body.end]} {own}clear({index});"
-        f"{text[body.end :]}\n"
-        f"fn {own}clear({own}ix: u32) {{\n{statements}  workgroupBarrier();\n}}\n"
-    )
+    return [
+        (begin.end, parameter),
+        (body.end, f" {own}clear({index});"),
+        (len(text), f"\nfn {own}clear({own}ix: u32) {{\n{statements}  workgroupBarrier();\n}}\n"),
+    ]
 
 
 def _given_index(module: Module, entry_point: Declaration) -> str | None:

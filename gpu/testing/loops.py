@@ -1,0 +1,52 @@
+"""Loops that a driver ends before their time, told by a loop after them.
+
+llvmpipe of Mesa 22.3 grants an invocation and its neighbours 65,535 rounds of all their loops, then
+ends each after its first (``probe.loop_limit``). So where a loop of two rounds, after all others,
+has only one, the others may have been cut short.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.testing.module import Module
+
+# What the buffer of `watch` holds before: the rounds of the loop, and that nothing was cut.
+WATCHED = np.array([2, 0], np.uint32)
+
+
+def has_loop(module: Module, function: str) -> bool:
+    """Whether a function, or one that it calls, has a loop."""
+    reached = {function, *module.reached(function)} & module.declared.keys()
+    return any(module.declared[name].has_loop for name in reached)
+
+
+def watch(module: Module, number: int) -> str:
+    """A function that looks whether loops before its call may have been cut short.
+
+    ``number`` is where `WATCHED` is bound in group 0; its second word is then 1.
+    """
+    own = module.prefix
+    return (
+        f"@group(0) @binding({number}) var<storage, read_write> {own}watched: array<u32, 2>;\n"
+        f"fn {own}watch() {{\n"
+        f"  var {own}round = 0u;\n"
+        "  loop {\n"
+        f"    {own}round++;\n"
+        f"    if ({own}round >= {own}watched[0]) {{\n      break;\n    }}\n"
+        "  }\n"
+        f"  if ({own}round < {own}watched[0]) {{\n    {own}watched[1] = 1u;\n  }}\n"
+        "}\n"
+    )
+
+
+def calls(module: Module, entry_point: str) -> list[tuple[int, str]]:
+    """Where an entry point ends, and the call of `watch` to be put before it."""
+    ends = module.declared[entry_point].ends
+    return [(end.at, f"{module.prefix}watch(); ") for end in ends]
+
+
+def was_cut(watched: NDArray[np.uint8]) -> bool:
+    """What the bytes of the buffer say afterwards."""
+    return bool(watched.view(np.uint32)[1])
