@@ -1,0 +1,82 @@
+"""One tile that sees very many solids, the nearest last: the device against NumPy, bit for bit.
+
+`python -m tests.crowded --solids 100000` takes half an hour and more: NumPy tries one solid after
+another.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+import halfstep
+from halfstep.frame import SOURCES, Frame
+from halfstep.layout import TILE
+from halfstep.scene import Scene
+
+STEPS = (4, 12, 24, 30)
+FORMATS = ("float32", "fixed32")
+
+
+def one_tile(solids: list[dict[str, Any]], **accuracy: Any) -> Scene:
+    """A picture of one tile."""
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [0, -30, 0], "look_at": [0, 0, 0], "fov_degrees": 9},
+            "image": {"width": TILE, "height": TILE},
+            "accuracy": accuracy,
+            "solid": solids,
+        }
+    )
+
+
+def spheres(count: int, **accuracy: Any) -> Scene:
+    """Spheres one behind the other, the nearest last."""
+    rng = np.random.default_rng(1998)
+    solids = [
+        {
+            "kind": "sphere",
+            "origin": [rng.uniform(-0.3, 0.3), -3.0 * k / count, rng.uniform(-0.3, 0.3)],
+            "radius": rng.uniform(2.5, 3.5),
+            "color": rng.random(3).tolist(),
+        }
+        for k in range(count)
+    ]
+    return one_tile(solids, **accuracy)
+
+
+def different(found: Frame, expected: Frame) -> Iterator[str]:
+    """The arrays of two frames that are not the same bits."""
+    for name in expected.outputs:
+        floats = getattr(expected, name).dtype.kind == "f"
+        if not np.array_equal(getattr(found, name), getattr(expected, name), equal_nan=floats):
+            yield name
+
+
+def main() -> None:
+    """Compare every number of halvings in both formats."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--solids", type=int, default=100_000)
+    solids = parser.parse_args().solids
+    for number_format, steps in product(FORMATS, STEPS):
+        scene = spheres(solids, steps=steps, number_format=number_format)
+        found, expected = (
+            halfstep.render(scene, backend=backend, outputs=SOURCES) for backend in ("gpu", "numpy")
+        )
+        seen = len(np.unique(expected.solid))
+        faults = ", ".join(different(found, expected)) or "none"
+        told = f"{number_format}, n = {steps}: {seen} solids seen; arrays that differ: {faults}\n"
+        sys.stdout.write(told)
+        sys.stdout.flush()
+        if faults != "none":
+            raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()
