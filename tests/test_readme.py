@@ -93,7 +93,9 @@ def test_make_has_the_targets() -> None:
 
 def test_all_options_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     [usage] = blocks("text")
-    for command in ("render", "animate", "check", "info", "doctor", "scenes", "schema"):
+    names = [command.__name__.rpartition(".")[2] for command in cli.COMMANDS]
+    assert sorted(re.findall(r"^halfstep (\w+)", usage, re.MULTILINE)) == sorted(names)
+    for command in names:
         assert cli.main([command, "--help"]) == 0
         options = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - {"--help", "--output"}
         [own] = re.findall(rf"^halfstep {command}\b(.*?)(?=^halfstep|\Z)", usage, re.M | re.S)
