@@ -9,6 +9,8 @@ from typing import Final, Literal
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails, PydanticCustomError
 
+from halfstep.text import place
+
 # A fault's place in the file, and its text.
 Loc = tuple[int | str, ...]
 Fault = tuple[Loc, str]
@@ -163,12 +165,6 @@ def syntax_fault(message: str, document: str) -> str:
     if match["line"] is None:
         return f"{place(document)}: {one_line(match['text'])}"
     return f"line {match['line']}, column {match['column']}: {one_line(match['text'])}"
-
-
-def place(before: str) -> str:
-    """Line and column, from 1, of the character after a text."""
-    last = before.rsplit("\n", 1)[-1]
-    return f"line {before.count(chr(10)) + 1}, column {len(last) + 1}"
 
 
 def one_line(text: str) -> str:

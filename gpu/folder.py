@@ -118,7 +118,7 @@ class FrameFolder:
         """The manifest in the folder; None where there is none that can be read."""
         try:
             there = json.loads((self.path / MANIFEST).read_bytes())
-        except (OSError, ValueError):
+        except (OSError, ValueError, RecursionError):
             return None
         return there if isinstance(there, dict) else None
 

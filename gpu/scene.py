@@ -51,10 +51,10 @@ from halfstep.faults import (
     hint,
     line,
     one_line,
-    place,
     show,
     syntax_fault,
 )
+from halfstep.text import decoded
 
 Array = NDArray[np.float64]
 
@@ -1013,15 +1013,17 @@ def _read(path: Path, given: str) -> bytes:
         raise SceneError(f"{given}: no such file") from None
     except OSError as error:
         raise SceneError(f"{given}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        # A NUL, which no path has.
+        raise SceneError(f"{given!r}: cannot be read: {error}") from None
 
 
 def _parse(source: str, content: bytes) -> Scene:
     """A scene from the bytes of a TOML file that faults call `source`."""
     try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        start = place(content[: error.start].decode("utf-8"))
-        raise SceneError(f"{source}: {start}: not UTF-8 text") from None
+        text = decoded(content)
+    except ValueError as error:
+        raise SceneError(f"{source}: {error}") from None
     try:
         return Scene.from_dict(tomllib.loads(text), source)
     except tomllib.TOMLDecodeError as error:

@@ -419,7 +419,8 @@ def test_finished_frames_are_kept(
         ),
         ("", "--adapter 7", "its frames are others: adapter None there, 7 here"),
         ("radius = 1.5", "", "its frames are others: the scene has changed"),
-        ("manifest", "", "has frames but no animation.json that says of what"),
+        ("half", "", "has frames but no animation.json that says of what"),
+        ("[" * 100_000, "", "has frames but no animation.json that says of what"),
     ],
 )
 def test_frames_of_something_else_are_not_mixed(
@@ -432,8 +433,8 @@ def test_frames_of_something_else_are_not_mixed(
 ) -> None:
     folder, fresh = tmp_path / "frames", tmp_path / "fresh"
     assert animate(scene_file, folder) == 0
-    if change == "manifest":
-        (folder / "animation.json").write_text("half")
+    if change in ("half", "[" * 100_000):
+        (folder / "animation.json").write_text(change)
     else:
         scene_file.write_text(MOVING.replace("radius = 1", change or "radius = 1"))
     before = contents(folder)

@@ -19,6 +19,7 @@ ORDER = (
     "wgsl",
     "scenes",
     "errors",
+    "text",
     "faults",
     "halfspaces",
     "scene",

@@ -665,14 +665,25 @@ def message(path: str | Path) -> str:
     return str(caught.value)
 
 
+SMALLEST = (
+    "format = 1\ncamera.center = [0, -5, 0]\ncamera.look_at = [0, 0, 0]\n"
+    '[[solid]]\nkind = "sphere"\nradius = 1\ncolor = [1, 1, 1]\n'
+)
+
+
 def test_load_reads_a_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text(
-        "format = 1\ncamera.center = [0, -5, 0]\ncamera.look_at = [0, 0, 0]\n"
-        '[[solid]]\nkind = "sphere"\nradius = 1\ncolor = [1, 1, 1]\n'
-    )
+    path.write_text(SMALLEST)
     assert load(path) == load(str(path))
     assert load(path).name == "mine"
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+    plain, marked = tmp_path / "plain.toml", tmp_path / "marked.toml"
+    plain.write_text(SMALLEST)
+    marked.write_text(SMALLEST, encoding="utf-8-sig")
+    assert marked.read_bytes()[:4] == b"\xef\xbb\xbff"
+    assert load(marked).sha256 == load(plain).sha256
 
 
 @pytest.mark.parametrize(
@@ -685,6 +696,9 @@ def test_load_reads_a_file(tmp_path: Path) -> None:
         ),
         (b"title = 'a", 'line 1, column 11: Expected "\'"'),
         (b'format = 1\ntitle = "\xff"\n', "line 2, column 10: not UTF-8 text"),
+        (b"\xef\xbb\xbfformat = ", "line 1, column 10: Invalid value"),
+        (b"\xef\xbb\xbfformat = \xff", "line 1, column 10: not UTF-8 text"),
+        ("format = 1\n".encode("utf-16"), "line 1, column 1: not UTF-8 text"),
         (b"x = " + b"[" * 2000 + b"]" * 2000, "nested too deeply"),
     ],
 )
@@ -708,6 +722,7 @@ def test_faults_name_the_file(tmp_path: Path) -> None:
 
 def test_what_is_no_scene_file(tmp_path: Path) -> None:
     assert message("nowhere/x.toml") == "nowhere/x.toml: no such file"
+    assert message("a\0.toml") == "'a\\x00.toml': cannot be read: embedded null byte"
     folder = tmp_path / "folder.toml"
     folder.mkdir()
     assert message(folder) == f"{folder}: cannot be read: Is a directory"

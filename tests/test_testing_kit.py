@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -150,9 +151,14 @@ def test_a_reference_may_compute_in_more_bits(wgsl: Kit, rng: np.random.Generato
 
 def test_a_path_is_a_source(wgsl: Kit, tmp_path: Path) -> None:
     path = tmp_path / "text.wgsl"
-    path.write_text(TEXT)
-    for source in (path, str(path)):
-        assert wgsl.run(source, "twice", {"x": 2.0}).tolist() == [4.0]
+    for mark in (b"", codecs.BOM_UTF8):
+        path.write_bytes(mark + TEXT.encode())
+        for source in (path, str(path)):
+            assert wgsl.run(source, "twice", {"x": 2.0}).tolist() == [4.0]
+    path.write_bytes(b"// r\xf6t\n" + TEXT.encode())
+    with pytest.raises(UsageError) as caught:
+        wgsl.run(path, "twice", {"x": 2.0})
+    assert str(caught.value) == f"{path}: line 1, column 5: not UTF-8 text"
 
 
 def test_arrays_given_to_a_reference_are_not_to_be_changed(wgsl: Kit) -> None:

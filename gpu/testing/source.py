@@ -8,6 +8,7 @@ from operator import methodcaller
 from pathlib import Path
 
 from halfstep.errors import HalfstepError, UsageError
+from halfstep.text import decoded
 
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
@@ -43,10 +44,12 @@ def named_text(source: Source) -> tuple[str, str]:
 
 def _read(path: str) -> tuple[str, str]:
     try:
-        return path, Path(path).read_text(encoding="utf-8").removeprefix(_MARK)
+        content = Path(path).read_bytes()
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UsageError(f"{path}: not UTF-8: {error.reason} at byte {error.start}") from error
     except ValueError as error:
         raise UsageError(f"{path!r}: {error}") from error
+    try:
+        return path, decoded(content)
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from None
