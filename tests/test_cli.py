@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -515,13 +516,120 @@ def test_help(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.startswith("usage: halfstep")
 
 
-def test_a_reader_that_leaves_early_sees_no_traceback() -> None:
-    process = subprocess.Popen(
-        [*COMMAND, "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+# ----------------------------------------------------------------------------- closed streams
+
+RENDER = "render sphere.toml -o out.png --backend numpy"
+# Commands that print, and what they say besides.
+PRINTING = {
+    "scenes": "",
+    "scenes --json": "",
+    "schema": "",
+    "doctor": "",
+    "doctor --json": "",
+    "info before.png": "",
+    "info before.png --json": "",
+    "--help": "",
+    f"{RENDER} --json": "out.png: 24x16 in ",
+    "animate sphere.toml -o out.gif --backend numpy --frames 2 --json": "out.gif: 2 frames of ",
+    "tune sphere.toml -o out --backend numpy --size 4x4 --steps 4 --format float32": "out: ",
+}
+
+Shell = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def shell(scene_file: Path, fake_render: Fake) -> Shell:
+    """Runs a command with redirections where a scene and a picture of it are."""
+    fake_render(frame)
+    folder = scene_file.parent
+    assert main(["render", str(scene_file), "-o", str(folder / "before.png")]) == 0
+    # What Python keeps for stdout is written when it ends, as in a shell.
+    environ = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+
+    def run(arguments: str, redirections: str = "", stdout: int = subprocess.PIPE) -> Any:
+        command = f"{sys.executable} -m halfstep {arguments} {redirections}"
+        return subprocess.run(
+            command,
+            shell=True,
+            cwd=folder,
+            env=environ,
+            stdout=stdout,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+
+    return run
+
+
+def assert_there(folder: Path, arguments: str) -> None:
+    """What a command is to write is there."""
+    if " -o " in arguments:
+        assert folder.joinpath(arguments.split(" -o ")[1].split()[0]).exists()
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("arguments", PRINTING)
+def test_whoever_closes_stdout_wants_no_more_of_it(
+    shell: Shell, tmp_path: Path, arguments: str
+) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    for result in (shell(arguments, ">&-"), shell(arguments, stdout=writer)):
+        assert result.returncode == 0, result.stderr
+        assert result.stderr.startswith(PRINTING[arguments])
+        assert result.stderr.count("\n") <= 1, result.stderr
+    os.close(writer)
+    assert_there(tmp_path, arguments)
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("arguments", PRINTING)
+def test_a_result_that_cannot_be_written_is_a_failure(
+    shell: Shell, tmp_path: Path, arguments: str
+) -> None:
+    full = shell(arguments, ">/dev/full")
+    assert (full.returncode, full.stderr) == (1, "stdout: No space left on device\n")
+    assert_there(tmp_path, arguments)
+
+
+@pytest.mark.parametrize("redirections", ["2>&-", "2>/dev/full", "<&- >&- 2>&-"])
+def test_messages_that_nobody_can_see_are_left_out(
+    shell: Shell, tmp_path: Path, redirections: str
+) -> None:
+    result = shell(RENDER, redirections)
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+    assert_there(tmp_path, RENDER)
+    result = shell("render none -o a.png", redirections)
+    assert (result.returncode, result.stdout, result.stderr) == (2, "", "")
+
+
+# The command, where a driver writes to stderr while a picture is open.
+NOISY = """
+import os, sys
+from pathlib import Path
+from halfstep import cli
+def noisy(path, data):
+    with path.open("wb") as file:
+        os.write(2, b"noise")
+        file.write(data)
+Path.write_bytes = noisy
+sys.exit(cli.main())
+"""
+
+
+def test_a_file_does_not_take_the_place_of_a_closed_stream(shell: Shell, tmp_path: Path) -> None:
+    assert shell(RENDER.replace("out.png", "plain.png")).returncode == 0
+    command = f"{sys.executable} -c {shlex.quote(NOISY)} {RENDER} <&- >&- 2>&-"
+    assert subprocess.run(command, shell=True, cwd=tmp_path, check=False).returncode == 0
+    assert (tmp_path / "out.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
+
+
+def test_a_result_is_printed_whatever_stdout_can_write() -> None:
+    environ = {**os.environ, "PYTHONIOENCODING": "ascii", "VK_DRIVER_FILES": "Grafik„\udcff“"}
+    environ.pop("HALFSTEP_EXPECT_LAVAPIPE", None)
+    result = subprocess.run(
+        [*COMMAND, "doctor"], env=environ, capture_output=True, text=True, check=False
     )
-    assert process.stdout is not None
-    process.stdout.close()
-    assert process.stderr is not None
-    assert process.stderr.read() == ""
-    process.stderr.close()
-    assert process.wait(timeout=60) == 1
+    assert (result.returncode, result.stderr) == (3, device.NO_ADAPTER + "\n")
+    assert "VK_DRIVER_FILES=Grafik\\u201e\\udcff\\u201c\n" in result.stdout

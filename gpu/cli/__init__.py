@@ -7,14 +7,13 @@ Results for machines go to stdout, messages for people to stderr. Exit codes: 0 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import warnings
 from collections.abc import Sequence
 
 from halfstep import __version__
 from halfstep.cli import animate, bench, check, doctor, info, render, scenes, schema, tune
-from halfstep.cli.output import say
+from halfstep.cli.output import let_go, open_closed_streams, say, writing_stdout
 from halfstep.errors import HalfstepError
 
 EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
@@ -24,15 +23,11 @@ COMMANDS = (render, animate, info, tune, check, bench, doctor, scenes, schema)
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with ``argv``, by default the process's arguments; the exit code."""
+    open_closed_streams()
     try:
-        arguments = _parser().parse_args(argv)
-    except SystemExit as exit_:
-        return int(exit_.code or 0)
-    try:
-        with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
-            code: int = arguments.run(arguments)
-        sys.stdout.flush()
+        code = _run(argv)
+        with writing_stdout():
+            sys.stdout.flush()
     except HalfstepError as error:
         say(str(error))
         return error.exit_code
@@ -43,9 +38,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         say("interrupted")
         return EXIT_INTERRUPTED
     except BrokenPipeError:
-        # The reader of stdout has gone; the interpreter's own flush at exit must not fail again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        let_go(sys.stdout)
         return HalfstepError.exit_code
+    except OSError as error:
+        say(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror))
+        return HalfstepError.exit_code
+    return code
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    """Parse the arguments and run the command; the exit code."""
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as exit_:
+        return int(exit_.code or 0)
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
+        code: int = arguments.run(arguments)
     return code
 
 

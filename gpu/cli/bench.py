@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from halfstep.cli.output import print_json, progress_bar, say
+from halfstep.cli.output import print_json, print_text, progress_bar, say
 from halfstep.errors import UsageError
 
 # The parts by name; a test keeps them those of ``bench.parts``.
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(report.as_dict())
     else:
-        print(report.as_text())
+        print_text(report.as_text())
     if arguments.output is not None:
         from halfstep.bench.plot import write
 

@@ -7,7 +7,7 @@ import platform
 from typing import TYPE_CHECKING, Any
 
 from halfstep import __version__
-from halfstep.cli.output import print_json
+from halfstep.cli.output import print_json, print_text
 from halfstep.errors import AdapterError, DeviceError, HalfstepError
 
 if TYPE_CHECKING:
@@ -70,20 +70,20 @@ def _canary() -> Fingerprint:
 
 
 def _print_report(report: dict[str, Any], found: Fingerprint | None) -> None:
-    print(
+    print_text(
         f"halfstep {report['halfstep']}, Python {report['python']}, NumPy {report['numpy']}, "
         f"wgpu {report['wgpu']}, wgpu-native {report['wgpu_native']}"
     )
     for name, value in report["environment"].items():
-        print(f"{name}={value}")
+        print_text(f"{name}={value}")
     for adapter in report["adapters"]:
-        print(
+        print_text(
             f"adapter {adapter['index']}: {adapter['name']}, {adapter['kind']}, "
             f"{adapter['backend']}, driver {adapter['driver'] or 'unnamed'}, "
             f"vendor {adapter['vendor']}"
         )
     if report["chosen"] is not None:
-        print(f"chosen: adapter {report['chosen']}, {report['reason']}")
-        print(f"features: {', '.join(report['features']) or 'none that Halfstep uses'}")
+        print_text(f"chosen: adapter {report['chosen']}, {report['reason']}")
+        print_text(f"features: {', '.join(report['features']) or 'none that Halfstep uses'}")
     if found is not None:
-        print(f"canary: right answers; {found}")
+        print_text(f"canary: right answers; {found}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from halfstep.cli.output import print_json
+from halfstep.cli.output import print_json, print_text
 from halfstep.errors import HalfstepError
 
 
@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     width = max(map(len, facts))
     for name, value in facts.items():
-        print(f"{name:{width}}  {_plain(value)}".rstrip())
+        print_text(f"{name:{width}}  {_plain(value)}".rstrip())
     return 0
 
 

@@ -1,26 +1,103 @@
-"""What commands say: results for machines on stdout, messages and progress on stderr."""
+"""What commands say: results for machines on stdout, messages and progress on stderr.
+
+Who closes stdout, or stops to read it, wants no more of it: the work goes on, and the exit code is
+that of the work. A result that the system refuses to write, as on a full disk, is a failure; a
+message is not.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TextIO
+
+from halfstep.errors import HalfstepError
 
 _WIDTH = 40
 _CLEAR = "\r\x1b[K"
 
 
+def open_closed_streams() -> None:
+    """Let stdin, stdout and stderr be open, those that are closed, as by ``>&-``, to nowhere.
+
+    Else the next file that is opened takes the number of one, and is written to by whatever writes
+    there, as drivers do to stderr.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The least number that is free: this one.
+            os.open(os.devnull, os.O_RDWR)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+
+
 def print_json(value: object) -> None:
-    """Print ``value`` for machines; it may hold NumPy numbers and arrays, as ``Frame.info``."""
-    print(json.dumps(value, indent=2, default=lambda array: array.tolist()))
+    """Print ``value`` for machines; it may hold NumPy numbers and arrays, as ``Frame.info``.
+
+    Raises:
+        HalfstepError: as `print_text`.
+    """
+    print_text(json.dumps(value, indent=2, default=lambda array: array.tolist()))
+
+
+def print_text(text: str) -> None:
+    """Print a result.
+
+    Raises:
+        HalfstepError: the system refuses to write to stdout, as on a full disk.
+    """
+    encoding = sys.stdout.encoding or "utf-8"
+    with writing_stdout():
+        print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)
+
+
+@contextmanager
+def writing_stdout() -> Iterator[None]:
+    """A block that writes to stdout, where it does not matter whether someone reads that.
+
+    Raises:
+        HalfstepError: the system refuses to write to stdout, as on a full disk.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        let_go(sys.stdout)
+    except OSError as error:
+        let_go(sys.stdout)
+        raise HalfstepError(f"stdout: {error.strerror}") from error
 
 
 def say(message: str) -> None:
     """Print ``message`` for people."""
     # A progress bar may be in the line; its next report draws it again, below.
-    print(_CLEAR * sys.stderr.isatty() + message, file=sys.stderr)
+    _tell(_CLEAR * sys.stderr.isatty() + message + "\n")
+
+
+def _tell(text: str) -> None:
+    """Write to stderr if that can be."""
+    try:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+    except OSError:
+        let_go(sys.stderr)
+
+
+def let_go(stream: TextIO) -> None:
+    """Let the stream of a process lead to nowhere.
+
+    What is left in its buffer would fail again when the interpreter ends, which then has an exit
+    code of its own.
+    """
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 @contextmanager
@@ -54,15 +131,13 @@ def progress_bar(label: str, frames: int | None = None) -> Iterator[Callable[[fl
     try:
         yield show
     finally:
-        sys.stderr.write(_CLEAR)
-        sys.stderr.flush()
+        _tell(_CLEAR)
 
 
 def _draw(label: str, part: float, note: str = "") -> None:
     done = round(part * _WIDTH)
     bar = "#" * done + "." * (_WIDTH - done)
-    sys.stderr.write(f"\r{label} [{bar}] {part:4.0%}{note}\x1b[K")
-    sys.stderr.flush()
+    _tell(f"\r{label} [{bar}] {part:4.0%}{note}\x1b[K")
 
 
 def _clock(seconds: float) -> str:

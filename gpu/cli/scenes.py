@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from halfstep.cli.output import print_json
+from halfstep.cli.output import print_json, print_text
 
 
 def add(commands: Any) -> None:
@@ -25,5 +25,5 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     width = max(map(len, titles), default=0)
     for name, title in titles.items():
-        print(f"{name:{width}}  {title}".rstrip())
+        print_text(f"{name:{width}}  {title}".rstrip())
     return 0

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from halfstep.cli.options import add_conveyor, add_scene, add_tolerances
-from halfstep.cli.output import print_json, progress_bar, say
+from halfstep.cli.output import print_json, print_text, progress_bar, say
 
 
 def add(commands: Any) -> None:
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(report.as_dict())
     else:
-        print(report.as_table())
+        print_text(report.as_table())
     low, high = scale_of(report)
     say(
         f"{arguments.output}: {', '.join(names)}; the colours of error.png are errors of {low:g} "
