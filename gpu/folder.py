@@ -1,7 +1,8 @@
 """A folder of numbered frames, which any number of runs and machines fill.
 
 A frame appears whole or not at all, so one that is there is finished; a small manifest says of what
-they all are. A run that was killed is resumed by starting it again.
+they all are. A run that was killed is resumed by starting it again. Runs need no locks, which not
+every network has: frames of one manifest are equal, so it does not matter who writes one.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +19,11 @@ from halfstep import __version__
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.files import write
 from halfstep.frame import Frame
-from halfstep.image import check_output_folder, write_file
+from halfstep.image import check_output_folder, finished_name, write_file
 from halfstep.scene import Scene
 
 MANIFEST = "animation.json"
 _FRAME = re.compile(r"frame_\d{4,}\.png")
-# As `image.replacing` names a file that it has not finished.
-_PARTIAL = re.compile(r"\.[0-9a-f]{16}\.partial")
 
 Manifest = dict[str, Any]
 
@@ -71,7 +71,7 @@ class FrameFolder:
 
     def missing(self, numbers: Iterable[int]) -> list[int]:
         """Those of the frames ``numbers`` that are to be rendered."""
-        return [each for each in numbers if self._overwrite or not self.frame_path(each).exists()]
+        return [each for each in numbers if self._overwrite or not self.frame_path(each).is_file()]
 
     def frame_path(self, number: int) -> Path:
         """Where frame ``number`` is or will be."""
@@ -82,17 +82,20 @@ class FrameFolder:
         """Make the folder ready for the frames ``numbers``, those that are `missing`.
 
         Raises:
+            UsageError: it has frames of something else by now.
             HalfstepError: the system refuses.
         """
-        try:
+        if not self._overwrite:
+            self._check_same()
+        same = self._is_same()
+        with self._refusing():
             self.path.mkdir(parents=True, exist_ok=True)
-            # A killed run must not leave frames beside the manifest of others.
-            redone = map(self.frame_path, numbers) if self._is_same() else self._frames()
-            for frame in redone:
-                frame.unlink(missing_ok=True)
-        except OSError as error:
-            raise HalfstepError(f"{self.path}: {error.strerror}") from error
-        if not self._is_same():
+            if self._overwrite:
+                # A run that is killed must leave no frame beside the manifest of others, nor one
+                # that it was to render again.
+                for frame in map(self.frame_path, numbers) if same else self._frames():
+                    frame.unlink(missing_ok=True)
+        if not same:
             text = json.dumps(self._manifest, indent=2) + "\n"
             write_file(self.path / MANIFEST, text.encode())
 
@@ -100,16 +103,40 @@ class FrameFolder:
         """Write the image of frame ``number``, all of it or nothing.
 
         Raises:
-            HalfstepError: the system refuses, as on a full disk.
+            HalfstepError: another run has made the folder that of another animation; the system
+                refuses, as on a full disk.
         """
-        write(self.frame_path(number), frame, ("image",))
+        if not self._is_same():
+            raise HalfstepError(f"{self.path}: {self._difference()}; another run has begun since")
+        path = self.frame_path(number)
+        try:
+            write(path, frame, ("image",))
+        except HalfstepError:
+            # Another run has written this frame too, and tidied.
+            if not path.is_file():
+                raise
 
     def tidy(self) -> None:
-        """Where no frame is missing, remove what killed runs left half-written."""
-        if all(self.frame_path(each).exists() for each in range(self._manifest["frames"])):
+        """Remove what is half-written of frames that are there.
+
+        Killed runs have left it, or others still write it, who then find the frame there.
+
+        Raises:
+            HalfstepError: the system refuses.
+        """
+        with self._refusing():
             for path in self.path.iterdir():
-                if _PARTIAL.fullmatch(path.name):
+                name = finished_name(path.name)
+                if name is not None and _FRAME.fullmatch(name) and (self.path / name).is_file():
                     path.unlink(missing_ok=True)
+
+    @contextmanager
+    def _refusing(self) -> Iterator[None]:
+        """A block of which what the system refuses is a failure."""
+        try:
+            yield
+        except OSError as error:
+            raise HalfstepError(f"{error.filename}: {error.strerror}") from error
 
     def _frames(self) -> Iterator[Path]:
         return (path for path in self.path.iterdir() if _FRAME.fullmatch(path.name))
@@ -129,19 +156,15 @@ class FrameFolder:
     def _check_same(self) -> None:
         if not self.path.is_dir() or self._is_same() or next(self._frames(), None) is None:
             return
-        there = self._manifest_there()
+        raise UsageError(f"{self.path}: {self._difference()}; --overwrite renders them again")
+
+    def _difference(self) -> str:
+        """What differs between the manifest in the folder and this one, in words."""
+        there, here = self._manifest_there(), self._manifest
         if there is None:
-            reason = f"has frames but no {MANIFEST} that says of what"
-        else:
-            reason = f"its frames are others: {_difference(there, self._manifest)}"
-        raise UsageError(f"{self.path}: {reason}; --overwrite renders them again")
-
-
-def _difference(there: Manifest, here: Manifest) -> str:
-    """What differs between two manifests, in words."""
-    names = [name for name in {**here, **there} if there.get(name) != here.get(name)]
-    # The hash of the scene covers most of the others, and tells people least.
-    named = [name for name in names if name != "scene_sha256"]
-    if not named:
-        return "the scene has changed"
-    return ", ".join(f"{name} {there.get(name)} there, {here.get(name)} here" for name in named)
+            return f"has frames but no {MANIFEST} that says of what"
+        names = [name for name in {**here, **there} if there.get(name) != here.get(name)]
+        # The hash of the scene covers most of the others, and tells people least.
+        named = [name for name in names if name != "scene_sha256"]
+        told = [f"{name} {there.get(name)} there, {here.get(name)} here" for name in named]
+        return f"its frames are others: {', '.join(told) or 'the scene has changed'}"

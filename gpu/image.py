@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import struct
 import zlib
@@ -25,6 +26,8 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _RGB = 2
 _UP = 2
+# As `_partial_name` writes it.
+_PARTIAL = re.compile(r"\.(.+)\.[0-9a-f]{16}\.partial", re.DOTALL)
 _NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
 
@@ -132,6 +135,18 @@ def write_file(path: str | os.PathLike[str], data: bytes) -> None:
         partial.write_bytes(data)
 
 
+def finished_name(partial: str) -> str | None:
+    """The name of the file that ``partial`` would become; None if it is no unfinished file."""
+    match = _PARTIAL.fullmatch(partial)
+    return None if match is None else match[1]
+
+
+def _partial_name(name: str) -> str:
+    """A name of its own for a file that is to become ``name``."""
+    # Names have at most 255 bytes.
+    return f".{os.fsdecode(os.fsencode(name)[:200])}.{secrets.token_hex(8)}.partial"
+
+
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """An empty file that becomes ``path``, over what is there, when the block ends.
@@ -146,7 +161,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         target = Path(path).resolve()
         # In the same folder, as a rename does not cross file systems; not by tempfile, whose
         # files only their owner can read.
-        partial = target.with_name(f".{secrets.token_hex(8)}.partial")
+        partial = target.with_name(_partial_name(target.name))
         try:
             partial.touch(exist_ok=False)
             yield partial

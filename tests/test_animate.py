@@ -26,6 +26,7 @@ from halfstep.api import Renderer
 from halfstep.cli import main, output
 from halfstep.files import read_provenance
 from halfstep.files.movie import MOVIES, write_movie
+from halfstep.folder import FrameFolder, manifest
 from halfstep.scene import Scene, load, with_animation
 
 Pictures = list[NDArray[np.uint8]]
@@ -479,6 +480,85 @@ def test_a_failure_before_the_first_frame_touches_nothing(
     assert contents(folder) == before
     assert animate(scene_file, tmp_path / "new") == 3
     assert not (tmp_path / "new").exists()
+
+
+# ------------------------------------------------------------------------------------- together
+
+
+def a_folder(path: Path, scene: Scene, *, overwrite: bool = False) -> FrameFolder:
+    return FrameFolder(path, manifest(scene, "numpy", None), overwrite=overwrite)
+
+
+def test_equal_runs_at_once_all_succeed(scene_file: Path, tmp_path: Path) -> None:
+    folder, whole = tmp_path / "frames", tmp_path / "whole"
+    options = [str(scene_file), *NUMPY, "--frames", "30", "-o"]
+    runs = [
+        subprocess.Popen([*COMMAND, *options, str(folder)], stderr=subprocess.PIPE, text=True)
+        for _ in range(4)
+    ]
+    for run in runs:
+        _, err = run.communicate()
+        assert (run.returncode, err.count("\n")) == (0, 1), err
+    assert animate(scene_file, whole, "--frames", "30") == 0
+    assert contents(folder) == contents(whole)
+
+
+def test_a_frame_that_another_run_has_written_and_tidied_is_done(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = list(halfstep.render_frames(scene, backend="numpy"))
+    one, other = a_folder(tmp_path / "f", scene), a_folder(tmp_path / "f", scene)
+    one.begin(range(5))
+    other.begin(range(5))
+    fsync = os.fsync
+
+    def meanwhile(_descriptor: int) -> None:
+        monkeypatch.setattr(os, "fsync", fsync)
+        other.write(2, frames[2])
+        other.tidy()
+        assert names(tmp_path / "f") == ["animation.json", "frame_0002.png"]
+
+    monkeypatch.setattr(os, "fsync", meanwhile)
+    one.write(2, frames[2])
+    assert names(tmp_path / "f") == ["animation.json", "frame_0002.png"]
+
+
+def test_a_run_that_begins_later_keeps_what_is_finished(scene: Scene, tmp_path: Path) -> None:
+    frames = list(halfstep.render_frames(scene, backend="numpy"))
+    one, other = a_folder(tmp_path / "f", scene), a_folder(tmp_path / "f", scene)
+    missing = other.missing(range(5))
+    one.begin(one.missing(range(5)))
+    one.write(0, frames[0])
+    other.begin(missing)
+    assert names(tmp_path / "f") == ["animation.json", "frame_0000.png"]
+
+
+def test_two_animations_at_once_are_not_mixed(scene: Scene, tmp_path: Path) -> None:
+    frames = list(halfstep.render_frames(scene, backend="numpy"))
+    changed = halfstep.scene.with_overrides(scene, steps=9)
+    one, other = a_folder(tmp_path / "f", scene), a_folder(tmp_path / "f", changed)
+    one.begin(range(5))
+    one.write(0, frames[0])
+    reason = f"{tmp_path / 'f'}: its frames are others: steps 10 there, 9 here"
+    with pytest.raises(halfstep.UsageError) as refused:
+        other.begin(range(5))
+    assert str(refused.value) == f"{reason}; --overwrite renders them again"
+    a_folder(tmp_path / "f", changed, overwrite=True).begin(range(5))
+    with pytest.raises(halfstep.HalfstepError) as late:
+        one.write(1, frames[1])
+    reason = f"{tmp_path / 'f'}: its frames are others: steps 9 there, 10 here"
+    assert str(late.value) == f"{reason}; another run has begun since"
+    assert names(tmp_path / "f") == ["animation.json"]
+
+
+def test_what_others_are_writing_is_left(scene: Scene, scene_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "f"
+    assert animate(scene_file, folder) == 0
+    others = [".frame_0005.png.0123456789abcdef.partial", ".a.png.0123456789abcdef.partial"]
+    for name in [*others, ".frame_0001.png.0123456789abcdef.partial"]:
+        (folder / name).touch()
+    a_folder(folder, scene).tidy()
+    assert names(folder) == sorted([*others, "animation.json", *frame_names(5)])
 
 
 # ------------------------------------------------------------------------------------- killing

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from halfstep.errors import HalfstepError, UsageError
-from halfstep.image import check_output_path, png, replacing, write_file
+from halfstep.image import check_output_path, finished_name, png, replacing, write_file
 
 ENDINGS = (".png", ".tif")
 SHAPES = [(5, 7, 3), (5, 7), (1, 1, 3), (1, 1), (300, 1), (1, 300, 3)]
@@ -65,6 +65,18 @@ def test_content_is_replaced(tmp_path: Path) -> None:
         write_file(path, content)
         assert path.read_bytes() == content
     assert os.listdir(tmp_path) == ["file"]
+
+
+@pytest.mark.parametrize("name", ["x" * 251 + ".png", "ä" * 125 + "x.png", "a\nb.png", "-.png"])
+def test_any_name_can_be_replaced(tmp_path: Path, name: str) -> None:
+    assert len(os.fsencode(name)) in (255, 7, 5)
+    with replacing(tmp_path / name) as partial:
+        found = finished_name(partial.name)
+        assert found is not None
+        assert os.fsencode(name).startswith(os.fsencode(found))
+        assert (found == name) == (len(name) < 100)
+    assert os.listdir(tmp_path) == [name]
+    assert finished_name(name) is None
 
 
 def test_nothing_is_there_before_the_end(tmp_path: Path) -> None:
