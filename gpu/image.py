@@ -31,32 +31,47 @@ _PARTIAL = re.compile(r"\.(.+)\.[0-9a-f]{16}\.partial", re.DOTALL)
 _NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
 
-def check_output_path(path: str | os.PathLike[str], endings: Collection[str]) -> None:
+def check_output_path(
+    path: str | os.PathLike[str], endings: Collection[str], otherwise: str = ""
+) -> None:
     """See before rendering whether a picture can be written to ``path``.
 
     Args:
         path: where the file shall be.
         endings: those that may be written, as ``.png``.
+        otherwise: what may be meant by another ending, as the end of a message.
 
     Raises:
-        UsageError: the ending is none of ``endings``, ``path`` is a folder, or its folder is not
-            there or not writable.
+        UsageError: the ending is none of ``endings``, ``path`` is something else than a file, or
+            its folder is not there or not writable.
     """
     path = Path(path)
     try:
-        is_folder, in_folder = path.is_dir(), path.parent.is_dir()
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from error
+        # A link stays a link; the file it points to is written.
+        target = path.resolve()
+        is_folder, is_other = target.is_dir(), target.exists() and not target.is_file()
+        in_folder = target.parent.is_dir()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise UsageError(f"{path}: {_reason(error)}") from error
     if is_folder:
         raise UsageError(f"{path}: is a folder")
     if path.suffix.lower() not in endings:
         raise UsageError(
-            f"{path}: the ending {path.suffix!r} is not one of those written: {', '.join(endings)}"
+            f"{path}: the ending {path.suffix!r} is not one of those written: "
+            f"{', '.join(endings)}{otherwise}"
         )
+    if is_other:
+        raise UsageError(f"{path}: is a device or a pipe, which a file would replace")
+    folder = path.parent if target.parent == path.parent.resolve() else target.parent
     if not in_folder:
-        raise UsageError(f"{path}: there is no folder {path.parent}")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise UsageError(f"{path}: the folder {path.parent} is not writable")
+        raise UsageError(f"{path}: there is no folder {folder}")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise UsageError(f"{path}: the folder {folder} is not writable")
+
+
+def _reason(error: OSError | RuntimeError | ValueError) -> str:
+    """Why the system takes no path, as one of a loop of links or with a NUL."""
+    return str(getattr(error, "strerror", None) or error)
 
 
 def check_output_folder(path: str | os.PathLike[str]) -> None:
@@ -68,8 +83,8 @@ def check_output_folder(path: str | os.PathLike[str]) -> None:
     folder = Path(path)
     try:
         there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from error
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: {_reason(error)}") from error
     if not there.is_dir():
         raise UsageError(f"{path}: {there} is not a folder")
     if not os.access(there, os.W_OK | os.X_OK):

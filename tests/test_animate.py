@@ -240,7 +240,8 @@ def test_mp4_has_the_rate_of_the_scene(scene_file: Path, tmp_path: Path) -> None
         (
             "m.avi",
             "",
-            "{path}: the ending '.avi' is not one of those written: .gif, .png, .webp, .mp4",
+            "{path}: the ending '.avi' is not one of those written: .gif, .png, .webp, .mp4; the "
+            "name of a folder for frames may end in /",
         ),
         ("none/m.gif", "", "{path}: there is no folder {path.parent}"),
         ("m.mp4", "--size 25x18", "{path}: sides of MP4 files are even; 25x18 is not"),
@@ -374,6 +375,15 @@ def test_a_folder_has_every_frame_and_says_of_what(
         "rendered": 5,
         "kept": 0,
     }
+
+
+@pytest.mark.parametrize("name", ["name.v2/", "moving.gif/"])
+def test_a_name_that_ends_in_a_slash_is_a_folder(
+    scene_file: Path, tmp_path: Path, name: str
+) -> None:
+    for _ in range(2):
+        assert main(["animate", str(scene_file), "-o", f"{tmp_path}/{name}", *NUMPY]) == 0
+        assert names(tmp_path / name) == ["animation.json", *frame_names(5)]
 
 
 def test_machines_may_share_a_folder(scene_file: Path, tmp_path: Path) -> None:

@@ -255,6 +255,9 @@ def test_what_a_file_holds_is_rendered(
             "render s -o o.png --steps 8 --tolerance 1",
             "halfstep render: error: argument --tolerance: not allowed with argument --steps",
         ),
+        ("render s -o=", "halfstep render: error: argument -o/--output: is empty"),
+        ("animate s --output=", "halfstep animate: error: argument -o/--output: is empty"),
+        ("tune s -o=", "halfstep tune: error: argument -o/--output: is empty"),
         ("render s -o o.png --layers z", "halfstep: error: unrecognized arguments: --layers z"),
     ],
 )

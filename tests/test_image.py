@@ -148,11 +148,18 @@ def test_good_paths_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         ("none/p.png", "{path}: there is no folder {path.parent}"),
         ("file/p.png", "{path}: there is no folder {path.parent}"),
         ("x" * 300 + "/p.png", "{path}: File name too long"),
+        ("a\0.png", "{path}: embedded null byte"),
+        ("pipe.png", "{path}: is a device or a pipe, which a file would replace"),
+        ("device.png", "{path}: is a device or a pipe, which a file would replace"),
+        ("link.png", "{path}: there is no folder /none"),
     ],
 )
 def test_bad_paths_are_refused_before_rendering(tmp_path: Path, name: str, message: str) -> None:
     (tmp_path / "folder.png").mkdir()
     (tmp_path / "file").touch()
+    os.mkfifo(tmp_path / "pipe.png")
+    (tmp_path / "device.png").symlink_to("/dev/null")
+    (tmp_path / "link.png").symlink_to("/none/p.png")
     path = tmp_path / name
     with pytest.raises(UsageError) as caught:
         check_output_path(path, ENDINGS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import os
 import re
 import time
 from collections.abc import Iterator, Sequence
@@ -11,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from halfstep.cli.options import add_rendering, add_scene, overrides
+from halfstep.cli.options import add_output, add_rendering, add_scene, overrides
 from halfstep.cli.output import print_json, progress_bar, say
 from halfstep.errors import UsageError
 
@@ -28,12 +29,10 @@ def add(commands: Any) -> None:
     animate = commands.add_parser("animate", help="render a scene's animation")
     animate.set_defaults(run=run)
     add_scene(animate)
-    animate.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE|DIR",
-        required=True,
-        help="a file that ends in .gif, .png, .webp or .mp4, or a folder for a PNG of each frame",
+    add_output(
+        animate,
+        "FILE|DIR",
+        "a file that ends in .gif, .png, .webp or .mp4, or a folder for a PNG of each frame",
     )
     animate.add_argument("--frames", metavar="N", type=int, help="how many make the animation")
     animate.add_argument("--fps", metavar="X", type=float, help="frames in a second")
@@ -71,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = Path(arguments.output)
     begin = time.monotonic()
     # Without an ending it is a folder, whether that is there already or not.
-    if path.is_dir() or not path.suffix:
+    if arguments.output.endswith(os.sep) or path.is_dir() or not path.suffix:
         rendered, info = _to_folder(arguments, scene, numbers)
     else:
         rendered, info = _to_file(arguments, scene, numbers)

@@ -29,6 +29,18 @@ def add_rendering(command: argparse.ArgumentParser) -> None:
     command.add_argument("--samples", metavar="K", type=int, help="KxK samples in each pixel")
 
 
+def add_output(command: argparse.ArgumentParser, metavar: str, help_: str) -> None:
+    """Where a command writes to."""
+    command.add_argument("-o", "--output", metavar=metavar, type=_path, required=True, help=help_)
+
+
+def _path(text: str) -> str:
+    """A path; the empty one, as of a variable that is not set, would be the current folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("is empty")
+    return text
+
+
 def add_size(command: argparse.ArgumentParser) -> None:
     """The size of a picture, in place of what the scene says."""
     command.add_argument("--size", metavar="WxH", type=size, help="pixels, as 640x480")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from halfstep.cli.options import add_rendering, add_scene, overrides
+from halfstep.cli.options import add_output, add_rendering, add_scene, overrides
 from halfstep.cli.output import print_json, say
 
 
@@ -14,13 +14,7 @@ def add(commands: Any) -> None:
     render = commands.add_parser("render", help="render a scene to a file")
     render.set_defaults(run=run)
     add_scene(render)
-    render.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        required=True,
-        help="its ending, .png, .tif, .exr or .npz, decides its type",
-    )
+    add_output(render, "FILE", "its ending, .png, .tif, .exr or .npz, decides its type")
     render.add_argument(
         "--outputs",
         metavar="NAMES",

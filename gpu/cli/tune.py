@@ -6,7 +6,7 @@ import argparse
 import re
 from typing import Any
 
-from halfstep.cli.options import add_conveyor, add_scene, add_tolerances
+from halfstep.cli.options import add_conveyor, add_output, add_scene, add_tolerances
 from halfstep.cli.output import print_json, print_text, progress_bar, say
 
 
@@ -15,13 +15,7 @@ def add(commands: Any) -> None:
     tune = commands.add_parser("tune", help="measure what accuracy costs, and recommend steps")
     tune.set_defaults(run=run)
     add_scene(tune)
-    tune.add_argument(
-        "-o",
-        "--output",
-        metavar="DIR",
-        required=True,
-        help="folder for tune.csv, tune.json, tune.png and error.png",
-    )
+    add_output(tune, "DIR", "folder for tune.csv, tune.json, tune.png and error.png")
     tune.add_argument(
         "--steps", metavar="A:B[:S]", type=_steps, help="numbers of halvings from A to B by S"
     )

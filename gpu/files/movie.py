@@ -35,7 +35,7 @@ def check_movie(path: str | os.PathLike[str], size: tuple[int, int], fps: float)
         UsageError: the file cannot be written, or not at this size or speed; a package that
             writes such files is missing.
     """
-    check_output_path(path, MOVIES)
+    check_output_path(path, MOVIES, otherwise="; the name of a folder for frames may end in /")
     type_ = _type(path)
     type_.check_package(path)
     if fps > type_.fastest:
