@@ -11,19 +11,15 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.errors import HalfstepError, UsageError
 
-if TYPE_CHECKING:
-    from PIL.PngImagePlugin import PngInfo
-
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _RGB = 2
 _UP = 2
 # As `_partial_name` writes it.
@@ -101,20 +97,13 @@ def png(pixels: Pixels, texts: Mapping[str, str] = _NO_TEXTS) -> bytes:
     if pixels.ndim == 3 and pixels.dtype == np.uint16:
         return _deep_rgb_png(pixels, texts)
     from imageio.v3 import imwrite
-
-    chunks = text_chunks(texts)
-    data: bytes = imwrite("<bytes>", pixels, plugin="pillow", extension=".png", pnginfo=chunks)
-    return data
-
-
-def text_chunks(texts: Mapping[str, str]) -> PngInfo:
-    """What a PNG file says of itself, by keyword, as Pillow takes it."""
     from PIL.PngImagePlugin import PngInfo
 
     chunks = PngInfo()
     for keyword, text in texts.items():
         chunks.add_text(keyword, text)
-    return chunks
+    data: bytes = imwrite("<bytes>", pixels, plugin="pillow", extension=".png", pnginfo=chunks)
+    return data
 
 
 def _deep_rgb_png(pixels: Pixels, texts: Mapping[str, str]) -> bytes:
@@ -127,16 +116,22 @@ def _deep_rgb_png(pixels: Pixels, texts: Mapping[str, str]) -> bytes:
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
     return b"".join(
         [
-            _PNG_SIGNATURE,
-            _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, _RGB, 0, 0, 0)),
-            *(_chunk(b"tEXt", f"{key}\0{text}".encode("latin-1")) for key, text in texts.items()),
-            _chunk(b"IDAT", zlib.compress(filtered.data)),
-            _chunk(b"IEND", b""),
+            PNG_SIGNATURE,
+            chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, _RGB, 0, 0, 0)),
+            *(text_chunk(keyword, text) for keyword, text in texts.items()),
+            chunk(b"IDAT", zlib.compress(filtered.data)),
+            chunk(b"IEND", b""),
         ]
     )
 
 
-def _chunk(kind: bytes, data: bytes) -> bytes:
+def text_chunk(keyword: str, text: str) -> bytes:
+    """What a PNG file says of itself; Latin-1."""
+    return chunk(b"tEXt", f"{keyword}\0{text}".encode("latin-1"))
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    """A part of a PNG file."""
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 

@@ -141,11 +141,71 @@ def test_a_file_holds_every_frame_in_order(
     assert again.read_bytes() == path.read_bytes()
 
 
+def times(path: Path) -> list[float]:
+    """How many seconds each frame of a file is shown, as FFmpeg and, of WebP, Pillow read it."""
+    if path.suffix == ".webp":
+        with Image.open(path) as image:
+            shown = []
+            for k in range(getattr(image, "n_frames", 1)):
+                image.seek(k)
+                image.load()
+                shown.append(image.info["duration"] / 1000)
+            return shown
+    import av
+
+    with av.open(str(path)) as film:
+        frames = film.decode(video=0)
+        return [float((frame.duration or 0) * (frame.time_base or 0)) for frame in frames]
+
+
 @pytest.mark.parametrize("ending", MOVIES)
 def test_one_frame_is_an_animation_too(scene_file: Path, tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"still{ending}"
-    assert animate(scene_file, path, "--frames-range", "2:2") == 0
+    assert animate(scene_file, path, "--frames-range", "2:2", "--fps", "20") == 0
     assert len(list(read_movie(path))) == 1
+    assert times(path) == pytest.approx([0.05])
+
+
+@pytest.mark.parametrize("ending", MOVIES)
+def test_what_stands_still_has_all_its_frames_and_time(
+    scene_file: Path, tmp_path: Path, ending: str
+) -> None:
+    moves = MOVING[MOVING.index("[[solid.key]]") :]
+    scene_file.write_text(MOVING.replace(moves, "").replace("degrees = 90", "degrees = 0"))
+    path = tmp_path / f"still{ending}"
+    assert animate(scene_file, path, "--fps", "25") == 0
+    assert times(path) == pytest.approx([0.04] * 5)
+    first, *others = read_movie(path)
+    for other in others:
+        np.testing.assert_array_equal(other, first)
+
+
+@pytest.mark.parametrize("ending", MOVIES)
+def test_a_movie_may_stand_still_for_long(tmp_path: Path, ending: str) -> None:
+    """Longer than one frame of a GIF, 655 s, or of a PNG, 66 s, can last."""
+    pictures = [np.full((16, 16, 3), 99, np.uint8)] * 70 + [np.full((16, 16, 3), 9, np.uint8)]
+    write_movie(tmp_path / f"m{ending}", pictures, 0.1, {"version": "9.9"})
+    assert times(tmp_path / f"m{ending}") == pytest.approx([10] * 71)
+    for picture, found in zip(pictures, read_movie(tmp_path / f"m{ending}"), strict=True):
+        assert np.abs(found.astype(int) - picture).max() <= 2
+
+
+@pytest.mark.parametrize("ending", [".gif", ".png", ".webp"])
+def test_whatever_changes_comes_back(tmp_path: Path, rng: np.random.Generator, ending: str) -> None:
+    """Boxes anywhere, of any size, in few colours, which a GIF has exactly."""
+    colors = rng.integers(0, 256, (7, 3), np.uint8)
+    numbers = np.zeros((23, 31), int)
+    pictures, equal = [], 0
+    for _ in range(60):
+        rows, columns = (np.sort(rng.integers(0, side + 1, 2)) for side in numbers.shape)
+        box = slice(*rows), slice(*columns)
+        numbers[box] = rng.integers(0, 7, numbers[box].shape)
+        pictures.append(colors[numbers])
+        equal += len(pictures) > 1 and np.array_equal(pictures[-1], pictures[-2])
+    assert 3 <= equal <= 20
+    write_movie(tmp_path / f"m{ending}", pictures, 25, {"version": "9.9"})
+    for picture, found in zip(pictures, read_movie(tmp_path / f"m{ending}"), strict=True):
+        np.testing.assert_array_equal(found, picture)
 
 
 @pytest.mark.parametrize("ending", MOVIES)
@@ -244,6 +304,7 @@ def test_mp4_has_the_rate_of_the_scene(scene_file: Path, tmp_path: Path) -> None
             "name of a folder for frames may end in /",
         ),
         ("none/m.gif", "", "{path}: there is no folder {path.parent}"),
+        ("m.webp", "--size 16384x1", "{path}: sides of WebP files are <= 16383; 16384x1 is not"),
         ("m.mp4", "--size 25x18", "{path}: sides of MP4 files are even; 25x18 is not"),
         (
             "m.gif",

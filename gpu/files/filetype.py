@@ -74,5 +74,7 @@ class MovieType(FileType):
     # Frames in a second, and why no more.
     fastest: float = float("inf")
     too_fast: str = ""
+    # Pixels of width and height.
+    largest: float = float("inf")
     # Width and height are even.
     even: bool = False
