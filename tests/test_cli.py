@@ -255,6 +255,11 @@ def test_what_a_file_holds_is_rendered(
             "render s -o o.png --steps 8 --tolerance 1",
             "halfstep render: error: argument --tolerance: not allowed with argument --steps",
         ),
+        (
+            "animate s -o -",
+            "halfstep animate: error: argument -o/--output: only render writes to stdout; ./- is a "
+            "file",
+        ),
         ("render s -o=", "halfstep render: error: argument -o/--output: is empty"),
         ("animate s --output=", "halfstep animate: error: argument -o/--output: is empty"),
         ("tune s -o=", "halfstep tune: error: argument -o/--output: is empty"),
@@ -626,6 +631,42 @@ def test_a_file_does_not_take_the_place_of_a_closed_stream(shell: Shell, tmp_pat
     command = f"{sys.executable} -c {shlex.quote(NOISY)} {RENDER} <&- >&- 2>&-"
     assert subprocess.run(command, shell=True, cwd=tmp_path, check=False).returncode == 0
     assert (tmp_path / "out.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_picture_may_go_to_stdout(scene_file: Path, tmp_path: Path, unbuffered: str) -> None:
+    options = ["render", str(scene_file), "--backend", "numpy", "-o"]
+    # Larger than what a pipe holds.
+    options[2:2] = ["--size", "640x480", "--outputs", "position"]
+    assert main([*options, str(tmp_path / "a.png")]) == 0
+    environ = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    found = subprocess.run([*COMMAND, *options, "-"], env=environ, capture_output=True, check=True)
+    assert found.stderr.startswith(b"-: 640x480 in ")
+    assert found.stdout == (tmp_path / "a.png").read_bytes()
+    assert len(found.stdout) > 1 << 16
+    assert sorted(os.listdir(tmp_path)) == ["a.png", "sphere.toml"]
+    for redirection, code, said in (
+        (">&-", 0, "-: "),
+        ("| true", 0, "-: "),
+        (">/dev/full", 1, "stdout: No space left on device\n"),
+    ):
+        command = f"({shlex.join([*COMMAND, *options])} -; echo $? > code) {redirection}"
+        result = subprocess.run(
+            ["/bin/sh", "-c", command], env=environ, cwd=tmp_path, capture_output=True, check=True
+        )
+        assert int((tmp_path / "code").read_text()) == code
+        assert result.stderr.decode().startswith(said)
+
+
+def test_nothing_else_goes_to_a_stdout_with_a_picture(
+    scene_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["render", str(scene_file), "-o", "-", "--json"]) == 2
+    assert capsys.readouterr() == ("", "--json: stdout is the picture where -o is -\n")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert main(["render", str(scene_file), "-o", "-"]) == 2
+    message = "-o -: stdout is a terminal, which shows no picture; name a file\n"
+    assert capsys.readouterr() == ("", message)
 
 
 def test_a_result_is_printed_whatever_stdout_can_write() -> None:

@@ -12,6 +12,7 @@ import time
 import tomllib
 import zlib
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 
 import av
@@ -473,6 +474,17 @@ def test_what_cannot_be_written_is_refused_before_rendering(
     assert os.listdir(tmp_path) == []
 
 
+def test_more_solids_than_a_file_numbers_are_refused_before_rendering(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    for outputs, solids in ((["solid"], 65535), (["depth"], 65536), (None, 65536)):
+        plan(path, outputs, solids=solids)
+    plan(tmp_path / "a.tif", ["solid"], solids=65536)
+    with pytest.raises(UsageError) as caught:
+        plan(path, ["solid"], solids=65536)
+    message = f"{path}: PNG files number up to 65535 solids; the scene has 65536"
+    assert str(caught.value) == message
+
+
 def test_a_missing_package_is_named_with_its_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, frame: Frame
 ) -> None:
@@ -502,9 +514,109 @@ def test_an_output_that_was_not_computed_leaves_nothing(
 ) -> None:
     path = tmp_path / f"a{ending}"
     partly = Frame({"solid": frame.solid}, INFO)
-    with pytest.raises(AttributeError, match="was not computed; name it in outputs"):
-        write(path, partly)
+    with pytest.raises(AttributeError, match="'depth' was not computed; name it in outputs"):
+        write(path, partly, ["depth"])
     assert os.listdir(tmp_path) == []
+
+
+def part(frame: Frame, *names: str) -> Frame:
+    return Frame({name: getattr(frame, name) for name in names}, frame.info)
+
+
+@pytest.mark.parametrize(
+    ("there", "held"),
+    [
+        (("image", "solid"), {".png": "image", ".tif": "image", ".exr": "solid",
+         ".npz": "image solid"}),
+        (("solid", "depth"), {".png": "depth", ".tif": "depth", ".exr": "solid depth",
+         ".npz": "solid depth"}),
+        (("solid",), {".png": "solid", ".tif": "solid", ".exr": "solid", ".npz": "solid"}),
+        (("color", "solid", "t"), {".tif": "color", ".exr": "color solid t",
+         ".npz": "color solid t"}),
+        (("image", "color", "solid"), {".png": "image", ".tif": "color"}),
+    ],
+)  # fmt: skip
+def test_what_there_is_is_written(
+    tmp_path: Path, frame: Frame, there: tuple[str, ...], held: dict[str, str]
+) -> None:
+    for ending, names in held.items():
+        path = tmp_path / f"a{ending}"
+        assert write(path, part(frame, *there))["outputs"] == names.split()
+        told = read_provenance(path)
+        assert told is not None
+        assert told["outputs"] == names.split()
+        if ending == ".npz":
+            with np.load(path) as arrays:
+                for name in there:
+                    np.testing.assert_array_equal(arrays[name], getattr(frame, name))
+
+
+def test_an_exr_has_the_colors_that_there_are(tmp_path: Path, frame: Frame) -> None:
+    write(tmp_path / "a.exr", part(frame, "solid", "depth"), ["depth"])
+    assert openexr(tmp_path / "a.exr")[0].keys() == {"Z", "id"}
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "message"),
+    [
+        ("a.png", ("solid", "depth", "normal"), "PNG files hold one output, by default image; this "
+         "frame has solid, depth, normal: name one"),
+        ("a.tif", ("image", "solid", "depth"), "TIFF files hold one output, by default color; this "
+         "frame has image, solid, depth: name one"),
+    ],
+)  # fmt: skip
+def test_which_of_several_is_to_be_said(
+    tmp_path: Path, frame: Frame, name: str, there: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(UsageError) as caught:
+        write(tmp_path / name, part(frame, *there))
+    assert str(caught.value) == f"{tmp_path / name}: {message}"
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_file_object_gets_what_a_path_gets(tmp_path: Path, frame: Frame, ending: str) -> None:
+    told = write(tmp_path / f"a{ending}", frame, ["depth"])
+    file = BytesIO(b"before")
+    file.seek(0, os.SEEK_END)
+    assert write(file, frame, ["depth"], format=ending[1:]) == told
+    assert file.getvalue() == b"before" + (tmp_path / f"a{ending}").read_bytes()
+    assert not file.closed
+
+
+@pytest.mark.parametrize(
+    ("format_", "outputs", "message"),
+    [
+        (None, None, "format: None is not one of png, tif, tiff, exr, npz"),
+        ("jpg", None, "format: 'jpg' is not one of png, tif, tiff, exr, npz"),
+        ("png", "t depth", "file: PNG files hold one output, not t, depth; .exr and .npz hold "
+         "several"),
+    ],
+)  # fmt: skip
+def test_a_file_object_is_refused_as_a_path_is(
+    frame: Frame, format_: str | None, outputs: str | None, message: str
+) -> None:
+    file = BytesIO()
+    for action in (
+        lambda: write(file, frame, outputs and outputs.split(), format=format_),
+        lambda: plan(file, outputs and outputs.split(), format=format_),
+    ):
+        with pytest.raises(UsageError) as caught:
+            action()
+        assert str(caught.value) == message
+    assert file.getvalue() == b""
+
+
+def test_a_path_has_its_format_from_its_ending(tmp_path: Path, frame: Frame) -> None:
+    with pytest.raises(UsageError) as caught:
+        write(tmp_path / "a.png", frame, format="png")
+    assert str(caught.value) == "format: 'png' is given with a path, whose ending decides it"
+    assert os.listdir(tmp_path) == []
+
+
+def test_what_a_file_object_refuses_is_its_own_error(frame: Frame) -> None:
+    full = Path("/dev/full")
+    with full.open("wb", buffering=0) as file, pytest.raises(OSError, match="No space"):
+        write(file, frame, format="png")
 
 
 def test_a_full_disk_leaves_what_was_there(tmp_path: Path, frame: Frame, ending: str) -> None:

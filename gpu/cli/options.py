@@ -6,6 +6,9 @@ import argparse
 import re
 from typing import Any
 
+# As the path of a file.
+STDOUT = "-"
+
 
 def add_scene(command: argparse.ArgumentParser) -> None:
     """What every command that renders a scene takes."""
@@ -29,16 +32,20 @@ def add_rendering(command: argparse.ArgumentParser) -> None:
     command.add_argument("--samples", metavar="K", type=int, help="KxK samples in each pixel")
 
 
-def add_output(command: argparse.ArgumentParser, metavar: str, help_: str) -> None:
-    """Where a command writes to."""
-    command.add_argument("-o", "--output", metavar=metavar, type=_path, required=True, help=help_)
+def add_output(
+    command: argparse.ArgumentParser, metavar: str, help_: str, *, stdout: bool = False
+) -> None:
+    """Where a command writes to; ``stdout`` says whether that may be ``-``."""
 
+    def path(text: str) -> str:
+        # The empty one, as of a variable that is not set, would be the current folder.
+        if not text:
+            raise argparse.ArgumentTypeError("is empty")
+        if text == STDOUT and not stdout:
+            raise argparse.ArgumentTypeError("only render writes to stdout; ./- is a file")
+        return text
 
-def _path(text: str) -> str:
-    """A path; the empty one, as of a variable that is not set, would be the current folder."""
-    if not text:
-        raise argparse.ArgumentTypeError("is empty")
-    return text
+    command.add_argument("-o", "--output", metavar=metavar, type=path, required=True, help=help_)
 
 
 def add_size(command: argparse.ArgumentParser) -> None:

@@ -58,6 +58,20 @@ def print_text(text: str) -> None:
         print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)
 
 
+def print_bytes(data: bytes) -> None:
+    """Print a result that is no text.
+
+    Raises:
+        HalfstepError: as `print_text`.
+    """
+    rest = memoryview(data)
+    with writing_stdout():
+        # Where Python does not buffer, a write may be of a part.
+        while rest:
+            rest = rest[sys.stdout.buffer.write(rest) :]
+        sys.stdout.buffer.flush()
+
+
 @contextmanager
 def writing_stdout() -> Iterator[None]:
     """A block that writes to stdout, where it does not matter whether someone reads that.

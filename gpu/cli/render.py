@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from io import BytesIO
 from typing import Any
 
-from halfstep.cli.options import add_output, add_rendering, add_scene, overrides
-from halfstep.cli.output import print_json, say
+from halfstep.cli.options import STDOUT, add_output, add_rendering, add_scene, overrides
+from halfstep.cli.output import print_bytes, print_json, say
+from halfstep.errors import UsageError
 
 
 def add(commands: Any) -> None:
@@ -14,7 +17,12 @@ def add(commands: Any) -> None:
     render = commands.add_parser("render", help="render a scene to a file")
     render.set_defaults(run=run)
     add_scene(render)
-    add_output(render, "FILE", "its ending, .png, .tif, .exr or .npz, decides its type")
+    add_output(
+        render,
+        "FILE",
+        "its ending, .png, .tif, .exr or .npz, decides its type; - is a PNG to stdout",
+        stdout=True,
+    )
     render.add_argument(
         "--outputs",
         metavar="NAMES",
@@ -30,21 +38,44 @@ def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
+def _check_stdout(arguments: argparse.Namespace) -> None:
+    """See before rendering whether a picture can go to stdout.
+
+    Raises:
+        UsageError: something else goes there, or somebody looks at it.
+    """
+    if arguments.json:
+        raise UsageError("--json: stdout is the picture where -o is -")
+    if sys.stdout.isatty():
+        raise UsageError("-o -: stdout is a terminal, which shows no picture; name a file")
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Render; the exit code."""
     from halfstep.api import render
-    from halfstep.files import plan, write
+    from halfstep.files import File, plan, write
     from halfstep.scene import load
 
-    outputs = plan(arguments.output, arguments.outputs)
+    scene = load(arguments.scene)
+    file: File = arguments.output
+    format_ = None
+    if file == STDOUT:
+        _check_stdout(arguments)
+        file, format_ = sys.stdout.buffer, "png"
+    outputs = plan(file, arguments.outputs, format=format_, solids=len(scene.solids))
     frame = render(
-        load(arguments.scene),
+        scene,
         **overrides(arguments),
         outputs=outputs,
         backend=arguments.backend,
         adapter=arguments.adapter,
     )
-    facts = write(arguments.output, frame, arguments.outputs)
+    if format_ is None:
+        facts = write(file, frame, arguments.outputs)
+    else:
+        whole = BytesIO()
+        facts = write(whole, frame, arguments.outputs, format=format_)
+        print_bytes(whole.getvalue())
     height, width = getattr(frame, outputs[0]).shape[:2]
     info = frame.info
     result = {"path": arguments.output, "size": [width, height], "outputs": facts["outputs"]}

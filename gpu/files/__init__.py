@@ -11,8 +11,10 @@ was made; `read_provenance` reads that.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import IO
 
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.files.exr import EXR
@@ -25,65 +27,126 @@ from halfstep.frame import SOURCES, Frame, check_outputs
 from halfstep.image import check_output_path, replacing
 from halfstep.provenance import Provenance, from_text, provenance
 
+File = str | os.PathLike[str] | IO[bytes]
+
 TYPES = (PNG, TIFF, EXR, NPZ)
 ENDINGS = {ending: type_ for type_ in TYPES for ending in type_.endings}
 # What provenance is read from.
 READ: dict[str, FileType] = {**ENDINGS, **MOVIES}
 
 
-def plan(path: str | os.PathLike[str], outputs: Iterable[str] | None = None) -> tuple[str, ...]:
-    """The outputs that the file ``path`` will hold, and so those to render.
+def plan(
+    file: File,
+    outputs: Iterable[str] | None = None,
+    *,
+    format: str | None = None,  # noqa: A002 - as Pillow and imageio call it
+    solids: int = 0,
+) -> tuple[str, ...]:
+    """The outputs that ``file`` will hold, and so those to render.
 
     Args:
-        path: the file; its ending decides the type.
+        file: a path, whose ending decides the type, or a file object.
         outputs: those asked for; None for those that such a file usually has.
+        format: the type of a file object, as ``"png"``.
+        solids: how many the scene has.
 
     Raises:
-        UsageError: the file cannot be written, or cannot hold these outputs; an output is
-            unknown; a package that writes such files is missing.
+        UsageError: the file cannot be written, or cannot hold these outputs or so many solids; an
+            output or the format is unknown; a package that writes such files is missing.
     """
-    check_output_path(path, ENDINGS)
-    type_ = _type(path)
-    type_.check_package(path)
-    if outputs is None:
-        return type_.default
-    asked = {outputs} if isinstance(outputs, str) else set(outputs)
-    check_outputs(asked)
-    for name, reason in type_.refused.items():
-        if name in asked:
-            raise UsageError(f"{path}: {type_.name} files do not hold {name}: {reason}")
-    if type_.single and len(asked) != 1:
-        several = ", ".join(name for name in SOURCES if name in asked) or "none"
-        many = " and ".join(ending for ending in ENDINGS if not ENDINGS[ending].single)
+    type_ = _type(file, format)
+    name = _called(file)
+    asked = type_.default if outputs is None else _asked(name, type_, outputs)
+    if "solid" in asked and solids > type_.most_solids:
         raise UsageError(
-            f"{path}: {type_.name} files hold one output, not {several}; {many} hold several"
+            f"{name}: {type_.name} files number up to {type_.most_solids} solids; the scene has "
+            f"{solids}"
         )
-    return tuple(name for name in SOURCES if name in asked.union(type_.always))
+    return _ordered({*asked, *type_.always})
 
 
 def write(
-    path: str | os.PathLike[str], frame: Frame, outputs: Iterable[str] | None = None
+    file: File,
+    frame: Frame,
+    outputs: Iterable[str] | None = None,
+    *,
+    format: str | None = None,  # noqa: A002 - as Pillow and imageio call it
 ) -> Provenance:
-    """Write outputs of ``frame`` to ``path``, over what is there, all of it or nothing.
+    """Write outputs of ``frame`` to a file: a path over what is there, all of it or nothing.
 
     Args:
-        path: the file; its ending decides the type.
-        frame: has the outputs that `plan` names.
-        outputs: as for `plan`.
+        file: a path, whose ending decides the type, or a file object that takes bytes.
+        frame: has the outputs to write.
+        outputs: those to write. By default those that such a file usually has; where the frame
+            lacks one of them, all that it has, or, in a file of one output, the only one but
+            ``solid``.
+        format: the type of a file object, as ``"png"``.
 
     Returns:
         What the file says of itself: the provenance, ``outputs`` and, for a PNG of numbers that
         are spread over its grey levels, ``range``, the numbers that 1 and 65535 stand for.
 
     Raises:
-        UsageError: as `plan`.
+        UsageError: as `plan`; the frame has several outputs, of which one must be named.
         AttributeError: an output was not computed.
-        HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
+        HalfstepError: the system refuses to write, as on a full disk; a path is as before.
+        OSError: the file object refuses.
     """
-    names = plan(path, outputs)
+    type_ = _type(file, format)
+    names = _held(_called(file), type_, frame, outputs)
     facts = provenance(frame.info) | {"outputs": list(names)}
-    with replacing(path) as partial:
-        return _type(path).write(partial, frame, names, facts)
+    if isinstance(file, str | os.PathLike):
+        with replacing(file) as partial:
+            return type_.write(partial, frame, names, facts)
+    # Not all libraries write to a file object.
+    with TemporaryDirectory() as folder:
+        whole = Path(folder, "frame")
+        with replacing(whole) as partial:
+            said = type_.write(partial, frame, names, facts)
+        file.write(whole.read_bytes())
+    return said
+
+
+def _held(
+    name: str, type_: FrameType, frame: Frame, outputs: Iterable[str] | None
+) -> tuple[str, ...]:
+    """The outputs of ``frame`` that a file holds."""
+    there = set(frame.outputs)
+    if outputs is not None:
+        return _ordered(_asked(name, type_, outputs) | there.intersection(type_.always))
+    if there.issuperset(type_.default):
+        return type_.default
+    held = _ordered(there - type_.refused.keys())
+    if not type_.single:
+        return held
+    # There is always a solid.
+    chosen = [each for each in held if each != "solid"] or held
+    if len(chosen) != 1:
+        raise UsageError(
+            f"{name}: {type_.name} files hold one output, by default {type_.default[0]}; this "
+            f"frame has {', '.join(held)}: name one"
+        )
+    return tuple(chosen)
+
+
+def _asked(name: str, type_: FrameType, outputs: Iterable[str]) -> set[str]:
+    """The outputs asked for, which a file of a type can hold."""
+    asked = {outputs} if isinstance(outputs, str) else set(outputs)
+    check_outputs(asked)
+    for refused, reason in type_.refused.items():
+        if refused in asked:
+            raise UsageError(f"{name}: {type_.name} files do not hold {refused}: {reason}")
+    if type_.single and len(asked) != 1:
+        several = ", ".join(_ordered(asked)) or "none"
+        many = " and ".join(ending for ending in ENDINGS if not ENDINGS[ending].single)
+        raise UsageError(
+            f"{name}: {type_.name} files hold one output, not {several}; {many} hold several"
+        )
+    return asked
+
+
+def _ordered(names: Collection[str]) -> tuple[str, ...]:
+    return tuple(name for name in SOURCES if name in names)
 
 
 def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
@@ -111,8 +174,28 @@ def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
     return None if text is None else from_text(text)
 
 
-def _type(path: str | os.PathLike[str]) -> FrameType:
-    return ENDINGS[_ending(path)]
+def _type(file: File, format_: str | None) -> FrameType:
+    """The type of a file that can be written."""
+    if isinstance(file, str | os.PathLike):
+        if format_ is not None:
+            raise UsageError(f"format: {format_!r} is given with a path, whose ending decides it")
+        check_output_path(file, ENDINGS)
+        type_ = ENDINGS[_ending(file)]
+    else:
+        known = [ending.removeprefix(".") for ending in ENDINGS]
+        if format_ not in known:
+            raise UsageError(f"format: {format_!r} is not one of {', '.join(known)}")
+        type_ = ENDINGS[f".{format_}"]
+    type_.check_package(_called(file))
+    return type_
+
+
+def _called(file: File) -> str:
+    """What messages call a file."""
+    if isinstance(file, str | os.PathLike):
+        return os.fspath(file)
+    name = getattr(file, "name", None)
+    return name if isinstance(name, str) else "file"
 
 
 def _ending(path: str | os.PathLike[str]) -> str:

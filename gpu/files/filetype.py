@@ -59,8 +59,10 @@ class FrameType(FileType):
     write: Callable[[Path, Frame, tuple[str, ...], Provenance], Provenance]
     # A file holds exactly one output.
     single: bool = False
-    # Outputs that every file holds.
+    # Outputs that every file holds if it is planned before rendering.
     always: tuple[str, ...] = ()
+    # Solids that the output of this name can number.
+    most_solids: float = float("inf")
     # Outputs that no file holds, and why.
     refused: Mapping[str, str] = field(default_factory=dict)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from halfstep.files.filetype import FrameType
-from halfstep.files.picture import picture
+from halfstep.files.picture import MOST, picture
 from halfstep.frame import Frame
 from halfstep.image import png
 from halfstep.provenance import NAME, Provenance, software, to_text
@@ -33,5 +33,11 @@ def _read(path: Path) -> str | None:
 
 
 PNG = FrameType(
-    name="PNG", endings=(".png",), default=("image",), write=_write, read=_read, single=True
+    name="PNG",
+    endings=(".png",),
+    default=("image",),
+    write=_write,
+    read=_read,
+    single=True,
+    most_solids=MOST,
 )
