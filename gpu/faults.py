@@ -76,6 +76,14 @@ def describe(error: ErrorDetails, tables: Mapping[tuple[str, ...], type[BaseMode
             return loc, f"length {context['actual_length']} is not >= {context['min_length']}"
         case "too_long":
             return loc, f"length {context['actual_length']} is not <= {context['max_length']}"
+        case "invalid_key":
+            return loc[:-1], f"{show(loc[-1])} is not a key, which is a string"
+        case "int_type" if isinstance(value, float):
+            # As it was written: to a person 12 is an integer.
+            instead = f"; write {value:.0f}" if value.is_integer() and abs(value) < 1e15 else ""
+            return loc, f"{float(value)!r} is not an integer{instead}"
+        case "float_type" if isinstance(value, int) and not isinstance(value, bool):
+            return loc, f"{show(value)} is too {'large' if value > 0 else 'small'}"
         case "tuple_type" if isinstance(value, Mapping) and (len(loc) == 1 or loc[-1] == "key"):
             path = ".".join(key for key in loc if isinstance(key, str))
             return loc, f"{show(value)} is not an array; write [[{path}]]"

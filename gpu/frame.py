@@ -108,7 +108,7 @@ def check_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
     if isinstance(outputs, str):
         outputs = (outputs,)
     wanted = {*outputs, "solid"}
-    unknown = sorted(wanted - SOURCES.keys())
+    unknown = sorted(wanted - SOURCES.keys(), key=str)
     if unknown:
         raise UsageError(
             f"outputs: {', '.join(map(repr, unknown))} unknown; known are {', '.join(SOURCES)}"

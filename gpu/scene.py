@@ -74,6 +74,13 @@ PARALLEL_SINE = 1e-9
 # ------------------------------------------------------------------------------ value types
 
 
+def _counted(values: list[Any] | tuple[Any, ...]) -> str:
+    """How many of what ``values`` are."""
+    numbers = all(isinstance(each, int | float) for each in values)
+    one, several = ("number", "numbers") if numbers else ("entry", "entries")
+    return f"{len(values)} {one if len(values) == 1 else several}"
+
+
 def _array(length: int) -> BeforeValidator:
     """Takes a list, tuple or NumPy array of exactly `length` entries."""
 
@@ -83,7 +90,7 @@ def _array(length: int) -> BeforeValidator:
         if not isinstance(value, list | tuple):
             raise fault(f"{show(value)} is not an array of {length} numbers")
         if len(value) != length:
-            raise fault(f"{show(value)} has {len(value)} numbers, not {length}")
+            raise fault(f"{show(value)} has {_counted(value)}, not {length}")
         return tuple(value)
 
     return BeforeValidator(check)
@@ -166,7 +173,8 @@ class Camera(_Table):
     def _differs_from_center(cls, look_at: Vector, info: ValidationInfo) -> Vector:
         center = info.data.get("center")
         if center is not None and math.dist(center, look_at) < SMALLEST_LENGTH:
-            raise fault(f"{show(look_at)} equals center")
+            near = "equals" if look_at == center else f"is not >= {SMALLEST_LENGTH:g} away from"
+            raise fault(f"{show(look_at)} {near} center")
         return look_at
 
     @field_validator("up")
@@ -826,15 +834,21 @@ class Scene(_Table):
         """A scene from the mapping a TOML file holds.
 
         Args:
-            mapping: the top-level table; arrays may be lists, tuples or NumPy arrays.
+            mapping: the top-level table; arrays may be lists, tuples or NumPy arrays, numbers those
+                of Python or NumPy.
             source: what the faults are said to be in, usually a file name; its stem becomes
                 `name`.
 
         Raises:
             SceneError: with every fault of the scene.
         """
+        return cls._from_plain(_plain(mapping), source)
+
+    @classmethod
+    def _from_plain(cls, mapping: dict[str, Any], source: str) -> "Scene":
+        """`from_dict` of a mapping that holds nothing of NumPy."""
         try:
-            scene = cls.model_validate(dict(mapping))
+            scene = cls.model_validate(mapping)
         except ValidationError as error:
             faults = _described(error)
             # Names are compared once all tables are valid; a faulty one must not hide them.
@@ -895,28 +909,37 @@ def _raw_names(mapping: Mapping[str, Any]) -> tuple[list[_Named], list[_Named]]:
     """(name, material) of all materials and solids in a mapping that may be faulty anywhere."""
 
     def named(key: str) -> list[_Named]:
-        tables = mapping.get(key)
+        tables = mapping.get(key, ())
         return [
             (table.get("name"), table.get("material"))
             if isinstance(table, Mapping)
             else (None,) * 2
-            for table in (tables if isinstance(tables, list | tuple) else ())
+            for table in (tables if isinstance(tables, list | tuple) else (None,))
         ]
 
     return named("material"), named("solid")
 
 
-def _name_faults(materials: Iterable[_Named], solids: Iterable[_Named]) -> list[Fault]:
-    """Names given twice and materials that do not exist; anything but a string is passed over."""
+def _name_faults(materials: list[_Named], solids: Iterable[_Named]) -> list[Fault]:
+    """Names given twice and materials that do not exist; what is no name is passed over.
+
+    Of a material without a name nobody can say that it is not the one meant.
+    """
     faults: list[Fault] = []
     known: dict[str, dict[str, int]] = {"material": {}, "solid": {}}
+    all_named = all(isinstance(name, str) and name for name, _ in materials)
     for key, tables in (("material", materials), ("solid", solids)):
         first = known[key]
         for index, (name, material) in enumerate(tables):
-            if isinstance(name, str) and first.setdefault(name, index) != index:
+            if isinstance(name, str) and name and first.setdefault(name, index) != index:
                 text = f"{show(name)} is already the name of {key}[{first[name]}]"
                 faults.append(((key, index, "name"), text))
-            if isinstance(material, str) and material not in known["material"]:
+            if (
+                all_named
+                and isinstance(material, str)
+                and material
+                and material not in known["material"]
+            ):
                 known_ones = hint(material, known["material"], "the scene has")
                 text = f"{show(material)} is not a material of the scene; {known_ones}"
                 faults.append(((key, index, "material"), text))
@@ -950,9 +973,13 @@ def _described(error: ValidationError, root: Loc = ()) -> list[Fault]:
         error: from validating a table of the scene.
         root: path of that table; empty for the scene itself.
     """
+    errors = error.errors(include_url=False)
+    above = {each["loc"][:length] for each in errors for length in range(len(each["loc"]))}
     return [
         describe({**each, "loc": (*root, *each["loc"])}, _TABLES)
-        for each in error.errors(include_url=False)
+        for each in errors
+        # Pydantic counts only the valid entries of an array.
+        if not (each["type"] == "too_short" and each["loc"] in above)
     ]
 
 
@@ -1025,7 +1052,7 @@ def _parse(source: str, content: bytes) -> Scene:
     except ValueError as error:
         raise SceneError(f"{source}: {error}") from None
     try:
-        return Scene.from_dict(tomllib.loads(text), source)
+        return Scene._from_plain(tomllib.loads(text), source)
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{source}: {syntax_fault(str(error), text)}") from None
     except RecursionError:
@@ -1173,9 +1200,16 @@ def _is_pair(value: object) -> bool:
 
 
 def _given(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that are given, NumPy scalars as Python numbers."""
-    return {
-        key: value.item() if isinstance(value, np.generic) else value
-        for key, value in options.items()
-        if value is not None
-    }
+    """The options that are given, as `_plain` has them."""
+    return {key: value for key, value in _plain(options).items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    """A value as TOML would give it, with Python's numbers and lists in place of NumPy's."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return value

@@ -120,7 +120,7 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (without(VALID, "format"), "format: missing; the only format is 1"),
     (changed(format=2), "format: 2 is not 1"),
     (changed(format=True), "format: true is not an integer"),
-    (changed(format=1.0), "format: 1 is not an integer"),
+    (changed(format=1.0), "format: 1.0 is not an integer; write 1"),
     (changed(title=3), "title: 3 is not a string"),
     (without(VALID, "camera"), "camera: missing"),
     (changed(camera=3), "camera: 3 is not a table"),
@@ -140,6 +140,12 @@ RULES: list[tuple[dict[str, Any], str]] = [
         '"a b\\u001b": unknown key; allowed are "format", "title", "camera", "animation", '
         '"image", "accuracy", "volume", "ambient", "light", "material", "solid"',
     ),
+    (changed(image={2: 3}), "image: 2 is not a key, which is a string"),
+    ({**VALID, 2: 3}, "2 is not a key, which is a string"),  # type: ignore[dict-item]
+    # Materials that a solid may mean, whatever else is wrong with them.
+    (changed(material=BRASS), "material: a table is not an array; write [[material]]"),
+    (changed(material=[BRASS, {**BRASS, "name": 3}]), "material[1].name: 3 is not a string"),
+    (changed(material=[BRASS, {**BRASS, "name": ""}]), 'material[1].name: "" is empty'),
     # Camera.
     (changed(camera={"center": 5}), "camera.center: 5 is not an array of 3 numbers"),
     (changed(camera={"center": [0, 1]}), "camera.center: [0, 1] has 2 numbers, not 3"),
@@ -152,9 +158,19 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (changed(camera={"center": [0, -2e16, 2]}), "camera.center[1]: -2e+16 is not >= -1e+15"),
     (
         changed(camera={"center": [0, 1 << 9999, 2]}),
-        "camera.center[1]: a huge integer is not a number",
+        "camera.center[1]: a huge integer is too large",
     ),
     (changed(camera={"look_at": [0, -8, 3]}), "camera.look_at: [0, -8, 3] equals center"),
+    (
+        changed(camera={"center": [0, 0, 0], "look_at": [0, 1e-16, 0]}),
+        "camera.look_at: [0, 1e-16, 0] is not >= 1e-15 away from center",
+    ),
+    (changed(camera={"center": [1]}), "camera.center: [1] has 1 number, not 3"),
+    (changed(camera={"center": ["a", "b"]}), 'camera.center: ["a", "b"] has 2 entries, not 3'),
+    (
+        changed(camera={"center": [-(10**400), 0, 0]}),
+        "camera.center[0]: a huge integer is too small",
+    ),
     (changed(camera={"up": [0, 0, 0]}), "camera.up: [0, 0, 0] is the zero vector"),
     (changed(camera={"up": [0, 1e-16, 0]}), "camera.up: [0, 1e-16, 0] is not >= 1e-15 long"),
     (
@@ -171,7 +187,10 @@ RULES: list[tuple[dict[str, Any], str]] = [
     # Animation.
     (changed(animation={"frames": 0}), "animation.frames: 0 is not >= 1"),
     (changed(animation={"frames": 100_001}), "animation.frames: 100001 is not <= 100000"),
-    (changed(animation={"frames": 2.0}), "animation.frames: 2 is not an integer"),
+    (changed(animation={"frames": 2.0}), "animation.frames: 2.0 is not an integer; write 2"),
+    (changed(animation={"frames": 2.5}), "animation.frames: 2.5 is not an integer"),
+    (changed(animation={"frames": "12"}), 'animation.frames: "12" is not an integer'),
+    (changed(animation={"frames": math.inf}), "animation.frames: inf is not an integer"),
     (changed(animation={"fps": 0}), "animation.fps: 0 is not >= 0.1"),
     (changed(animation={"fps": 241}), "animation.fps: 241 is not <= 240"),
     (
@@ -379,6 +398,42 @@ RULES: list[tuple[dict[str, Any], str]] = [
         "solid[0].bounds: the plane does not meet this box in an area",
     ),
 ]
+
+
+def test_a_bad_entry_does_not_make_an_array_short() -> None:
+    bad = one({"kind": "quadric", "coefficients": ["1", *range(9)], "color": [1, 0, 0]})
+    assert faults_of(bad) == ('x.toml: solid[0].coefficients[0]: "1" is not a number',)
+    four = [[1, 0, 0, 1], [-1, 0, 0, 1], [0, 1, 0, 1], 5]
+    bad = one({"kind": "polyhedron", "half_spaces": four, "color": [1, 0, 0]})
+    assert faults_of(bad) == ("x.toml: solid[0].half_spaces[3]: 5 is not an array of 4 numbers",)
+
+
+def test_numbers_may_be_those_of_numpy() -> None:
+    numpy = {
+        **VALID,
+        "format": np.int64(1),
+        "camera": {
+            "center": [np.float32(0), np.int8(-8), np.array(3)],
+            "look_at": np.zeros(3, np.float32),
+            "fov_degrees": np.float32(50),
+        },
+        "image": {"width": np.uint16(640), "samples": np.array(2)},
+    }
+    plain = {
+        **VALID,
+        "camera": {"center": [0, -8, 3], "look_at": [0, 0, 0], "fov_degrees": 50},
+        "image": {"width": 640, "samples": 2},
+    }
+    assert Scene.from_dict(numpy).sha256 == Scene.from_dict(plain).sha256
+    camera = {"center": [np.float32(1), np.int64(2), 3], "fov_degrees": np.float32(40)}
+    shown = with_overrides(Scene.from_dict(plain), camera=camera, steps=np.int64(7))  # type: ignore[arg-type]
+    assert (shown.camera.center, shown.camera.fov_degrees, shown.accuracy.steps) == (
+        (1, 2, 3),
+        40,
+        7,
+    )
+    bad = changed(camera={"fov_degrees": np.array([1.0, 2.0])})
+    assert faults_of(bad) == ("x.toml: camera.fov_degrees: [1, 2] is not a number",)
 
 
 @pytest.mark.parametrize(("mapping", "fault"), RULES, ids=[fault for _, fault in RULES])
