@@ -33,7 +33,7 @@ from halfstep.frame import (
 from halfstep.geometry import Floats, Geometry
 from halfstep.layout import TILE
 from halfstep.pack import Packed, Surfaces, pack, surfaces
-from halfstep.scene import Accuracy, Camera, Scene, with_overrides
+from halfstep.scene import Accuracy, Camera, Scene, SceneLike, as_scene, with_overrides
 from halfstep.setup import setup
 
 BACKENDS = ("auto", "gpu", "numpy")
@@ -44,7 +44,7 @@ _LARGE_BLOCK = 31 << 20
 
 
 def render(
-    scene: Scene,
+    scene: SceneLike,
     *,
     size: tuple[int, int] | None = None,
     steps: int | None = None,
@@ -61,7 +61,8 @@ def render(
     """Render one frame of ``scene``; whatever is not given comes from the scene.
 
     Args:
-        scene: what to render.
+        scene: what to render: a `Scene`, the path of a file, the name of a bundled scene, or a
+            mapping as a file holds.
         size: (width, height) in pixels.
         steps: halvings of every ray and solid, 1…30.
         tolerance_pixels: largest depth error in widths of a pixel at that depth.
@@ -76,7 +77,7 @@ def render(
         camera: a camera in place of the scene's, or a mapping of the keys that differ.
 
     Raises:
-        SceneError: an option is out of range.
+        SceneError: there is no such scene, or it has faults; an option is out of range.
         UsageError: an unknown output or backend.
         AdapterError: no suitable adapter.
         DeviceError: the device was lost or the driver failed.
@@ -140,7 +141,7 @@ class Renderer:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: SceneLike,
         *,
         size: tuple[int, int] | None = None,
         steps: int | None = None,
@@ -163,7 +164,7 @@ class Renderer:
             "method": method,
             "samples": samples,
         }
-        self._scene = with_overrides(scene, **self._overrides, camera=camera)
+        self._scene = with_overrides(as_scene(scene), **self._overrides, camera=camera)
         self._outputs = check_outputs(outputs)
         self._solids = _Solids.of(self._scene)
         self._solids_of = self._scene
@@ -189,7 +190,7 @@ class Renderer:
 
     def render(
         self,
-        scene: Scene | None = None,
+        scene: SceneLike | None = None,
         *,
         camera: Camera | Mapping[str, Any] | None = None,
     ) -> Frame:
@@ -201,19 +202,19 @@ class Renderer:
         where a tolerance comes to need longer depth keys or integers of 64 bits.
 
         Raises:
-            SceneError: the camera, or an option for this scene, is not valid.
+            SceneError: the scene, the camera, or an option for this scene, is not valid.
             UsageError: the renderer is closed.
             DeviceError: the device was lost or the driver failed.
         """
         return self._finished(self._prepared(scene, camera))
 
-    def render_all(self, scenes: Iterable[Scene]) -> Iterator[Frame]:
+    def render_all(self, scenes: Iterable[SceneLike]) -> Iterator[Frame]:
         """Frames of ``scenes`` as `render` gives them, in order.
 
         While the device renders one, the next is prepared and the one before can be used.
 
         Raises:
-            SceneError: an option is not valid for one of the scenes.
+            SceneError: one of the scenes, or an option for it, is not valid.
             UsageError: the renderer is closed.
             DeviceError: the device was lost or the driver failed.
         """
@@ -228,13 +229,15 @@ class Renderer:
                 yield rendering.result()
 
     def _prepared(
-        self, scene: Scene | None, camera: Camera | Mapping[str, Any] | None
+        self, scene: SceneLike | None, camera: Camera | Mapping[str, Any] | None
     ) -> _Prepared:
         """All that the device needs of a frame."""
         if self._closed:
             raise UsageError("the renderer is closed")
         begin = time.perf_counter()
-        shown = self._scene if scene is None else with_overrides(scene, **self._overrides)
+        shown = self._scene
+        if scene is not None:
+            shown = with_overrides(as_scene(scene), **self._overrides)
         if camera is not None:
             shown = with_overrides(shown, camera=camera)
         self._take_solids(shown)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.errors import UsageError
+from halfstep.image import png
 from halfstep.pack import Packed, Surfaces
 
 Array = NDArray[Any]
@@ -88,6 +89,16 @@ class Frame:
 
     def __dir__(self) -> Iterable[str]:
         return [*super().__dir__(), *self._arrays]
+
+    def __repr__(self) -> str:
+        first = next(iter(self._arrays.values()))
+        height, width = (first.numbers if isinstance(first, Lookup) else first).shape[:2]
+        outputs, adapter = ", ".join(self._arrays), self.info["adapter"]
+        return f"<Frame of {width}x{height}: {outputs}; on {adapter}>"
+
+    def _repr_png_(self) -> bytes | None:
+        """The image as a notebook shows it, None where it was not computed."""
+        return png(self.image) if "image" in self._arrays else None
 
     @property
     def outputs(self) -> tuple[str, ...]:

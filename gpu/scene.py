@@ -1,10 +1,10 @@
 """The scene: frozen, validated types, and how they are read from TOML.
 
-A scene is built by `load` (a file or a bundled name) or `Scene.from_dict` (a mapping);
-`with_overrides` makes a changed copy. All three check everything and raise one `SceneError` that
-lists every fault as ``file: key.path: value rule``. The types themselves are pydantic models:
-strict (a string or a bool is never a number), frozen, with unknown keys forbidden; vectors are
-tuples of floats.
+A scene is built by `load` (a file or a bundled name) or `Scene.from_dict` (a mapping), of which
+`as_scene` chooses; `with_overrides` makes a changed copy. All check everything and raise one
+`SceneError` that lists every fault as ``file: key.path: value rule``. The types themselves are
+pydantic models: strict (a string or a bool is never a number), frozen, with unknown keys
+forbidden; vectors are tuples of floats.
 
 Lengths and positions are in scene units, angles in degrees, colours linear RGB in 0..1. Attribute
 names are the TOML keys, except that the arrays of tables ``[[light]]``, ``[[material]]`` and
@@ -1008,6 +1008,29 @@ def load(path_or_name: str | os.PathLike[str]) -> Scene:
     raise SceneError(
         f"{given}: no such file or bundled scene; {meant} (`halfstep scenes` lists them all)"
     )
+
+
+# What stands for a scene: itself, a file, the name of a bundled one, or what a file holds.
+SceneLike = Scene | str | os.PathLike[str] | Mapping[str, Any]
+
+
+def as_scene(given: SceneLike) -> Scene:
+    """The scene that ``given`` stands for.
+
+    Args:
+        given: a `Scene`, which is returned as it is; what `load` takes; or what `Scene.from_dict`
+            takes, whose faults read ``scene: solid[2].radius: -1 is not > 0``.
+
+    Raises:
+        SceneError: where there is no such scene, or with every fault it has.
+    """
+    if isinstance(given, Scene):
+        return given
+    if isinstance(given, str | os.PathLike):
+        return load(given)
+    if isinstance(given, Mapping):
+        return Scene.from_dict(given)
+    raise SceneError(f"scene: {show(given)} is not a scene, a path, a bundled name or a mapping")
 
 
 def bundled_scenes() -> dict[str, str]:

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from halfstep.animation import scene_at
 from halfstep.api import Renderer
 from halfstep.frame import Frame, check_outputs
-from halfstep.scene import Scene, with_overrides
+from halfstep.scene import Scene, SceneLike, as_scene, with_overrides
 
 # Frames are handed out this many at a time, and the next so many while these are collected: enough
 # for the workers of a cluster, few enough for the memory of one machine.
@@ -46,7 +46,7 @@ class _Job:
 
 
 def render_frames(
-    scene: Scene,
+    scene: SceneLike,
     frames: Iterable[int] | None = None,
     executor: Executor | None = None,
     *,
@@ -62,7 +62,7 @@ def render_frames(
     in 60 frames.
 
     Args:
-        scene: what to render.
+        scene: what to render, as `render` takes it.
         frames: their numbers, counted from 0; by default all of them.
         executor: whose workers render, each process with a `Renderer` that it keeps; without one
             the frames are rendered here, one ahead of what is asked for. Processes must not be
@@ -74,13 +74,14 @@ def render_frames(
         overrides: size, steps and the other options of `Renderer` that replace what the scene says.
 
     Raises:
-        SceneError: an option is out of range, or some frame shows nothing that can be; at once.
+        SceneError: the scene is not valid, an option is out of range, or some frame shows nothing
+            that can be; at once.
         UsageError: there is no such frame, output or backend.
         AdapterError: no suitable adapter.
         DeviceError: the device was lost or the driver failed.
     """
-    shown = with_overrides(scene, **overrides)
-    numbers = list(range(scene.effective_animation().frames) if frames is None else frames)
+    shown = with_overrides(as_scene(scene), **overrides)
+    numbers = list(range(shown.effective_animation().frames) if frames is None else frames)
     for number in numbers:
         scene_at(shown, number)
     job = _Job(shown, check_outputs(outputs), backend, adapter)

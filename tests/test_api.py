@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import tomllib
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import halfstep
+import halfstep.scenes
 from halfstep import api, device, run_gpu
 from halfstep.api import Renderer
 from halfstep.errors import AdapterError, SceneError, UsageError
@@ -57,6 +60,50 @@ def no_adapter(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(device, "_handles", lambda: ())
     for name in ("HALFSTEP_EXPECT_LAVAPIPE", "HALFSTEP_ADAPTER", "WGPUPY_WGPU_ADAPTER_NAME"):
         monkeypatch.delenv(name, raising=False)
+
+
+# -------------------------------------------------------------------------------------- scenes
+
+
+@pytest.fixture(params=["path", "text", "name", "mapping"])
+def given(request: pytest.FixtureRequest, tmp_path: Path) -> Any:
+    """All that stands for the bundled scene "figure", but for the scene itself."""
+    text = Path(halfstep.scenes.__path__[0], "figure.toml").read_text(encoding="utf-8")
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    forms = {"path": path, "text": str(path), "name": "figure", "mapping": tomllib.loads(text)}
+    return forms[request.param]
+
+
+def test_whatever_stands_for_a_scene_is_rendered(given: Any) -> None:
+    scene = halfstep.load("figure")
+    options: dict[str, Any] = {"size": SIZE, "outputs": ("image",), "backend": "numpy"}
+    expected = halfstep.render(scene, **options)
+    frames = [halfstep.render(given, **options)]
+    with Renderer(given, **options) as renderer:
+        frames.append(renderer.render())
+    with Renderer(SCENE, **options) as renderer:
+        frames.append(renderer.render(given))
+        frames.extend(renderer.render_all([given, scene]))
+    for frame in frames:
+        assert frame.info["scene_sha256"] == expected.info["scene_sha256"]
+        assert_equal(frame, expected)
+    [frame] = halfstep.render_frames(given, [7], **options)
+    [expected] = halfstep.render_frames(scene, [7], **options)
+    assert_equal(frame, expected)
+
+
+def test_a_mapping_that_is_no_scene_lists_its_faults() -> None:
+    faulty: Any = {"format": 1, "camera": {"center": (0, 0, 0)}, "solid": [{"kind": "sphere"}]}
+    expected = (
+        "scene: camera.look_at: missing",
+        "scene: solid[0].radius: missing",
+        "scene: solid[0]: has neither material nor color; one must be given",
+    )
+    for action in (halfstep.render, Renderer, halfstep.render_frames):
+        with pytest.raises(SceneError) as caught:
+            action(faulty)
+        assert set(caught.value.faults) == set(expected)
 
 
 # ------------------------------------------------------------------------------------- options

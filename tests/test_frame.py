@@ -11,6 +11,7 @@ import functools
 import pickle
 from typing import Any
 
+import imageio.v3 as imageio
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -331,3 +332,20 @@ def test_a_device_computes_only_what_is_asked_for() -> None:
     assert device_outputs(("solid",)) == {"surface"}
     assert device_outputs(("solid", "depth", "position", "t")) == {"surface", "key"}
     assert device_outputs(("image", "solid")) == {"surface", "image"}
+
+
+@pytest.mark.parametrize("outputs", [("image", "depth"), ("solid",), ("color",)])
+def test_a_frame_says_what_it_is(backend: str, outputs: tuple[str, ...]) -> None:
+    frame = halfstep.render("figure", size=(32, 24), outputs=outputs, backend=backend)
+    there = ", ".join(frame.outputs)
+    assert {*outputs, "solid"} == set(frame.outputs)
+    assert repr(frame) == f"<Frame of 32x24: {there}; on {frame.info['adapter']}>"
+
+
+def test_a_notebook_shows_the_image() -> None:
+    frame = halfstep.render("figure", size=(32, 24), outputs=("image",), backend="numpy")
+    data = frame._repr_png_()
+    assert data is not None
+    np.testing.assert_array_equal(imageio.imread(data), frame.image)
+    frame = halfstep.render("figure", size=(32, 24), outputs=("depth",), backend="numpy")
+    assert frame._repr_png_() is None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import copy
 import json
 import math
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,7 @@ from halfstep.scene import (
     QuadricSolid,
     Scene,
     Sphere,
+    as_scene,
     bundled_scenes,
     json_schema,
     load,
@@ -773,6 +776,36 @@ def test_faults_name_the_file(tmp_path: Path) -> None:
         "figure.toml: solid[0]: has neither material nor color; one must be given",
         "figure.toml: solid[0].size: missing",
     ]
+
+
+def test_what_stands_for_a_scene(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(SMALLEST)
+    scene = load(path)
+    assert as_scene(scene) is scene
+    assert as_scene(path) == as_scene(str(path)) == scene
+    assert as_scene(tomllib.loads(SMALLEST)).sha256 == scene.sha256
+    assert as_scene(MappingProxyType(tomllib.loads(SMALLEST))).name == "scene"
+    assert as_scene("figure") == load("figure")
+
+
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        ("nowhere/x.toml", "nowhere/x.toml: no such file"),
+        ({**VALID, "format": 2}, "scene: format: 2 is not 1"),
+        ({}, "scene: format: missing; the only format is 1\nscene: camera: missing\n"
+         "scene: solid: missing"),
+        (5, "scene: 5 is not a scene, a path, a bundled name or a mapping"),
+        (None, "scene: None is not a scene, a path, a bundled name or a mapping"),
+        ([VALID], "scene: [a table] is not a scene, a path, a bundled name or a mapping"),
+        (b"figure", "scene: b'figure' is not a scene, a path, a bundled name or a mapping"),
+    ],
+)  # fmt: skip
+def test_what_stands_for_none(given: Any, fault: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        as_scene(given)
+    assert str(caught.value) == fault
 
 
 def test_what_is_no_scene_file(tmp_path: Path) -> None:
