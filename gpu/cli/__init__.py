@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from halfstep import __version__
 from halfstep.cli import animate, bench, check, doctor, info, render, scenes, schema, tune
-from halfstep.cli.output import let_go, open_closed_streams, say, writing_stdout
+from halfstep.cli.output import open_closed_streams, say, writing_stdout
 from halfstep.errors import HalfstepError
 
 EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
@@ -37,9 +37,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         say("interrupted")
         return EXIT_INTERRUPTED
-    except BrokenPipeError:
-        let_go(sys.stdout)
-        return HalfstepError.exit_code
     except OSError as error:
         say(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror))
         return HalfstepError.exit_code

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from halfstep import __version__
 from halfstep.cli.options import add_adapter, add_conveyor, add_size
-from halfstep.cli.output import print_json, say
+from halfstep.cli.output import print_json, print_text, say
 from halfstep.errors import HalfstepError, UsageError
 
 if TYPE_CHECKING:
@@ -64,15 +64,13 @@ def run(arguments: argparse.Namespace) -> int:
         for scene in scenes:
             try:
                 reports.append(checker.check(scene))
-            except HalfstepError as error:
+            except HalfstepError as refusal:
                 if not arguments.all:
                     raise
-                refused[scene.name] = error
+                refused[scene.name] = refusal
             if not arguments.json:
-                told = (
-                    f"{scene.name}: {refused[scene.name]}" if scene.name in refused else reports[-1]
-                )
-                print(told, flush=True)
+                error = refused.get(scene.name)
+                print_text(str(reports[-1]) if error is None else f"{scene.name}: {error}")
     differ = [report.scene.name for report in reports if not report.agrees]
     agree = not (differ or refused)
     result = {
