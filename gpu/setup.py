@@ -39,6 +39,8 @@ EYE_CLEARANCE = 2.0**-20
 # Terms below this, next to 1, count as rounding; without them products of values are not
 # subnormal, which devices may flush.
 NEGLIGIBLE = 2.0**-40
+# No form is scaled up from less than this part of what it is elsewhere.
+FAINTEST = 2.0**-64
 # Points of rays are known to this many roundings of float64 of their distance from the eye.
 HOST_ROUNDINGS = 16 * 2.0**-53
 
@@ -303,9 +305,9 @@ def _flat(geometry: Geometry, ix: Ints, sight: _Sight, starts_at_eye: Bools) -> 
     height, slopes = _heights(rows, rays)
     level = height + slopes[0] * middle
     across = np.abs(slopes[1]) * offsets[0] + np.abs(slopes[2]) * offsets[1]
-    scale = _power_of_two(
-        np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
-    )
+    largest = np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
+    # A plane seen edge on may be this small in its rectangle alone, and would overflow beside it.
+    scale = _power_of_two(np.maximum(largest, FAINTEST * _length(slopes) * middle))
     seen = np.flatnonzero(starts_at_eye[owner] & ~geometry.plane_bounds[plane])
     of_patch = geometry.is_patch[ix[owner[seen]]]
     moved = np.zeros(len(owner))

@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep.scene import Scene
+from halfstep.scene import Scene, with_overrides
 from tests.judge import DELTA_ON_SURFACE, OUTPUTS, Judge, Verdict
+from tests.test_pack import packed_frame
 
 Table = dict[str, Any]
 
@@ -325,3 +326,18 @@ def test_the_base_planes_cut_a_sphere_open(backend: str) -> None:
     assert frame.solid[MIDDLE] == -1
     assert verdict.hits > 50
     assert verdict.starts_inside > 10
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-17, 1e-42, 1e-300])
+def test_a_plane_seen_edge_on_has_numbers_that_fit(tilt: float) -> None:
+    """In the middle column it is as good as parallel to the rays; beside it, it is not."""
+    box = {"min": [-1.0, -1.0, -1.0], "max": [1.0, 1.0, 1.0]}
+    solid = {"kind": "plane", "axis": [1.0, 0.0, tilt], "color": [1.0, 1.0, 1.0], "bounds": box}
+    camera = {"center": [0.0, -4.0, 0.0], "look_at": [0.0, 0.0, 0.0]}
+    scene = Scene.from_dict({"format": 1, "camera": camera, "solid": [solid]})
+    packed = packed_frame(with_overrides(scene, size=(41, 31)))
+    for name in ("c", "b"):
+        assert np.abs(packed.half_spaces[name]).max() < 2.0**66
+    frame = halfstep.render(scene, size=(41, 31), backend="numpy")
+    assert (frame.solid[:, np.arange(41) != 20] == -1).all()
+    assert np.isinf(frame.error[5:-5, 20]).all()
