@@ -164,7 +164,7 @@ LIGHT = Record(
     "Light",
     "A light, relative to the eye.",
     (
-        Field("vector", "vec4<f32>", 1, "direction towards it (w = 0) or position (w = 1)"),
+        Field("vector", "vec4<f32>", 1, "direction to it (w = 0) or w times its position"),
         Field("color", "vec4<f32>", 1, "linear RGB"),
     ),
 )

@@ -24,6 +24,9 @@ U32 = NDArray[np.uint32]
 KEY_SPARE_BITS = 6
 # Fraction bits of integer coefficients.
 FRACTION_BITS = 60
+# Components of unit vectors and colours below this are as good as none: outputs would hold
+# subnormal numbers, which devices may flush.
+FAINT = 2.0**-63
 # Entries of the sRGB table: 128 for each of 13 powers of two, and one for 1.
 SRGB_ENTRIES = 13 * 128 + 1
 
@@ -120,7 +123,7 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
         color=np.array([material.color for material in materials], np.float32),
         specular=np.array([material.specular for material in materials], np.float32),
         shininess=np.array([material.shininess for material in materials], np.uint32),
-        normal=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        normal=_clear(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
         usual=_usual_classes(geometry),
     )
 
@@ -254,8 +257,10 @@ def _lights(scene: Scene, setup: Setup) -> Records:
             direction = np.array(light.direction)
             vector[:3] = direction / np.sqrt(direction.dot(direction))
         else:
-            vector[:3] = np.array(light.position) - setup.view.eye
-            vector[3] = 1.0
+            place = np.array(light.position) - setup.view.eye
+            # Where the greatest length is about 1, squares are neither subnormal nor infinite.
+            vector[3] = 2.0 ** -np.ceil(np.log2(max(np.abs(place).max(), setup.far)))
+            vector[:3] = place * vector[3]
         color[:3] = light.color
     return records
 
@@ -265,17 +270,22 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
     view = setup.view
     right, down, _ = view.camera_from_world
     record = np.zeros(1, _FRAME)
-    record["first_ray"][0, :3] = view.directions(np.array(0), np.array(0))
-    record["right"][0, :3] = view.pixel * right
-    record["down"][0, :3] = view.pixel * down
+    record["first_ray"][0, :3] = _clear(view.directions(np.array(0), np.array(0)))
+    record["right"][0, :3] = view.pixel * _clear(right)
+    record["down"][0, :3] = view.pixel * _clear(down)
     record["ambient"][0, :3] = scene.ambient.color
-    record["background"][0, :3] = scene.image.background
+    record["background"][0, :3] = _clear(np.array(scene.image.background))
     tiles_x = -(-view.width // layout.TILE)
     tiles_y = -(-rows // layout.TILE)
     record["first_row"] = first_row
     record["row_quads"] = tiles_x * layout.TILE // layout.LANES
     record["plane_quads"] = record["row_quads"] * tiles_y * layout.TILE
     return record
+
+
+def _clear(vectors: Floats) -> Floats:
+    """Unit vectors or colours without components below `FAINT`."""
+    return np.where(np.abs(vectors) < FAINT, 0.0, vectors)
 
 
 @functools.cache

@@ -50,8 +50,9 @@ def test_this_driver_computes_rightly(device: Any) -> None:
     assert {"adapter", "driver", "wgpu", "wgpu_native"} <= found.stack.keys()
     if "llvmpipe" in found.stack["adapter"]:
         assert {"mesa", "llvm"} <= found.stack.keys()
-        # What Halfstep's promise of equal bits rests on.
-        assert (found.contraction, found.subnormals) == ("separate", "kept")
+        # What Halfstep's promise of equal bits rests on. It does not rest on the order of a dot
+        # product, which its shaders do not use, or on subnormal numbers: see test_subnormals.
+        assert found.contraction == "separate"
         assert (found.division, found.square_root) == ("correctly rounded", "correctly rounded")
         assert found.int64 == "right"
         # What `testing.Kit` makes up for.

@@ -137,6 +137,21 @@ def test_code_of_a_number_format_is_there_for_it_alone(klass: Class, number_form
             assert not set(other.stages) - set(number_format.stages) & set(stage_names(need))
 
 
+def test_no_built_in_leaves_the_device_a_choice() -> None:
+    """Bits do not hang on the order of a dot product, a contracted mix or a power."""
+    exact = {"abs", "bitcast", "ceil", "clamp", "countLeadingZeros", "max", "min", "select"}
+    # Correctly rounded where bits are promised, as the canary sees.
+    rounded = {"sqrt"}
+    types = {"f32", "i32", "i64", "u32", "u64", "vec2", "vec3", "vec4"}
+    syntax = {"align", "binding", "builtin", "for", "group", "if", "return", "size"}
+    used: set[str] = set()
+    for need in combinations():
+        text = code(compose(need))
+        own = set(re.findall(r"\b(?:fn|struct|alias) (\w+)", text))
+        used |= set(re.findall(r"\b([a-z]\w*)(?:<[^()]*?>)? ?\(", text)) - own
+    assert used - types - syntax - {"workgroup_size"} == exact | rounded
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_from_pixel_to_key_fixed32_has_no_float(method: str) -> None:
     """Every operation that decides what a ray shows, and where, is one of integers."""

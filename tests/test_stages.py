@@ -221,6 +221,7 @@ FAULTS = [
     ("normal.gradient", "k[13]", "k[12]"),
     ("ray.ray_direction", "frame.down.z", "frame.down.y"),
     ("shade.power", "bit = 0u", "bit = 1u"),
+    ("shade.seen", "light > f4(FAINT)", "light < f4(FAINT)"),
     ("shade.shade", "- light.vector.w", "+ light.vector.w"),
     ("shade.shade", "away = dot", "away = -dot"),
     ("encode.srgb_level", ">=", ">"),

@@ -58,6 +58,6 @@ struct HalfSpace {
 
 // A light, relative to the eye.
 struct Light {
-  @align(32) vector: vec4<f32>,  // direction towards it (w = 0) or position (w = 1)
+  @align(32) vector: vec4<f32>,  // direction to it (w = 0) or w times its position
   color: vec4<f32>,  // linear RGB
 }

@@ -1,5 +1,9 @@
 // A visible point -> the outward unit normal of its surface, world axes.
 
+// A vector whose square is below this is none: in a greater square, subnormal terms, which devices
+// may flush, change no bit.
+const VANISHING: f32 = 0x1p-100;
+
 // Three components for each of four pixels.
 struct Vector {
   x: f4,
@@ -19,7 +23,7 @@ fn scaled(a: Vector, s: f4) -> Vector {
 
 // The vector, or the other one where it vanishes (the gradient at the apex of a cone).
 fn or_else(a: Vector, other: Vector) -> Vector {
-  let some = dot_product(a, a) > f4(0.0);
+  let some = dot_product(a, a) > f4(VANISHING);
   return Vector(select(other.x, a.x, some), select(other.y, a.y, some), select(other.z, a.z, some));
 }
 

@@ -1,7 +1,7 @@
 // A normal, a point and a material -> linear colour: Lambert with a Blinn-Phong highlight.
 
-// Highlights below this are as good as none; keeping them away from subnormal numbers, which
-// devices may flush, keeps their bits the same.
+// Light and cosines below this are as good as none. A sum above it has the same bits with its
+// subnormal terms, which devices may flush, and without them.
 const FAINT: f32 = 1e-18;
 
 // The material of each of four pixels.
@@ -23,10 +23,15 @@ fn power(base: f4, exponent: u4) -> f4 {
   return result;
 }
 
+// The light, or none where it is faint.
+fn seen(light: f4) -> f4 {
+  return select(f4(0.0), light, light > f4(FAINT));
+}
+
 // Linear colour of a point, seen along a direction; both are relative to the eye.  The normal is
 // turned towards the viewer, so that the inside of an opened solid is lit too.
 fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish) -> Vector {
-  let away = dot_product(normal, direction) > f4(0.0);
+  let away = dot_product(normal, direction) > f4(FAINT);
   let toward = scaled(normal, select(f4(1.0), f4(-1.0), away));
   var diffuse = Vector(f4(frame.ambient.x), f4(frame.ambient.y), f4(frame.ambient.z));
   var glossy = Vector(f4(0.0), f4(0.0), f4(0.0));
@@ -58,7 +63,7 @@ fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish) -> Ve
         let halfway = normalized(or_else(between, toward));
         let cosine = min(max(dot_product(toward, halfway), f4(0.0)), f4(1.0));
         let shine = finish.specular * power(cosine, finish.shininess);
-        let gloss = select(f4(0.0), shine, lambert > f4(0.0));
+        let gloss = select(f4(0.0), shine, lambert > f4(FAINT));
         glossy = Vector(
           glossy.x + light.color.x * gloss,
           glossy.y + light.color.y * gloss,
@@ -72,8 +77,8 @@ fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish) -> Ve
     }
   }
   return Vector(
-    finish.color.x * diffuse.x + glossy.x,
-    finish.color.y * diffuse.y + glossy.y,
-    finish.color.z * diffuse.z + glossy.z,
+    seen(finish.color.x * diffuse.x + glossy.x),
+    seen(finish.color.y * diffuse.y + glossy.y),
+    seen(finish.color.z * diffuse.z + glossy.z),
   );
 }

@@ -8,6 +8,10 @@ import numpy as np
 
 from halfstep.twin.lanes import F32
 
+# A vector whose square is below this is none: in a greater square, subnormal terms, which devices
+# may flush, change no bit.
+VANISHING = np.float32(2.0**-100)
+
 
 class Vector(NamedTuple):
     """Three components for every pixel."""
@@ -29,7 +33,7 @@ def scaled(a: Vector, s: F32) -> Vector:
 
 def or_else(a: Vector, other: Vector) -> Vector:
     """``a``, or ``other`` where it vanishes (the gradient at the apex of a cone)."""
-    some = dot_product(a, a) > 0
+    some = dot_product(a, a) > VANISHING
     return Vector(*(np.where(some, x, y) for x, y in zip(a, other, strict=True)))
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from halfstep.twin.lanes import F32, U32
 from halfstep.twin.normal import Vector, dot_product, normalized, or_else, scaled
 
-# Highlights below this are as good as none; keeping them away from subnormal numbers, which
-# devices may flush, keeps their bits the same.
+# Light and cosines below this are as good as none. A sum above it has the same bits with its
+# subnormal terms, which devices may flush, and without them.
 FAINT = np.float32(1e-18)
 # Bits of the largest exponent, 1024.
 SHININESS_BITS = 11
@@ -20,7 +20,7 @@ SHININESS_BITS = 11
 class Light(NamedTuple):
     """A light of the frame."""
 
-    vector: F32  # (4,), direction towards it (w = 0) or position relative to the eye (w = 1)
+    vector: F32  # (4,), direction towards it (w = 0) or w times its position from the eye
     color: F32  # (4,), linear RGB
 
 
@@ -43,6 +43,11 @@ def power(base: F32, exponent: U32) -> F32:
     return result
 
 
+def seen(light: F32) -> F32:
+    """``light``, or none where it is faint."""
+    return np.where(light > FAINT, light, np.float32(0))
+
+
 def shade(
     normal: Vector,
     direction: Vector,
@@ -55,7 +60,7 @@ def shade(
 
     The normal is turned towards the viewer, so that the inside of an opened solid is lit too.
     """
-    away = dot_product(normal, direction) > 0
+    away = dot_product(normal, direction) > FAINT
     sign = np.where(away, np.float32(-1), np.float32(1))
     toward = scaled(normal, sign)
     forward = normalized(direction)
@@ -80,11 +85,11 @@ def shade(
                 np.minimum(np.maximum(dot_product(toward, halfway), np.float32(0)), np.float32(1)),
                 finish.shininess,
             )
-            gloss = np.where(lambert > 0, finish.specular * shine, np.float32(0))
+            gloss = np.where(lambert > FAINT, finish.specular * shine, np.float32(0))
             for channel in range(3):
                 glossy[channel] = glossy[channel] + light.color[channel] * gloss
     return Vector(
-        finish.color.x * diffuse[0] + glossy[0],
-        finish.color.y * diffuse[1] + glossy[1],
-        finish.color.z * diffuse[2] + glossy[2],
+        seen(finish.color.x * diffuse[0] + glossy[0]),
+        seen(finish.color.y * diffuse[1] + glossy[1]),
+        seen(finish.color.z * diffuse[2] + glossy[2]),
     )
