@@ -8,7 +8,7 @@ import secrets
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
 
@@ -27,6 +27,15 @@ _PARTIAL = re.compile(r"\.(.+)\.[0-9a-f]{16}\.partial", re.DOTALL)
 _NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
 
+def ask(path: Path) -> None:
+    """Ask the system of ``path``, be it there or not: what is wrong with it is an OSError.
+
+    `Path.is_dir` and its like raise that up to Python 3.13 only, and say no from there on.
+    """
+    with suppress(FileNotFoundError, NotADirectoryError):
+        path.stat()
+
+
 def check_output_path(
     path: str | os.PathLike[str], endings: Collection[str], otherwise: str = ""
 ) -> None:
@@ -43,6 +52,7 @@ def check_output_path(
     """
     path = Path(path)
     try:
+        ask(path)
         # A link stays a link; the file it points to is written.
         target = path.resolve()
         is_folder, is_other = target.is_dir(), target.exists() and not target.is_file()
@@ -78,6 +88,7 @@ def check_output_folder(path: str | os.PathLike[str]) -> None:
     """
     folder = Path(path)
     try:
+        ask(folder)
         there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: {_reason(error)}") from error

@@ -20,6 +20,7 @@ import os
 import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -1002,8 +1003,9 @@ def load(path_or_name: str | os.PathLike[str]) -> Scene:
     bundled = _bundled_files()
     if given in bundled:
         return _parse(f"{given}.toml", bundled[given].read_bytes())
-    if path.exists():
-        raise SceneError(f"{given}: not a scene file; its name must end in .toml")
+    with suppress(OSError):  # as of too long a name, up to Python 3.13
+        if path.exists():
+            raise SceneError(f"{given}: not a scene file; its name must end in .toml")
     meant = hint(given, sorted(bundled), "bundled are")
     raise SceneError(
         f"{given}: no such file or bundled scene; {meant} (`halfstep scenes` lists them all)"

@@ -677,3 +677,31 @@ def test_a_result_is_printed_whatever_stdout_can_write() -> None:
     )
     assert (result.returncode, result.stderr) == (3, device.NO_ADAPTER + "\n")
     assert "VK_DRIVER_FILES=Grafik\\u201e\\udcff\\u201c\n" in result.stdout
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["render", LONG, "-o", "a.png"], f"{LONG}: no such file or bundled scene; "),
+        (["render", f"{LONG}.toml", "-o", "a.png"], f"{LONG}.toml: cannot be read: {{}}\n"),
+        (["render", "figure", "-o", f"{LONG}.png"], f"{LONG}.png: {{}}\n"),
+        (["render", "figure", "-o", f"{LONG}/a.png"], f"{LONG}/a.png: {{}}\n"),
+        (["animate", "figure", "-o", LONG], f"{LONG}: {{}}\n"),
+        (["animate", "figure", "-o", f"{LONG}.gif"], f"{LONG}.gif: {{}}\n"),
+        (["animate", "figure", "-o", f"{LONG}/a.gif"], f"{LONG}/a.gif: {{}}\n"),
+        (["tune", "figure", "-o", LONG], f"{LONG}: {{}}\n"),
+        (["check", "figure", "-o", LONG], f"{LONG}: {{}}\n"),
+        (["bench", "-o", f"{LONG}.png"], f"{LONG}.png: {{}}\n"),
+        (["info", LONG], f"{LONG}: {{}}\n"),
+        (["info", f"{LONG}.png"], f"{LONG}.png: {{}}\n"),
+    ],
+    ids=lambda value: " ".join(value).replace(LONG, "long") if isinstance(value, list) else "",
+)
+def test_too_long_a_name_is_a_usage_error(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    assert capsys.readouterr().err.startswith(message.format("File name too long"))

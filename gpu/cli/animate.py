@@ -8,7 +8,7 @@ import os
 import re
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,6 +60,13 @@ def _range(text: str) -> range:
     return range(first, last + 1)
 
 
+def _is_folder(path: Path) -> bool:
+    """Whether ``path`` is a folder; what is wrong with it is said where a file is checked."""
+    with suppress(OSError):  # as of too long a name, up to Python 3.13
+        return path.is_dir()
+    return False
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Render; the exit code."""
     from halfstep.scene import load, with_animation, with_overrides
@@ -70,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = Path(arguments.output)
     begin = time.monotonic()
     # Without an ending it is a folder, whether that is there already or not.
-    if arguments.output.endswith(os.sep) or path.is_dir() or not path.suffix:
+    if arguments.output.endswith(os.sep) or not path.suffix or _is_folder(path):
         rendered, info = _to_folder(arguments, scene, numbers)
     else:
         rendered, info = _to_file(arguments, scene, numbers)

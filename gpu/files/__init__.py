@@ -24,7 +24,7 @@ from halfstep.files.npz import NPZ
 from halfstep.files.png import PNG
 from halfstep.files.tiff import TIFF
 from halfstep.frame import SOURCES, Frame, check_outputs
-from halfstep.image import check_output_path, replacing
+from halfstep.image import ask, check_output_path, replacing
 from halfstep.provenance import Provenance, from_text, provenance
 
 File = str | os.PathLike[str] | IO[bytes]
@@ -158,6 +158,10 @@ def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
         HalfstepError: the file is not what its ending says, or broken.
     """
     path = Path(path)
+    try:
+        ask(path)
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
     if not path.is_file():
         raise UsageError(f"{path}: there is no such file")
     if _ending(path) not in READ:
