@@ -65,7 +65,18 @@ def test_lattices_cover_the_same_area() -> None:
 # ------------------------------------------------------------------------------ yardsticks
 
 
+def has_compiler() -> bool:
+    """Whether there is a C compiler; the benchmark does without."""
+    try:
+        native._compiler()
+    except native.NoCompilerError:
+        return False
+    return True
+
+
 def test_c_sees_what_halfstep_sees() -> None:
+    if not has_compiler():
+        pytest.skip("no C compiler, which only the benchmark's comparison with C needs")
     scene = scenes.overlapping()
     frame = halfstep.render(scene, size=SIZE, steps=12, backend="numpy", outputs=("solid",))
     seen = native.Native(scene, SIZE, threads=3).render(12)
@@ -269,7 +280,8 @@ def test_every_part_measures(adapter: Adapter, tmp_path: Path) -> None:
     assert [row["threads"] for row in by_name["threads"].rows] == [1, 2, 3]
     assert [row["speed-up"] for row in by_name["threads"].rows] == [1.0, 2.0, 3.0]
     assert by_name["threads"].fits["speed-up against threads"].r_squared == pytest.approx(1.0)
-    assert {row["where"] for row in by_name["halving"].rows} == {"float32", "fixed32", "C"}
+    where = ["float32", "fixed32", "C"] if has_compiler() else ["float32", "fixed32"]
+    assert [row["where"] for row in by_name["halving"].rows] == where
     assert [row["backend"] for row in by_name["twin"].rows] == ["gpu", "numpy"]
     assert whole.machine["adapter"] == adapter.summary.name
     plot.write(whole, tmp_path / "bench.png")
