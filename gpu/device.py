@@ -37,6 +37,10 @@ VARIABLES = (
     "LP_NUM_THREADS",
 )
 
+# What HALFSTEP_EXPECT_LAVAPIPE may be, in any case.
+_YES = ("1", "true", "yes")
+_NO = ("", "0", "false", "no")
+
 MESA = """\
   Debian, Ubuntu  sudo apt-get install mesa-vulkan-drivers
   Fedora          sudo dnf install mesa-vulkan-drivers vulkan-loader
@@ -122,11 +126,13 @@ def select_adapter(
     if backend not in ("", "Vulkan"):
         raise AdapterError(f"WGPU_BACKEND_TYPE={backend}: Halfstep renders on Vulkan only")
     candidates = list(adapters)
-    if environ.get("HALFSTEP_EXPECT_LAVAPIPE") == "1":
+    only_lavapipe = _expects_lavapipe(environ)
+    if only_lavapipe:
         candidates = [adapter for adapter in adapters if is_lavapipe(adapter)]
         if not candidates:
             raise AdapterError(
-                f"HALFSTEP_EXPECT_LAVAPIPE=1: no lavapipe; Mesa's driver brings it:\n{MESA}"
+                f"HALFSTEP_EXPECT_LAVAPIPE={environ['HALFSTEP_EXPECT_LAVAPIPE']}: no lavapipe; "
+                f"Mesa's driver brings it:\n{MESA}"
             )
     if not candidates:
         raise AdapterError(NO_ADAPTER)
@@ -139,8 +145,8 @@ def select_adapter(
             raise AdapterError(f"{source} {request!r}: no such adapter" + _seen(candidates))
         rest = f", the first of {len(matching)} that match" if len(matching) > 1 else ""
         return matching[0], f"{source} {request!r}{rest}"
-    if environ.get("HALFSTEP_EXPECT_LAVAPIPE") == "1":
-        return candidates[0], "HALFSTEP_EXPECT_LAVAPIPE=1"
+    if only_lavapipe:
+        return candidates[0], f"HALFSTEP_EXPECT_LAVAPIPE={environ['HALFSTEP_EXPECT_LAVAPIPE']}"
     if len(candidates) == 1:
         return candidates[0], "the only adapter"
     best = min(candidates, key=lambda adapter: PREFERENCE.index(adapter.kind))
@@ -149,10 +155,8 @@ def select_adapter(
 
 def is_requested(requested: str | int | None = None) -> bool:
     """Whether a certain adapter is asked for: `choose_adapter` then gives that one or none."""
-    return (
-        _request(requested, os.environ)[0] is not None
-        or os.environ.get("HALFSTEP_EXPECT_LAVAPIPE") == "1"
-    )
+    is_named = _request(requested, os.environ)[0] is not None
+    return is_named or _expected(os.environ) not in _NO
 
 
 def is_lavapipe(adapter: AdapterSummary) -> bool:
@@ -268,6 +272,24 @@ def describe() -> dict[str, Any]:
         "reason": chosen.reason,
         "features": features,
     }
+
+
+def _expected(environ: Mapping[str, str]) -> str:
+    return environ.get("HALFSTEP_EXPECT_LAVAPIPE", "").strip().casefold()
+
+
+def _expects_lavapipe(environ: Mapping[str, str]) -> bool:
+    """Whether only Mesa's driver for the processor will do.
+
+    Raises:
+        AdapterError: the variable is neither a yes nor a no.
+    """
+    if _expected(environ) not in _YES + _NO:
+        raise AdapterError(
+            f"HALFSTEP_EXPECT_LAVAPIPE={environ['HALFSTEP_EXPECT_LAVAPIPE']}: neither a yes "
+            f"({', '.join(_YES)}) nor a no ({', '.join(_NO[1:])}, or nothing)"
+        )
+    return _expected(environ) in _YES
 
 
 def _request(requested: str | int | None, environ: Mapping[str, str]) -> tuple[str | None, str]:

@@ -443,14 +443,18 @@ def test_a_gpu_that_is_asked_for_must_be_there(monkeypatch: pytest.MonkeyPatch) 
         render()
 
 
+@pytest.mark.parametrize(
+    ("expected", "message"),
+    [("1", "no lavapipe;"), ("true", "no lavapipe;"), ("please", "neither a yes (1, true, yes)")],
+)
 @pytest.mark.usefixtures("no_adapter")
 def test_an_expected_lavapipe_is_never_replaced_by_the_twin(
-    monkeypatch: pytest.MonkeyPatch,
+    expected: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("HALFSTEP_EXPECT_LAVAPIPE", "1")
+    monkeypatch.setenv("HALFSTEP_EXPECT_LAVAPIPE", expected)
     with pytest.raises(AdapterError) as caught:
         render()
-    assert str(caught.value).startswith("HALFSTEP_EXPECT_LAVAPIPE=1: no lavapipe;")
+    assert str(caught.value).startswith(f"HALFSTEP_EXPECT_LAVAPIPE={expected}: {message}")
 
 
 def test_the_numpy_backend_never_asks_for_an_adapter(monkeypatch: pytest.MonkeyPatch) -> None:

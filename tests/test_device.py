@@ -69,6 +69,11 @@ def test_the_best_kind_is_taken(
         (None, {"HALFSTEP_ADAPTER": "2", "WGPUPY_WGPU_ADAPTER_NAME": "Intel"}, VIRTUAL,
          "HALFSTEP_ADAPTER '2'"),
         (None, {"HALFSTEP_EXPECT_LAVAPIPE": "1"}, LAVAPIPE, "HALFSTEP_EXPECT_LAVAPIPE=1"),
+        (None, {"HALFSTEP_EXPECT_LAVAPIPE": "True"}, LAVAPIPE, "HALFSTEP_EXPECT_LAVAPIPE=True"),
+        (None, {"HALFSTEP_EXPECT_LAVAPIPE": " yes"}, LAVAPIPE, "HALFSTEP_EXPECT_LAVAPIPE= yes"),
+        (None, {"HALFSTEP_EXPECT_LAVAPIPE": "FALSE"}, CARD, f"the first of kind discrete; {ORDER}"),
+        (None, {"HALFSTEP_EXPECT_LAVAPIPE": "no"}, CARD, f"the first of kind discrete; {ORDER}"),
+        (None, {"HALFSTEP_EXPECT_LAVAPIPE": ""}, CARD, f"the first of kind discrete; {ORDER}"),
         (None, {"HALFSTEP_EXPECT_LAVAPIPE": "0", "WGPU_BACKEND_TYPE": "Vulkan"}, CARD,
          f"the first of kind discrete; {ORDER}"),
     ],
@@ -98,6 +103,9 @@ def test_what_is_asked_for_is_taken(
          "  Fedora          sudo dnf install mesa-vulkan-drivers vulkan-loader\n"
          "  Arch            sudo pacman -S vulkan-swrast vulkan-icd-loader\n"
          "  conda           conda install -c conda-forge mesalib libvulkan-loader"),
+        (ALL, None, {"HALFSTEP_EXPECT_LAVAPIPE": "lavapipe"},
+         "HALFSTEP_EXPECT_LAVAPIPE=lavapipe: neither a yes (1, true, yes) nor a no "
+         "(0, false, no, or nothing)"),
         (ALL, None, {"WGPU_BACKEND_TYPE": "OpenGL"},
          "WGPU_BACKEND_TYPE=OpenGL: Halfstep renders on Vulkan only"),
         ([], "RTX", {},

@@ -156,11 +156,16 @@ def test_without_an_adapter_tests_are_skipped(pytester: pytest.Pytester) -> None
     assert "no Vulkan adapter found" in result.stdout
 
 
-def test_where_lavapipe_is_expected_its_absence_is_a_failure(pytester: pytest.Pytester) -> None:
+@pytest.mark.parametrize(
+    ("expected", "message"), [("1", "no lavapipe"), ("Yes", "no lavapipe"), ("2", "neither a yes ")]
+)
+def test_where_lavapipe_is_expected_its_absence_is_a_failure(
+    pytester: pytest.Pytester, expected: str, message: str
+) -> None:
     pytester.makepyfile(PASSING)
-    result = run_alone(pytester, HALFSTEP_EXPECT_LAVAPIPE="1", **NO_DRIVER)
+    result = run_alone(pytester, HALFSTEP_EXPECT_LAVAPIPE=expected, **NO_DRIVER)
     assert result.returncode == 1
-    assert "HALFSTEP_EXPECT_LAVAPIPE=1: no lavapipe" in result.stdout
+    assert f"HALFSTEP_EXPECT_LAVAPIPE={expected}: {message}" in result.stdout
     assert "1 error" in result.stdout
     assert "skipped" not in result.stdout
 
