@@ -25,18 +25,24 @@ class Steps:
     """Halvings of each visible solid, and what the number format cannot reach."""
 
     count: NDArray[np.int64]  # (V,)
-    short: NDArray[np.bool_]  # (V,), the tolerance wants more than ``useful``
+    short: NDArray[np.bool_]  # (V,), the tolerance wants more than ``most``
     reached: NDArray[np.float64]  # (V,), depth error that is met, in scene units
-    useful: int  # halvings beyond this no longer pay in the number format
+    most: int  # halvings that a tolerance gets: more do not pay, or are not to be had
 
 
-def steps_for(scene: Scene, setup: Setup, samples: int = 1) -> Steps:
+def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | None = None) -> Steps:
     """Halvings that meet the scene's ``[accuracy]`` in the frame ``setup``.
 
-    ``samples``: how many pixels of ``setup`` make the width of a pixel of the picture.
+    Args:
+        scene: whose accuracy is asked for.
+        setup: the frame.
+        samples: how many pixels of ``setup`` make the width of a pixel of the picture.
+        most_steps: no tolerance gets more; None leaves it to the number format.
     """
     accuracy = scene.accuracy
-    useful = format_for(accuracy, 0).useful_steps
+    most = format_for(accuracy, 0).useful_steps
+    if most_steps is not None:
+        most = min(most, most_steps)
     if accuracy.steps is not None:
         count = np.full(setup.count, accuracy.steps)
         short = np.zeros(setup.count, bool)
@@ -48,7 +54,7 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1) -> Steps:
             tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * setup.nearest
         share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
         wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
-        short = wanted > useful
-        count = np.minimum(np.maximum(wanted, 1), useful).astype(np.int64)
+        short = wanted > most
+        count = np.minimum(np.maximum(wanted, 1), most).astype(np.int64)
     reached = setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE)
-    return Steps(count, short, reached, useful)
+    return Steps(count, short, reached, most)

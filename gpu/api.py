@@ -137,6 +137,10 @@ class Renderer:
 
     Takes what ``render`` takes; ``outputs`` defaults to the image alone.  Use it as a context
     manager or call ``close``.
+
+    Attributes:
+        most_steps: halvings that a tolerance gets at most, where the device has no 64-bit
+            integers; else None.
     """
 
     def __init__(
@@ -169,6 +173,7 @@ class Renderer:
         self._solids = _Solids.of(self._scene)
         self._solids_of = self._scene
         self._device = _device(backend, adapter, self._scene.accuracy)
+        self.most_steps = None if self._device is None else self._device.most_steps
         self._told: set[int] = set()
         # The last scene that was hashed: most often the one before.
         self._hashed: tuple[Scene | None, str] = None, ""
@@ -283,12 +288,12 @@ class Renderer:
         solids = self._solids
         near, far = cameras.base_planes(view, *solids.volume)
         constants = setup(solids.geometry, view, near, far)
-        steps = steps_for(scene, constants, samples)
+        steps = steps_for(scene, constants, samples, self.most_steps)
         self._tell_short(scene, constants.solid, steps)
         return pack(scene, solids.geometry, solids.tables, constants, steps.count)
 
     def _tell_short(self, scene: Scene, solids: NDArray[np.int64], steps: Steps) -> None:
-        """Say once of the solids whose tolerance the format cannot meet what they get instead."""
+        """Say once of the solids whose tolerance cannot be met what they get instead."""
         if not steps.short.any():
             return
         short = solids[steps.short].tolist()
@@ -299,8 +304,9 @@ class Renderer:
         self._told.update(new)
         told = [f"{_name_of(scene, ix)} (depth error at most {errors[ix]:.2g})" for ix in new[:3]]
         more = f" and {len(new) - 3} more solids" if len(new) > 3 else ""
+        device = ", the most without 64-bit integers in shaders," * (steps.most == self.most_steps)
         warnings.warn(
-            f"the tolerance needs more than {steps.useful} steps for {', '.join(told)}{more}",
+            f"the tolerance needs more than {steps.most} steps{device} for {', '.join(told)}{more}",
             stacklevel=4,
         )
 

@@ -150,6 +150,7 @@ class Checker:
             warnings.simplefilter("ignore")  # they say what has just been said
             images = self._rendered(scene, ("image",), IMAGES)
             twin = Twin(scene, backend="numpy", outputs=SOURCES)
+            twin.most_steps = renderer.most_steps
             expected = twin.render()
         replayed = None if self._exact else twin.replayed()
         frame = compare_frames(found, expected, exact=self._exact, replay=replayed)

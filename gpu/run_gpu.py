@@ -120,6 +120,11 @@ class Device:
                 f"{needed_by}, or the backend numpy"
             )
 
+    @property
+    def most_steps(self) -> int | None:
+        """Halvings that a tolerance can get at most; None where the number format decides."""
+        return None if INT64 in self._device.features else FLOAT_STEPS
+
     def band_rows(self, width: int, outputs: frozenset[str]) -> int:
         """Picture rows of a band whose frame buffer fits the device, a multiple of the tile."""
         size = min(BAND_BYTES, self.largest_binding)

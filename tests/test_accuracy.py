@@ -11,7 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
+from halfstep import run_gpu
 from halfstep.accuracy import ROUNDING_SHARE, steps_for
+from halfstep.check import Checker
+from halfstep.device import Adapter
+from halfstep.errors import AdapterError
 from halfstep.formats import FIXED32, FLOAT32, Format
 from halfstep.scene import Scene, bundled_scenes, with_overrides
 from tests.scenes_random import KINDS, random_scene
@@ -111,6 +115,46 @@ def test_what_a_format_cannot_reach_is_said_once_of_each_solid(number_format: Fo
     promised = [float(word) for word in re.findall(r"at most ([^)]*)", text)]
     assert promised == pytest.approx([2.0**-useful] * 2, rel=1.0)
     assert float(np.median(frame.error[frame.solid >= 0])) > promised[0]
+
+
+@pytest.mark.usefixtures("adapter")
+def test_without_64_bit_integers_a_tolerance_gets_16_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """More are refused only where they are asked for by number."""
+    monkeypatch.setattr(run_gpu, "INT64", "no such feature")
+    options: dict[str, Any] = {"size": SIZE, "backend": "gpu", "outputs": ("depth", "error")}
+    with pytest.warns(UserWarning, match="more than 16 steps") as told:
+        frame = halfstep.render(_two_balls(), tolerance=1e-9, **options)
+    (text,) = (str(warning.message) for warning in told)
+    assert text.startswith(
+        "the tolerance needs more than 16 steps, the most without 64-bit integers in shaders, for "
+        "'ball' (depth error at most "
+    )
+    promised = [float(word) for word in re.findall(r"at most ([^)]*)", text)]
+    assert promised == pytest.approx([2.0**-16] * 2, rel=1.0)
+    assert frame.info["steps"] == [16, 16]
+    truth = Shot(_two_balls(), SIZE).oracle().trace()
+    sure = (frame.solid >= 0) & (truth.solid >= 0) & np.isfinite(frame.error)
+    assert sure.sum() > 100
+    assert (np.abs(frame.depth - truth.depth) <= frame.error)[sure].all()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        halfstep.render(_two_balls(), tolerance=1e-4, **options)
+    with pytest.raises(AdapterError, match="which more than 16 steps need; use fewer"):
+        halfstep.render(_two_balls(), steps=17, **options)
+
+
+@pytest.mark.parametrize("method", ["visible", "article"])
+@pytest.mark.filterwarnings("ignore:.*the tolerance needs more than")
+def test_check_gives_numpy_the_steps_of_the_device(
+    method: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_gpu, "INT64", "no such feature")
+    scene = halfstep.load("edge_eye_on_surface")
+    with Checker(adapter.summary.index) as checker:
+        report = checker.check(with_overrides(scene, size=SIZE, method=method))
+    assert report.agrees
 
 
 def test_a_tolerance_that_can_be_met_is_met_in_silence() -> None:
