@@ -22,7 +22,7 @@ from halfstep.calls import Calls, noted
 from halfstep.canary import Fingerprint, fingerprint
 from halfstep.device import INT64, choose_adapter, is_lavapipe, open_device
 from halfstep.formats import FIXED32
-from halfstep.frame import SOURCES, Frame, device_outputs
+from halfstep.frame import SOURCES, device_outputs
 from halfstep.pack import Packed, frame_record, srgb_quads
 from halfstep.replay import Replay, replay
 from halfstep.scene import Scene, with_overrides
@@ -145,10 +145,12 @@ class Checker:
             AdapterError, DeviceError: as ``render``.
         """
         scene = with_overrides(scene, samples=1)
-        [found] = self._rendered(scene, SOURCES, 1)
+        with self._renderer(scene, SOURCES) as renderer:
+            found = renderer.render()
         with warnings.catch_warnings(), noted() as calls:
             warnings.simplefilter("ignore")  # they say what has just been said
-            images = self._rendered(scene, ("image",), IMAGES)
+            with self._renderer(scene, ("image",)) as of_images:
+                images = [of_images.render() for _ in range(IMAGES)]
             twin = Twin(scene, backend="numpy", outputs=SOURCES)
             twin.most_steps = renderer.most_steps
             expected = twin.render()
@@ -171,10 +173,8 @@ class Checker:
             picture=next(pictures, None),
         )
 
-    def _rendered(self, scene: Scene, outputs: Iterable[str], count: int) -> list[Frame]:
-        """The first frames of a renderer."""
-        with Renderer(scene, backend="gpu", adapter=self._adapter, outputs=outputs) as renderer:
-            return [renderer.render() for _ in range(count)]
+    def _renderer(self, scene: Scene, outputs: Iterable[str]) -> Renderer:
+        return Renderer(scene, backend="gpu", adapter=self._adapter, outputs=outputs)
 
     def _stages(
         self, twin: Twin, calls: Mapping[tuple[str, str], Calls]

@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep import halfspaces
+from halfstep.edges import EDGES
 from halfstep.errors import SceneError
 from halfstep.scene import (
     Box,
     Cone,
     Cylinder,
+    Ellipsoid,
     HyperboloidOneSheet,
     HyperboloidTwoSheets,
     Paraboloid,
@@ -27,6 +29,7 @@ from halfstep.scene import (
     QuadricSolid,
     Scene,
     Solid,
+    Sphere,
 )
 
 Floats = NDArray[np.float64]
@@ -38,6 +41,8 @@ Bools = NDArray[np.bool_]
 PARALLEL = 1e-9
 # The default volume is this much wider than the solids, so that no solid touches a base plane.
 VOLUME_MARGIN = 2.0**-10
+# Where the curvatures of F differ more than this, rounding may hide where the solid ends.
+SLENDER = 2.0**8
 # F at the centre of an ellipsoid is known to this fraction of its terms.
 LEVEL_ROUNDING = 16 * 2.0**-53
 
@@ -79,7 +84,8 @@ class Geometry:
     """K solids and their M half-spaces; solids come last in every array.
 
     Column j of ``planes`` is (n, d): inside where n·x + d <= 0.  The first column of a patch is the
-    patch's own plane, the others are its bounds.
+    patch's own plane, the others are its bounds.  Columns that stand for an edge of the solid's
+    screen rectangle have n = 0 and exclude nothing here; slender solids have them, and come last.
     """
 
     origin: Floats  # (3, K), world
@@ -96,6 +102,7 @@ class Geometry:
     planes: Floats  # (4, M)
     plane_solid: Ints  # (M,), the solid of each half-space
     plane_bounds: Bools  # (M,), it bounds a patch, so it is never seen itself
+    plane_edge: Ints  # (M,), it stands for this edge of the screen rectangle; -1 for no edge
     hulls: Hulls
 
     @property
@@ -126,10 +133,18 @@ def build(scene: Scene) -> Geometry:
 
     form, hulls = _hulls(solids, rows, quadric, is_flat)
     plane_count = np.array([len(each) for each in rows], np.int64)
+    is_loose = ~is_flat & _is_loose(form, plane_count, has_cut)
+    slender = np.flatnonzero((form >= Form.ELLIPSOID) & _is_slender(quadric))
+    for ix in slender.tolist():
+        rows[ix] = np.concatenate([rows[ix], np.repeat([[0.0, 0.0, 0.0, 1.0]], EDGES, axis=0)])
+    plane_count[slender] += EDGES
     planes = np.concatenate(rows).T * np.array([[1.0], [1.0], [1.0], [-1.0]])
     plane_start = np.cumsum(plane_count) - plane_count
     plane_bounds = np.repeat(is_patch, plane_count)
     plane_bounds[plane_start[is_patch]] = False
+    plane_edge = np.full(len(plane_bounds), -1)
+    last = plane_start + plane_count - 1
+    plane_edge[last[slender, None] - np.arange(EDGES)] = np.arange(EDGES)
     return Geometry(
         origin=_solids_last(origin),
         world_from_local=_solids_last(rotation),
@@ -139,12 +154,13 @@ def build(scene: Scene) -> Geometry:
         is_ellipsoid=(form == Form.ELLIPSOID) & (plane_count == 0),
         is_empty=form == Form.EMPTY,
         is_bounded=form >= Form.ELLIPSOID,
-        is_loose=~is_flat & _is_loose(form, plane_count, has_cut),
+        is_loose=is_loose,
         plane_start=plane_start,
         plane_count=plane_count,
         planes=np.ascontiguousarray(planes),
         plane_solid=np.repeat(np.arange(count), plane_count),
         plane_bounds=plane_bounds,
+        plane_edge=plane_edge,
         hulls=hulls,
     )
 
@@ -157,6 +173,17 @@ def _is_loose(form: Ints, plane_count: Ints, has_cut: Bools) -> Bools:
     """Quadrics (K,) whose hull is that of some of their inequalities only."""
     of_surface = (form == Form.ELLIPSOID) & (plane_count > 0) | (form == Form.DISCS) & has_cut
     return np.asarray(of_surface | (form == Form.UNBOUNDED) | (form == Form.POINTS))
+
+
+def _is_slender(matrix: Floats) -> Bools:
+    """Whether curvatures of quadrics (K, 4, 4) that are not 0 differ by more than `SLENDER`, (K,).
+
+    Of an ellipsoid they are the inverse squares of its semi-axes.
+    """
+    bend = np.abs(np.linalg.eigvalsh(matrix[:, :3, :3]))
+    largest = bend.max(axis=1, keepdims=True)
+    bend = np.where(bend > 0, bend, largest)
+    return np.asarray(largest[:, 0] > SLENDER * bend.min(axis=1))
 
 
 def _patch_rows(solid: PlanePatch, origin: Floats, rotation: Floats) -> Floats:
@@ -182,7 +209,8 @@ def _hulls(
     """Form of every solid (K,), and the hulls."""
     form = np.where(is_flat, Form.POINTS, Form.UNBOUNDED)
     curved = np.flatnonzero(~is_flat)
-    form[curved], center, axes = _ellipsoids(quadric[curved])
+    known = [isinstance(solids[ix], Sphere | Ellipsoid) for ix in curved.tolist()]
+    form[curved], center, axes = _ellipsoids(quadric[curved], np.array(known, np.bool_))
     of_curved = form[curved] == Form.ELLIPSOID
 
     disc_ix, disc_z = _cut_across(form, solids)
@@ -214,11 +242,14 @@ def _hulls(
     )
 
 
-def _ellipsoids(matrix: Floats) -> tuple[Ints, Floats, Floats]:
-    """Of quadrics (Q, 4, 4): form, centre and semi-axis vectors in columns if F is definite."""
+def _ellipsoids(matrix: Floats, is_known: Bools) -> tuple[Ints, Floats, Floats]:
+    """Of quadrics (Q, 4, 4): form, centre and semi-axis vectors in columns if F is definite.
+
+    Of some it ``is_known``; of others rounding hides it where axes differ by 10^6.
+    """
     second, linear, constant = matrix[:, :3, :3], matrix[:, :3, 3], matrix[:, 3, 3]
     values, vectors = map(np.asarray, np.linalg.eigh(second))
-    definite = values[:, 0] > 1e-12 * values[:, 2]
+    definite = is_known | (values[:, 0] > 1e-12 * values[:, 2])
     center, axes = np.zeros_like(linear), np.zeros_like(second)
     form = np.full(len(matrix), Form.UNBOUNDED)
     second, linear, constant = second[definite], linear[definite], constant[definite]

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep import layout
+from halfstep.edges import monomials_of
 from halfstep.formats import Format, format_for
 from halfstep.geometry import Geometry
 from halfstep.layout import Flag
 from halfstep.scene import Scene
-from halfstep.setup import START_BITS, Setup, monomials_of
+from halfstep.setup import START_BITS, Setup
 
 Floats = NDArray[np.float64]
 Records = NDArray[np.void]
@@ -116,6 +117,8 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
         np.take(geometry.world_from_local, geometry.plane_solid, axis=-1),
         geometry.planes[:3],
     )
+    # Edges of the screen rectangle have no normal: they are not seen.
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
     return Surfaces(
         solid=np.append(-1, owner).astype(np.int32),
         number=np.append(-1, np.arange(len(owner)) + 1 - first[owner]).astype(np.int32),
@@ -123,7 +126,7 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
         color=np.array([material.color for material in materials], np.float32),
         specular=np.array([material.specular for material in materials], np.float32),
         shininess=np.array([material.shininess for material in materials], np.uint32),
-        normal=_clear(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        normal=_clear(normals / np.where(length > 0, length, 1.0)).astype(np.float32),
         usual=_usual_classes(geometry),
     )
 

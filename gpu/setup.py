@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from halfstep.bounds import Bounds, bounds
 from halfstep.camera import View
+from halfstep.edges import edge_forms, end_lines, end_quadrics, monomials_of
 from halfstep.geometry import Geometry
 
 Floats = NDArray[np.float64]
@@ -118,7 +119,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     sight = _Sight(rays, middle, half, offsets, error)
 
     curved = _curved(geometry, ix, rotation, sight)
-    flat = _flat(geometry, ix, sight, starts_at_eye)
+    flat = _flat(geometry, ix, sight, starts_at_eye, rectangle, center)
     at_eye = np.flatnonzero(starts_at_eye)
     facts = _Eye.elsewhere(len(ix))
     if len(at_eye):
@@ -242,6 +243,7 @@ def _curved(geometry: Geometry, ix: Ints, rotation: Floats, sight: _Sight) -> _C
 
     forms = _quadric_forms(matrix, points, slopes, sight)
     monomials = monomials_of(sight.offsets)
+    end_quadrics(forms, sight.offsets, geometry.has_quadric[ix])
     size = np.abs(forms)
     scale = _power_of_two(np.einsum("fmk,mk->k", size, monomials))
     least = NEGLIGIBLE / np.maximum(monomials, 1.0)
@@ -292,7 +294,14 @@ def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: _Sight
     return forms
 
 
-def _flat(geometry: Geometry, ix: Ints, sight: _Sight, starts_at_eye: Bools) -> _Flat:
+def _flat(
+    geometry: Geometry,
+    ix: Ints,
+    sight: _Sight,
+    starts_at_eye: Bools,
+    rectangle: Ints,
+    center: Ints,
+) -> _Flat:
     count, owner, plane = _lines_of(geometry, ix)
     start = np.cumsum(count) - count
     lines = np.empty((2, 3, len(plane)))
@@ -316,12 +325,19 @@ def _flat(geometry: Geometry, ix: Ints, sight: _Sight, starts_at_eye: Bools) -> 
     np.multiply(slopes, middle * scale, out=lines[0])
     lines[0, 0] = level * scale + moved
     np.multiply(slopes, half * scale, out=lines[1])
+    end_lines(lines, offsets, start[~geometry.has_quadric[ix] & (count > 1)])
     size = np.abs(lines)
     lines[:, 0] *= size[:, 0] >= NEGLIGIBLE
     lines[:, 1:] *= size[:, 1:] >= NEGLIGIBLE / np.maximum(offsets, 1.0)
     error *= _length(rows[:3]) * scale
     error += 3 * NEGLIGIBLE
     error += np.abs(moved)
+    edge = geometry.plane_edge[plane]
+    of_edge = np.flatnonzero(edge >= 0)
+    if len(of_edge):
+        its = owner[of_edge]
+        c[:, of_edge] = edge_forms(edge[of_edge], rectangle[:, its], center[:, its])
+        b[:, of_edge] = error[of_edge] = 0.0
     return _Flat(start, count, plane, c, b, error)
 
 
@@ -439,16 +455,6 @@ def _rays(view: View, center: Ints, origin: Floats, rotation: Floats) -> Floats:
 def _length(vectors: Floats) -> Floats:
     """Lengths (…, N) of vectors (…, 3, N)."""
     return np.asarray(np.sqrt(np.einsum("...an,...an->...n", vectors, vectors)))
-
-
-def monomials_of(offsets: Floats) -> Floats:
-    """Largest magnitudes (6, V) of 1, x, y, x², xy, y² over rectangles of ``offsets`` (2, V)."""
-    monomials = np.empty((6, offsets.shape[1]))
-    monomials[0] = 1.0
-    monomials[1:3] = offsets
-    np.multiply(offsets, offsets[0], out=monomials[3:5])
-    np.multiply(offsets[1], offsets[1], out=monomials[5])
-    return monomials
 
 
 def _power_of_two(largest: Floats) -> Floats:
