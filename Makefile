@@ -33,14 +33,14 @@ clean:
 
 # Any Vulkan adapter, or Mesa's driver. Where that cannot be installed, `doctor` says what to do.
 adapter: $(INSTALLED)
-	@$(PYTHON) -c 'from halfstep.device import list_adapters; \
+	@$(PYTHON) -c 'from halfstep.device.adapters import list_adapters; \
 	    raise SystemExit(not list_adapters())' \
 	    || { $(call apt_install,mesa-vulkan-drivers); } || true
 	@$(PYTHON) -m halfstep doctor
 
 # The driver that the tests compare with bit for bit, also where there is a graphics card.
 lavapipe: $(INSTALLED)
-	@$(PYTHON) -c 'from halfstep.device import is_lavapipe, list_adapters; \
+	@$(PYTHON) -c 'from halfstep.device.adapters import is_lavapipe, list_adapters; \
 	    raise SystemExit(not any(map(is_lavapipe, list_adapters())))' \
 	    || { $(call apt_install,mesa-vulkan-drivers); } || true
 	@HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m halfstep doctor

@@ -17,16 +17,15 @@ when they are first used.
 from typing import TYPE_CHECKING
 
 from halfstep.lazy import lazily
+from halfstep.version import __version__
 
 if TYPE_CHECKING:
-    from halfstep.api import Renderer, render
     from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError, UsageError
     from halfstep.files import write
-    from halfstep.frame import Frame
+    from halfstep.frames.frame import Frame
+    from halfstep.frames.renderer import Renderer, render
+    from halfstep.frames.sequence import render_frames
     from halfstep.scene import Scene, load
-    from halfstep.sequence import render_frames
-
-__version__ = "0.1.0"
 
 __all__ = [
     "AdapterError",
@@ -47,15 +46,15 @@ __all__ = [
 _HOME = {
     "AdapterError": "errors",
     "DeviceError": "errors",
-    "Frame": "frame",
+    "Frame": "frames.frame",
     "HalfstepError": "errors",
-    "Renderer": "api",
+    "Renderer": "frames.renderer",
     "Scene": "scene",
     "SceneError": "errors",
     "UsageError": "errors",
     "load": "scene",
-    "render": "api",
-    "render_frames": "sequence",
+    "render": "frames.renderer",
+    "render_frames": "frames.sequence",
     "write": "files",
 }
 

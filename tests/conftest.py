@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from halfstep.device import Adapter
+from halfstep.device.adapters import Adapter
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 
@@ -60,7 +60,7 @@ def composed(monkeypatch: pytest.MonkeyPatch) -> list[Needs]:
         found.append(needs)
         return compose(needs)
 
-    monkeypatch.setattr("halfstep.run_gpu.compose", noted)
+    monkeypatch.setattr("halfstep.run.gpu.compose", noted)
     return found
 
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 import halfstep
-from halfstep.frame import SOURCES, Frame
-from halfstep.layout import TILE
+from halfstep.contract.layout import TILE
+from halfstep.frames.frame import SOURCES, Frame
 from halfstep.scene import Scene
 
 STEPS = (4, 12, 24, 30)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.camera import view
+from halfstep.host.camera import view
 from halfstep.scene import QuadricSolid, Scene, Volume
 from tests.oracle import Oracle, Trace
 from tests.scenes_random import intervals

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.camera import base_planes, view
 from halfstep.errors import SceneError
-from halfstep.geometry import build, volume_box
+from halfstep.host.camera import base_planes, view
+from halfstep.host.geometry import build, volume_box
+from halfstep.host.setup import setup
 from halfstep.scene import PlanePatch, Scene, with_overrides
-from halfstep.setup import setup
 
 Table = dict[str, Any]
 Floats = NDArray[np.float64]

@@ -21,16 +21,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep import run_twin
-from halfstep.accuracy import steps_for
-from halfstep.camera import base_planes, view
-from halfstep.device import choose_adapter
-from halfstep.frame import Frame, arrays_of, device_outputs
-from halfstep.geometry import build, volume_box
-from halfstep.pack import pack, surfaces
-from halfstep.run_gpu import Device
+from halfstep.device.adapters import choose_adapter
+from halfstep.frames.frame import Frame, arrays_of, device_outputs
+from halfstep.host.camera import base_planes, view
+from halfstep.host.geometry import build, volume_box
+from halfstep.host.pack import pack, surfaces
+from halfstep.host.setup import setup
+from halfstep.host.steps import steps_for
+from halfstep.run import twin as run_twin
+from halfstep.run.gpu import Device
 from halfstep.scene import Scene, Volume, with_overrides
-from halfstep.setup import setup
 from tests.oracle import Oracle, Trace
 from tests.scenes_random import KINDS, Drawn, random_scene, random_solid
 

@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep import run_gpu
-from halfstep.accuracy import ROUNDING_SHARE, steps_for
-from halfstep.check import Checker
-from halfstep.device import Adapter
+from halfstep.check.checker import Checker
+from halfstep.contract.formats import FIXED32, FLOAT32, Format
+from halfstep.device.adapters import Adapter
 from halfstep.errors import AdapterError
-from halfstep.formats import FIXED32, FLOAT32, Format
+from halfstep.host.steps import ROUNDING_SHARE, steps_for
+from halfstep.run import gpu as run_gpu
 from halfstep.scene import Scene, bundled_scenes, with_overrides
 from tests.scenes_random import KINDS, random_scene
 from tests.soundness import Shot, Way

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import halfstep
-from halfstep import sequence
-from halfstep.api import Renderer
 from halfstep.cli import main, output
 from halfstep.files import read_provenance
+from halfstep.files.folder import FrameFolder, manifest
 from halfstep.files.movie import MOVIES, write_movie
-from halfstep.folder import FrameFolder, manifest
+from halfstep.frames import sequence
+from halfstep.frames.renderer import Renderer
 from halfstep.scene import Scene, load, with_animation
 
 Pictures = list[NDArray[np.uint8]]
@@ -415,7 +415,7 @@ def test_a_folder_has_every_frame_and_says_of_what(
             np.testing.assert_array_equal(np.asarray(image), picture)
     facts = read_provenance(folder / "frame_0003.png")
     assert facts is not None
-    assert facts["scene_sha256"] == halfstep.animation.scene_at(scene, 3).sha256
+    assert facts["scene_sha256"] == halfstep.scene.animation.scene_at(scene, 3).sha256
     assert json.loads((folder / "animation.json").read_text()) == {
         "version": halfstep.__version__,
         "title": "a ball that rises",

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from halfstep.animation import scene_at
 from halfstep.errors import SceneError, UsageError
 from halfstep.scene import Scene, bundled_scenes, load, with_animation
+from halfstep.scene.animation import scene_at
 
 Floats = NDArray[np.float64]
 

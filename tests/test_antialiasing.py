@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep import run_gpu
-from halfstep.camera import View, view
-from halfstep.frame import Frame
+from halfstep.frames.frame import Frame
+from halfstep.host.camera import View, view
+from halfstep.run import gpu as run_gpu
 from halfstep.scene import Scene
 
 Floats = NDArray[np.float64]

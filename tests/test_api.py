@@ -13,10 +13,12 @@ import pytest
 
 import halfstep
 import halfstep.scenes
-from halfstep import api, device, run_gpu
-from halfstep.api import Renderer
+from halfstep.device import adapters as device
 from halfstep.errors import AdapterError, SceneError, UsageError
-from halfstep.frame import SOURCES, Frame
+from halfstep.frames import renderer as api
+from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.renderer import Renderer
+from halfstep.run import gpu as run_gpu
 from halfstep.scene import Camera, Material, Scene, with_overrides
 from halfstep.shader.needs import Needs
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.bounds import Bounds, bounds
-from halfstep.camera import View, base_planes, view
-from halfstep.geometry import Geometry, build, volume_box
+from halfstep.host.bounds import Bounds, bounds
+from halfstep.host.camera import View, base_planes, view
+from halfstep.host.geometry import Geometry, build, volume_box
+from halfstep.host.setup import Setup, setup
 from halfstep.scene import QuadricSolid, Scene
-from halfstep.setup import Setup, setup
 from tests.judge import OUTPUTS, Judge, Verdict
 from tests.oracle import Oracle
 from tests.scenes_random import KINDS, PLACES, random_scene
@@ -88,7 +88,7 @@ def test_frames_without_preselection_are_the_same(
 
         selected = frame()
         with monkeypatch.context() as context:
-            context.setattr("halfstep.setup.bounds", _everything)
+            context.setattr("halfstep.host.setup.bounds", _everything)
             everything = frame()
         differ = (selected.solid != everything.solid) | (selected.surface != everything.surface)
         hits += int((selected.solid >= 0).sum())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.camera import base_planes, view
+from halfstep.host.camera import base_planes, view
 from halfstep.scene import Camera, Scene
 from tests.judge import OUTPUTS, Judge, Verdict
 from tests.oracle import MP

@@ -9,10 +9,10 @@ from typing import Any, cast
 
 import pytest
 
-from halfstep import canary
-from halfstep.canary import Fingerprint, fingerprint
 from halfstep.cli import main
-from halfstep.device import INT64, Adapter, open_device
+from halfstep.device import canary
+from halfstep.device.adapters import INT64, Adapter, open_device
+from halfstep.device.canary import Fingerprint, fingerprint
 from halfstep.errors import DeviceError
 
 Plant = Callable[..., None]

@@ -13,12 +13,15 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import canary, check, rounds, run_gpu
-from halfstep.calls import Calls, noted
-from halfstep.check import Checker
+from halfstep.check import checker as check
+from halfstep.check.calls import Calls, noted
+from halfstep.check.checker import Checker
 from halfstep.cli import main
-from halfstep.device import Adapter
+from halfstep.device import canary
+from halfstep.device.adapters import Adapter
 from halfstep.errors import AdapterError
+from halfstep.run import gpu as run_gpu
+from halfstep.run import rounds
 from halfstep.scene import Scene, bundled_scenes, with_overrides
 from halfstep.shader import library, source
 from halfstep.shader.needs import Needs

@@ -18,12 +18,13 @@ import numpy as np
 import pytest
 
 import halfstep
-import halfstep.api
-from halfstep import device, run_gpu
+import halfstep.frames.renderer
 from halfstep.cli import main
+from halfstep.device import adapters as device
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError
 from halfstep.files import read_provenance
-from halfstep.frame import Frame, device_outputs
+from halfstep.frames.frame import Frame, device_outputs
+from halfstep.run import gpu as run_gpu
 
 COMMAND = [sys.executable, "-m", "halfstep"]
 
@@ -52,7 +53,8 @@ radius = 1
 # The command, with a line on stdout when it begins to render.
 TELLS_WHEN_IT_RENDERS = """
 import sys
-from halfstep import api, cli
+from halfstep import cli
+from halfstep.frames import renderer as api
 render = api.Renderer.render
 def told(*args, **options):
     print("rendering", flush=True)
@@ -82,7 +84,7 @@ def fake_render(monkeypatch: pytest.MonkeyPatch) -> Fake:
             calls.append({"scene": scene, **options})
             return action()
 
-        monkeypatch.setattr(halfstep.api, "render", render)
+        monkeypatch.setattr(halfstep.frames.renderer, "render", render)
         return calls
 
     return install

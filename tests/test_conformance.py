@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import run_gpu
-from halfstep.device import Adapter
-from halfstep.frame import SOURCES, Frame
-from halfstep.run_gpu import Device
+from halfstep.device.adapters import Adapter
+from halfstep.frames.frame import SOURCES, Frame
+from halfstep.run import gpu as run_gpu
+from halfstep.run.gpu import Device
 from halfstep.scene import bundled_scenes
 from halfstep.shader import source
 from halfstep.shader.needs import Needs

@@ -10,8 +10,14 @@ from dataclasses import replace
 
 import pytest
 
-from halfstep import device
-from halfstep.device import Adapter, AdapterSummary, device_errors, open_device, select_adapter
+from halfstep.device import adapters as device
+from halfstep.device.adapters import (
+    Adapter,
+    AdapterSummary,
+    device_errors,
+    open_device,
+    select_adapter,
+)
 from halfstep.errors import AdapterError, DeviceError
 
 LAVAPIPE = AdapterSummary(
@@ -200,7 +206,7 @@ def test_listing_adapters_prints_nothing(runtime_directory: str | None) -> None:
     if runtime_directory is not None:
         environ["XDG_RUNTIME_DIR"] = runtime_directory
     script = (
-        "import os; from halfstep.device import list_adapters; list_adapters(); "
+        "import os; from halfstep.device.adapters import list_adapters; list_adapters(); "
         "print(os.environ.get('XDG_RUNTIME_DIR'))"
     )
     result = subprocess.run(

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from halfstep import camera as cameras
-from halfstep import formats, geometry
-from halfstep import setup as setups
-from halfstep.device import Adapter
-from halfstep.run_gpu import Device
+from halfstep.contract import formats
+from halfstep.device.adapters import Adapter
+from halfstep.host import camera as cameras
+from halfstep.host import geometry
+from halfstep.host import setup as setups
+from halfstep.run.gpu import Device
 from halfstep.scene import Camera, Scene
 from halfstep.twin import certify, forms, forms_fixed, lanes
 from tests import soundness

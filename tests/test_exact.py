@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import exact as module
-from halfstep.exact import crossing, exact
 from halfstep.scene import Scene, Volume, bundled_scenes, with_overrides
+from halfstep.tune import exact as module
+from halfstep.tune.exact import crossing, exact
 from halfstep.twin.root import Root
 from tests.oracle import Oracle
 from tests.scenes_random import PLACES, intervals, random_scene

@@ -25,10 +25,11 @@ import tifffile
 from PIL import Image
 
 import halfstep
-from halfstep import files, image
+from halfstep import files
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.files import ENDINGS, READ, plan, read_provenance, write
-from halfstep.frame import SOURCES, Array, Frame
+from halfstep.frames import png
+from halfstep.frames.frame import SOURCES, Array, Frame
 from halfstep.scene import Scene
 
 # A sphere behind a box before nothing; the title is no ASCII, and two lines.
@@ -369,7 +370,7 @@ def with_a_text_of_another_program(path: Path, text: str) -> None:
         with OpenEXR.File({"Halfstep": text}, {"RGB": pixels.astype(np.float32)}) as file:
             file.write(str(path))
     elif path.suffix == ".png":
-        path.write_bytes(image.png(pixels, {"Halfstep": text}))
+        path.write_bytes(png.png(pixels, {"Halfstep": text}))
     else:
         tifffile.imwrite(path, pixels, photometric="rgb", description=text)
 

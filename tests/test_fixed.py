@@ -16,19 +16,19 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep import run_gpu
-from halfstep.camera import base_planes, view
 from halfstep.cli import main
-from halfstep.device import Adapter
+from halfstep.contract.formats import FIXED32
+from halfstep.contract.layout import TILE
+from halfstep.device.adapters import Adapter
 from halfstep.errors import AdapterError
-from halfstep.formats import FIXED32
-from halfstep.frame import Frame
-from halfstep.geometry import build, volume_box
-from halfstep.layout import TILE
-from halfstep.pack import pack, surfaces
-from halfstep.run_gpu import Device
+from halfstep.frames.frame import Frame
+from halfstep.host.camera import base_planes, view
+from halfstep.host.geometry import build, volume_box
+from halfstep.host.pack import pack, surfaces
+from halfstep.host.setup import setup
+from halfstep.run import gpu as run_gpu
+from halfstep.run.gpu import Device
 from halfstep.scene import Scene, load, with_overrides
-from halfstep.setup import setup
 from halfstep.twin import arithmetic_fixed, forms_fixed, halve_fixed, polynomial_exact
 from halfstep.twin.lanes import Form
 from halfstep.twin.piece import Line

@@ -17,9 +17,9 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep.camera import view
 from halfstep.errors import UsageError
-from halfstep.frame import SOURCES, Frame, check_outputs, device_outputs
+from halfstep.frames.frame import SOURCES, Frame, check_outputs, device_outputs
+from halfstep.host.camera import view
 from halfstep.scene import PlanePatch, QuadricSolid, Scene, Solid, bundled_scenes
 
 Array = NDArray[Any]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from halfstep.errors import SceneError
-from halfstep.geometry import build, volume_box
+from halfstep.host.geometry import build, volume_box
 from halfstep.scene import PlanePatch, Scene
 from tests.scenes_random import QUADRICS, Floats, random_scene
 

@@ -8,7 +8,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from halfstep.halfspaces import (
+from halfstep.scene.halfspaces import (
     Array,
     are_bounded,
     has_interior,

@@ -14,7 +14,8 @@ import pytest
 from PIL import Image
 
 from halfstep.errors import HalfstepError, UsageError
-from halfstep.image import check_output_path, finished_name, png, replacing, write_file
+from halfstep.files.whole import check_output_path, finished_name, replacing, write_file
+from halfstep.frames.png import png
 
 ENDINGS = (".png", ".tif")
 SHAPES = [(5, 7, 3), (5, 7), (1, 1, 3), (1, 1), (300, 1), (1, 300, 3)]

@@ -12,7 +12,7 @@ from PIL import Image
 import halfstep
 from halfstep.cli import main
 from halfstep.files import READ
-from halfstep.frame import Frame
+from halfstep.frames.frame import Frame
 
 INFO = {
     "adapter": "a card",

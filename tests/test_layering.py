@@ -12,62 +12,9 @@ import pytest
 
 SOURCES = Path(__file__).parents[1] / "gpu"
 
-# Each module imports only modules above it; shader text and scenes are data. The modules of a
-# folder are one layer; `test_no_folder_has_a_cycle` orders them.
-ORDER = (
-    "lazy",
-    "wgsl",
-    "scenes",
-    "errors",
-    "text",
-    "image",
-    "faults",
-    "halfspaces",
-    "scene",
-    "animation",
-    "formats",
-    "layout",
-    "edges",
-    "geometry",
-    "camera",
-    "bounds",
-    "setup",
-    "reach",
-    "accuracy",
-    "pack",
-    "tiles",
-    "split",
-    "twin",
-    "exact",
-    "shader",
-    "wgpu_loader",
-    "device",
-    "compute",
-    "probe",
-    "canary",
-    "rounds",
-    "run_twin",
-    "framebuffer",
-    "run_gpu",
-    "frame",
-    "replay",
-    "api",
-    "sequence",
-    "tune",
-    "provenance",
-    "testing",
-    "calls",
-    "check",
-    "files",
-    "folder",
-    "plot",
-    "bench",
-    "cli",
-    "__init__",
-    "__main__",
-)
-# Public names are looked up when they are used, and every module may ask for the version.
-VERSION = ("__init__", "__version__")
+# Modules of no room: what all may import, and what may import all.
+FLOOR = ("errors", "lazy", "text", "version", "wgsl", "scenes")
+ROOF = ("__init__", "__main__")
 
 
 def modules() -> list[str]:
@@ -101,45 +48,57 @@ def _ours(origin: str, name: str) -> Iterator[tuple[str, str]]:
         yield ".".join(path) or "__init__", name
 
 
-def folder(module: str) -> str:
-    """The folder that ``module`` lies in or, for a package, is; "" for the top."""
-    path = module.split(".")
-    return path[0] if len(path) > 1 or SOURCES.joinpath(module).is_dir() else ""
+def room(module: str) -> str:
+    """The folder that a module lies in or, for a package, is; a module at the top is its own."""
+    return module.split(".")[0]
 
 
-def layer(module: str) -> int:
-    return ORDER.index(module.split(".")[0])
+ROOMS = sorted(path.name for path in SOURCES.iterdir() if path.joinpath("__init__.py").exists())
 
 
-def test_every_module_has_a_layer() -> None:
-    assert {module.split(".")[0] for module in modules()} <= set(ORDER)
+def assert_one_way(imported: dict[str, set[str]]) -> None:
+    """See that none of the names is imported by what it imports, directly or not."""
+    left = dict(imported)
+    while left:
+        free = [name for name, targets in left.items() if not targets & left.keys()]
+        assert free, f"these import one another: {sorted(left)}"
+        for name in free:
+            del left[name]
 
 
-@pytest.mark.parametrize("module", modules())
-def test_imports_go_one_way(module: str) -> None:
-    for target, name in imports(module):
-        if (target, name) == VERSION:
-            continue
-        together = folder(target) == folder(module) != ""
-        assert together or layer(target) < layer(module), f"{module} imports {target}"
+def test_every_module_has_a_room() -> None:
+    assert {room(module) for module in modules()} == {*ROOMS, *FLOOR[:4], *ROOF}
 
 
-FOLDERS = sorted({module.split(".")[0] for module in modules() if "." in module})
+def test_imports_of_rooms_go_one_way() -> None:
+    arrows: dict[str, set[str]] = {name: set() for name in (*ROOMS, *FLOOR)}
+    for module in modules():
+        for target, _ in imports(module):
+            if room(module) not in (room(target), *ROOF):
+                assert room(target) not in ROOF, f"{module} imports {target}"
+                arrows[room(module)].add(room(target))
+    assert_one_way(arrows)
+    assert not any(arrows[name] & set(ROOMS) for name in FLOOR)
+    # What a reader meets last rests on all that comes before.
+    assert not any("cli" in targets for targets in arrows.values())
 
 
-@pytest.mark.parametrize("name", FOLDERS)
-def test_no_folder_has_a_cycle(name: str) -> None:
+@pytest.mark.parametrize("name", ROOMS)
+def test_imports_in_a_room_go_one_way(name: str) -> None:
     below = {
         module: {target for target, _ in imports(module) if target.startswith(f"{name}.")}
         for module in modules()
         if module.startswith(f"{name}.")
     }
     assert below
-    while below:
-        free = [module for module, targets in below.items() if not targets & below.keys()]
-        assert free, f"these import one another: {sorted(below)}"
-        for module in free:
-            del below[module]
+    assert_one_way(below)
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_a_room_says_what_it_is_for(name: str) -> None:
+    docstring = ast.get_docstring(ast.parse(SOURCES.joinpath(name, "__init__.py").read_text()))
+    assert docstring is not None
+    assert len(docstring.splitlines()[0]) > 20
 
 
 @pytest.mark.parametrize("module", ["halfstep", "halfstep.cli", "halfstep.__main__"])

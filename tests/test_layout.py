@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from halfstep import layout
-from halfstep.device import Adapter, open_device
-from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
-from halfstep.layout import FRAME, LIGHT, RECORDS, Record
+from halfstep.contract import layout
+from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
+from halfstep.contract.layout import FRAME, LIGHT, RECORDS, Record
+from halfstep.device.adapters import Adapter, open_device
 from halfstep.shader.library import stage
 
 # WGSL types of coefficients and values.
@@ -32,7 +32,7 @@ def device(adapter: Adapter) -> Iterator[Any]:
 
 
 def test_the_file_is_the_generated_one() -> None:
-    assert stage("layout") == layout.wgsl(), "run python -m halfstep.layout"
+    assert stage("layout") == layout.wgsl(), "run python -m halfstep.contract.layout"
 
 
 def echo(record: Record, number_format: Format) -> tuple[str, int]:

@@ -14,8 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep.camera import base_planes, view
-from halfstep.geometry import build, volume_box
+from halfstep.host.camera import base_planes, view
+from halfstep.host.geometry import build, volume_box
 from halfstep.scene import PlanePatch, QuadricSolid, Scene
 from tests.judge import OUTPUTS
 from tests.oracle import Oracle

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from halfstep import camera, geometry
-from halfstep.accuracy import steps_for
-from halfstep.layout import TILE
-from halfstep.pack import FRACTION_BITS, Packed, pack, srgb_table, surfaces
+from halfstep.contract.layout import TILE
+from halfstep.host import camera, geometry
+from halfstep.host.pack import FRACTION_BITS, Packed, pack, srgb_table, surfaces
+from halfstep.host.setup import setup
+from halfstep.host.steps import steps_for
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
-from halfstep.setup import setup
 from halfstep.twin import encode, nearest
 
 SIZE = (160, 120)

@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep.camera import base_planes, view
-from halfstep.geometry import build, volume_box
-from halfstep.reach import Blocks, Reach
+from halfstep.host.camera import base_planes, view
+from halfstep.host.geometry import build, volume_box
+from halfstep.host.reach import Blocks, Reach
+from halfstep.host.setup import setup
 from halfstep.scene import Scene
-from halfstep.setup import setup
 from tests.scenes_random import PLACES, random_scene
 
 SIZE = (96, 72)

@@ -11,11 +11,11 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from halfstep import cli, device
-from halfstep.animation import scene_at
+from halfstep import cli
+from halfstep.device import adapters as device
 from halfstep.files import ENDINGS
 from halfstep.files.exr import CHANNELS, EXR
-from halfstep.frame import SOURCES
+from halfstep.frames.frame import SOURCES
 from halfstep.scene import (
     SOLID_KINDS,
     Accuracy,
@@ -28,6 +28,7 @@ from halfstep.scene import (
     Scene,
     SolidKey,
 )
+from halfstep.scene.animation import scene_at
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

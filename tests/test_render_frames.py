@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import sequence
-from halfstep.animation import scene_at
-from halfstep.api import Renderer
 from halfstep.errors import DeviceError, SceneError, UsageError
-from halfstep.frame import SOURCES, Frame
+from halfstep.frames import sequence
+from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.renderer import Renderer
 from halfstep.scene import Scene
+from halfstep.scene.animation import scene_at
 
 SCENE = Scene.from_dict(
     {

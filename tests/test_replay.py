@@ -13,12 +13,11 @@ import pytest
 
 import halfstep
 from halfstep import twin
-from halfstep.check import Twin
-from halfstep.exact import exact
-from halfstep.frame import SOURCES, Frame
-from halfstep.replay import Replay
+from halfstep.check.checker import Twin
+from halfstep.frames.frame import SOURCES, Frame
 from halfstep.scene import Scene, with_overrides
-from halfstep.testing.frames import compare_frames
+from halfstep.testing.frames import Replay, compare_frames
+from halfstep.tune.exact import exact
 from halfstep.twin import arithmetic, polynomial
 
 

@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import probe, rounds, run_gpu
-from halfstep.compute import Compute
-from halfstep.device import Adapter, open_device
+from halfstep.contract.layout import TILE
+from halfstep.device import probe
+from halfstep.device.adapters import Adapter, open_device
+from halfstep.device.compute import Compute
 from halfstep.errors import DeviceError, SceneError
-from halfstep.frame import SOURCES, device_outputs
-from halfstep.layout import TILE
+from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.host.tiles import tile_lists
+from halfstep.run import gpu as run_gpu
+from halfstep.run import rounds
 from halfstep.scene import Scene, load, with_overrides
 from halfstep.shader.needs import Needs, needs_of
 from halfstep.shader.source import compose
-from halfstep.tiles import tile_lists
 from tests.crowded import different, one_tile, spheres
 from tests.test_pack import packed_frame
 
@@ -91,7 +93,7 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     packed = packed_frame(scene)
     wanted = device_outputs(outputs)
     monkeypatch.setattr(run_gpu, "compose", counting)
-    monkeypatch.setattr("halfstep.framebuffer.MOST_TAGS", 0)
+    monkeypatch.setattr("halfstep.run.framebuffer.MOST_TAGS", 0)
     device = run_gpu.Device(adapter)
     try:
         planes, _ = device.render_band(scene, packed, 0, SIZE[1], wanted)

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from halfstep.device import Adapter, open_device
-from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
-from halfstep.frame import SOURCES, device_outputs
-from halfstep.pack import Class
+from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
+from halfstep.device.adapters import Adapter, open_device
+from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.host.pack import Class
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
 from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, needs_of
 from halfstep.shader.source import compose, stage_names

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import run_gpu, split
-from halfstep.device import Adapter
+from halfstep.contract.layout import SOLID
+from halfstep.device.adapters import Adapter
 from halfstep.errors import DeviceError
-from halfstep.layout import SOLID
-from halfstep.pack import Packed
+from halfstep.host.pack import Packed
+from halfstep.run import gpu as run_gpu
+from halfstep.run import split
 from halfstep.scene import load
 
 SIZE = (160, 120)

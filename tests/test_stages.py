@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from halfstep.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
-from halfstep.pack import SRGB_ENTRIES, srgb_quads, srgb_table
+from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
+from halfstep.host.pack import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.shader.library import stage
 from halfstep.testing import Kit, MismatchError, near_ties
 from halfstep.testing.census import leaves

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import pack, setup
-from halfstep.frame import SOURCES, Frame
+from halfstep.frames.frame import SOURCES, Frame
+from halfstep.host import pack, setup
 from halfstep.scene import Scene, bundled_scenes
 from halfstep.twin import normal, shade
 from halfstep.twin.lanes import F32

@@ -12,10 +12,9 @@ import pytest
 
 import halfstep
 from halfstep.errors import UsageError
-from halfstep.frame import SOURCES, Frame
-from halfstep.replay import Replay
+from halfstep.frames.frame import SOURCES, Frame
 from halfstep.testing import FrameCensus, FrameMismatchError, assert_frames_match
-from halfstep.testing.frames import compare_frames, picture_file
+from halfstep.testing.frames import Replay, compare_frames, picture_file
 
 SIZE = (64, 48)
 # A device that promises nothing beyond WGSL.

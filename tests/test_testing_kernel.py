@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from halfstep.canary import fingerprint
+from halfstep.device.canary import fingerprint
 from halfstep.errors import UsageError
 from halfstep.testing import Kit, kit, unwritten
 from halfstep.testing.kernel import kernel

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import pytest
 
-from halfstep import probe
+from halfstep.device import probe
 from halfstep.errors import DeviceError
 from halfstep.testing.kit import Kit
 from halfstep.testing.loops import calls, has_loop

@@ -135,7 +135,7 @@ def halfstep_device():
 def test_a_driver_with_wrong_answers_fails_every_test(pytester: pytest.Pytester) -> None:
     pytester.makeconftest(
         """
-from halfstep import canary
+from halfstep.device import canary
 
 text = canary.shader
 canary.shader = lambda name: text(name).replace("x.i * x.j", "x.i")

@@ -11,17 +11,18 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep import pack as packing
-from halfstep import run_gpu, tiles
+from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.errors import DeviceError
-from halfstep.framebuffer import FrameBuffer
-from halfstep.layout import TILE, TILE_WORDS
-from halfstep.pack import Class, Packed
+from halfstep.host import pack as packing
+from halfstep.host import tiles
+from halfstep.host.pack import Class, Packed
+from halfstep.host.tiles import frequent_sets, tile_groups, tile_lists
+from halfstep.run import gpu as run_gpu
+from halfstep.run.framebuffer import FrameBuffer
 from halfstep.scene import bundled_scenes, load, with_overrides
 from halfstep.shader import needs
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
-from halfstep.tiles import frequent_sets, tile_groups, tile_lists
 from tests.scenes_random import PLACES, random_scene
 from tests.test_pack import packed_frame
 

@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep import plot
-from halfstep import tune as module
-from halfstep.api import WARM_UP
 from halfstep.cli import main
 from halfstep.errors import SceneError, UsageError
+from halfstep.frames.renderer import WARM_UP
 from halfstep.scene import with_overrides
-from halfstep.tune import Report, Row, recommend, tune
+from halfstep.tune import measure as module
+from halfstep.tune import plot
+from halfstep.tune.measure import Report, Row, recommend, tune
 from tests.oracle import trace
 
 SIZE = (64, 48)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from halfstep import wgpu_loader
+from halfstep.device import loader as wgpu_loader
 
 
 def printed(program: str) -> list[str]:
@@ -23,7 +23,7 @@ def printed(program: str) -> list[str]:
 
 def test_a_name_stands_for_the_type_that_cffi_finds_for_it() -> None:
     program = """
-from halfstep import wgpu_loader
+from halfstep.device import loader as wgpu_loader
 wgpu_loader.load()
 from wgpu.backends.wgpu_native import ffi
 cache = ffi._parsed_types
@@ -40,7 +40,7 @@ print(len(wgpu_loader.TYPES))
 def test_a_frame_needs_hardly_any_type_that_is_not_parsed_before() -> None:
     program = """
 import halfstep
-from halfstep import wgpu_loader
+from halfstep.device import loader as wgpu_loader
 wgpu_loader.load()
 from wgpu.backends.wgpu_native import ffi
 before = set(ffi._parsed_types)

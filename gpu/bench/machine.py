@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from halfstep import __version__
-from halfstep.device import Adapter
+from halfstep.device.adapters import Adapter
+from halfstep.version import __version__
 
 
 def facts(adapter: Adapter) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from functools import partial
 from halfstep.bench import machine
 from halfstep.bench.parts import PARTS, Bench
 from halfstep.bench.report import Report
-from halfstep.device import Adapter
+from halfstep.device.adapters import Adapter
 
 
 def measure(

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep import camera as cameras
-from halfstep import geometry as geometries
+from halfstep.host import camera as cameras
+from halfstep.host import geometry as geometries
+from halfstep.host.setup import setup
 from halfstep.scene import Scene
-from halfstep.setup import setup
 
 FLAGS = ("-O3", "-march=native", "-pthread", "-shared", "-fPIC")
 # The width of a picture is a multiple of this, LANES in native.c.

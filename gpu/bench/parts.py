@@ -11,15 +11,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 
-from halfstep.api import WARM_UP, Renderer
 from halfstep.bench import machine, povray, scenes
 from halfstep.bench.closed_form import closed_form
 from halfstep.bench.native import FLAGS, LANES, Native, NoCompilerError
 from halfstep.bench.report import Part, Value
 from halfstep.bench.timing import Case, Times, interleaved, line
-from halfstep.device import Adapter
+from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS
+from halfstep.device.adapters import Adapter
 from halfstep.errors import HalfstepError
-from halfstep.formats import FIXED32, FLOAT32, FLOAT_STEPS
+from halfstep.frames.renderer import WARM_UP, Renderer
 from halfstep.scene import Scene, load, with_overrides
 
 _SIZE = (1024, 1024)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from halfstep.bench.report import Part, Report
 from halfstep.errors import UsageError
-from halfstep.image import check_output_path, write_file
+from halfstep.files.whole import check_output_path, write_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

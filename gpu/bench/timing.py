@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from halfstep.api import WARM_UP
+from halfstep.frames.renderer import WARM_UP
 
 Case = TypeVar("Case")
 

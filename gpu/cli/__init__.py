@@ -11,10 +11,10 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from halfstep import __version__
 from halfstep.cli import animate, bench, check, doctor, info, render, scenes, schema, tune
 from halfstep.cli.output import open_closed_streams, say, writing_stdout
 from halfstep.errors import HalfstepError
+from halfstep.version import __version__
 
 EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
 # In the order of the help; each module adds its command to a parser.

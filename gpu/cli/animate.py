@@ -17,7 +17,7 @@ from halfstep.cli.output import print_json, progress_bar, say
 from halfstep.errors import UsageError
 
 if TYPE_CHECKING:
-    from halfstep.frame import Frame
+    from halfstep.frames.frame import Frame
     from halfstep.scene import Scene
 
 # How many frames were rendered, and info of the first.
@@ -116,7 +116,7 @@ def _numbers(scene: Scene, asked: range | None) -> range:
 
 
 def _to_folder(arguments: argparse.Namespace, scene: Scene, numbers: range) -> Result:
-    from halfstep.folder import FrameFolder, manifest
+    from halfstep.files.folder import FrameFolder, manifest
 
     facts = manifest(scene, arguments.backend, arguments.adapter)
     folder = FrameFolder(arguments.output, facts, overwrite=arguments.overwrite)
@@ -134,7 +134,7 @@ def _to_folder(arguments: argparse.Namespace, scene: Scene, numbers: range) -> R
 
 def _to_file(arguments: argparse.Namespace, scene: Scene, numbers: range) -> Result:
     from halfstep.files.movie import check_movie, write_movie
-    from halfstep.provenance import provenance
+    from halfstep.files.provenance import provenance
 
     fps = scene.effective_animation().fps
     check_movie(arguments.output, (scene.image.width, scene.image.height), fps)
@@ -157,7 +157,7 @@ def _rendering(
 
     When the first is there, all that is likely to fail has not; until then no file is touched.
     """
-    from halfstep.sequence import render_frames
+    from halfstep.frames.sequence import render_frames
 
     frames = render_frames(scene, numbers, backend=arguments.backend, adapter=arguments.adapter)
     with progress_bar("rendering", frames=len(numbers)) as progress:

@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         check(arguments.output)
 
     from halfstep.bench.measure import measure
-    from halfstep.device import choose_adapter
+    from halfstep.device.adapters import choose_adapter
 
     adapter = choose_adapter(arguments.adapter)
     with progress_bar("measuring") as progress:

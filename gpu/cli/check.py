@@ -7,13 +7,13 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from halfstep import __version__
 from halfstep.cli.options import add_adapter, add_conveyor, add_size
 from halfstep.cli.output import print_json, print_text, say
 from halfstep.errors import HalfstepError, UsageError
+from halfstep.version import __version__
 
 if TYPE_CHECKING:
-    from halfstep.check import SceneReport
+    from halfstep.check.checker import SceneReport
 
 
 def add(commands: Any) -> None:
@@ -39,8 +39,8 @@ def add(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check; the exit code."""
-    from halfstep.check import Checker
-    from halfstep.image import check_output_folder
+    from halfstep.check.checker import Checker
+    from halfstep.files.whole import check_output_folder
     from halfstep.scene import bundled_scenes, load, with_overrides
 
     if arguments.output is not None:
@@ -100,7 +100,7 @@ def _write(folder: Path, result: dict[str, Any], reports: list[SceneReport]) -> 
         UsageError: the folder cannot be made.
         HalfstepError: the system refuses to write, as on a full disk.
     """
-    from halfstep.image import write_file
+    from halfstep.files.whole import write_file
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

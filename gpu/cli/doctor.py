@@ -6,12 +6,12 @@ import argparse
 import platform
 from typing import TYPE_CHECKING, Any
 
-from halfstep import __version__
 from halfstep.cli.output import print_json, print_text
 from halfstep.errors import AdapterError, DeviceError, HalfstepError
+from halfstep.version import __version__
 
 if TYPE_CHECKING:
-    from halfstep.canary import Fingerprint
+    from halfstep.device.canary import Fingerprint
 
 
 def add(commands: Any) -> None:
@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Report; the exit code."""
     import numpy as np
 
-    from halfstep.device import describe
+    from halfstep.device.adapters import describe
 
     report: dict[str, Any] = {
         "halfstep": __version__,
@@ -58,8 +58,8 @@ def _canary() -> Fingerprint:
     Raises:
         DeviceError: it makes something else of it.
     """
-    from halfstep.canary import fingerprint
-    from halfstep.device import INT64, choose_adapter, open_device
+    from halfstep.device.adapters import INT64, choose_adapter, open_device
+    from halfstep.device.canary import fingerprint
 
     adapter = choose_adapter()
     device = open_device(adapter, features={INT64} & adapter.handle.features)

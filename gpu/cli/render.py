@@ -52,8 +52,8 @@ def _check_stdout(arguments: argparse.Namespace) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Render; the exit code."""
-    from halfstep.api import render
     from halfstep.files import File, plan, write
+    from halfstep.frames.renderer import render
     from halfstep.scene import load
 
     scene = load(arguments.scene)

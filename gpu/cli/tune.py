@@ -39,10 +39,10 @@ def _steps(text: str) -> range:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure; the exit code."""
-    from halfstep.image import check_output_folder
-    from halfstep.plot import scale_of, write
+    from halfstep.files.whole import check_output_folder
     from halfstep.scene import load
-    from halfstep.tune import FORMATS, METHODS, STEPS, tune
+    from halfstep.tune.measure import FORMATS, METHODS, STEPS, tune
+    from halfstep.tune.plot import scale_of, write
 
     check_output_folder(arguments.output)
     with progress_bar("measuring") as progress:

@@ -22,10 +22,10 @@ from halfstep.files.filetype import FileType, FrameType
 from halfstep.files.movie import MOVIES
 from halfstep.files.npz import NPZ
 from halfstep.files.png import PNG
+from halfstep.files.provenance import Provenance, from_text, provenance
 from halfstep.files.tiff import TIFF
-from halfstep.frame import SOURCES, Frame, check_outputs
-from halfstep.image import ask, check_output_path, replacing
-from halfstep.provenance import Provenance, from_text, provenance
+from halfstep.files.whole import ask, check_output_path, replacing
+from halfstep.frames.frame import SOURCES, Frame, check_outputs
 
 File = str | os.PathLike[str] | IO[bytes]
 

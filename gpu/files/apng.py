@@ -14,8 +14,8 @@ from pathlib import Path
 from halfstep.files.filetype import MovieType, Rgb
 from halfstep.files.moving import Change, changes, duration
 from halfstep.files.png import PNG, texts
-from halfstep.image import PNG_SIGNATURE, chunk, png, text_chunk
-from halfstep.provenance import Provenance
+from halfstep.files.provenance import Provenance
+from halfstep.frames.png import PNG_SIGNATURE, chunk, png, text_chunk
 
 _FOREVER = 0
 _STAYS, _REPLACES = 0, 0

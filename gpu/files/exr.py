@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from halfstep.files.filetype import FrameType
 from halfstep.files.numbers import finite
-from halfstep.frame import Array, Frame
-from halfstep.provenance import NAME, Provenance, to_text
+from halfstep.files.provenance import NAME, Provenance, to_text
+from halfstep.frames.frame import Array, Frame
 
 # Output -> channels, as other programs name them.
 CHANNELS: dict[str, tuple[str, ...]] = {

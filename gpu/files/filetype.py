@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.errors import UsageError
-from halfstep.frame import Frame
-from halfstep.provenance import Provenance
+from halfstep.files.provenance import Provenance
+from halfstep.frames.frame import Frame
 
 Rgb = NDArray[np.uint8]  # (H, W, 3), sRGB
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from halfstep.files.filetype import MovieType, Rgb
 from halfstep.files.moving import changes, duration
-from halfstep.provenance import Provenance, to_text
+from halfstep.files.provenance import Provenance, to_text
 
 _HUNDREDTH = 10  # ms, the unit of a frame's duration
 _FOREVER = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"

@@ -15,9 +15,9 @@ from halfstep.files.apng import APNG
 from halfstep.files.filetype import MovieType, Rgb
 from halfstep.files.gif import GIF
 from halfstep.files.mp4 import MP4
+from halfstep.files.provenance import Provenance
 from halfstep.files.webp import WEBP
-from halfstep.image import check_output_path, replacing
-from halfstep.provenance import Provenance
+from halfstep.files.whole import check_output_path, replacing
 
 
 def check_movie(path: str | os.PathLike[str], size: tuple[int, int], fps: float) -> None:

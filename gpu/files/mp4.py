@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from halfstep.files.filetype import MovieType, Rgb
-from halfstep.provenance import Provenance, to_text
+from halfstep.files.provenance import Provenance, to_text
 
 # Some builds of FFmpeg come without.
 _ENCODER = "libx264"

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 
 from halfstep.files.filetype import FrameType
-from halfstep.frame import SOURCES, Frame
-from halfstep.provenance import Provenance, to_text
+from halfstep.files.provenance import Provenance, to_text
+from halfstep.frames.frame import SOURCES, Frame
 
 # The array, of no dimension, that holds the provenance as JSON.
 _ENTRY = "provenance"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.frame import Array
+from halfstep.frames.frame import Array
 
 # Farther than anything in a scene, whose coordinates end at 1e15, and far from overflow when
 # pixels are added up.  Where nothing is hit, a depth is the greatest, so that two pictures can be

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.errors import UsageError
-from halfstep.frame import Array, Frame
-from halfstep.image import Pixels
+from halfstep.frames.frame import Array, Frame
+from halfstep.frames.png import Pixels
 
 MOST = 0xFFFF
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from halfstep.files.filetype import FrameType
 from halfstep.files.picture import MOST, picture
-from halfstep.frame import Frame
-from halfstep.image import png
-from halfstep.provenance import NAME, Provenance, software, to_text
+from halfstep.files.provenance import NAME, Provenance, software, to_text
+from halfstep.frames.frame import Frame
+from halfstep.frames.png import png
 
 
 def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:

@@ -8,8 +8,8 @@ import numpy as np
 
 from halfstep.files.filetype import FrameType
 from halfstep.files.numbers import finite
-from halfstep.frame import Frame
-from halfstep.provenance import Provenance, software, to_text
+from halfstep.files.provenance import Provenance, software, to_text
+from halfstep.frames.frame import Frame
 
 
 def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:

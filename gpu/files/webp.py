@@ -13,7 +13,7 @@ from pathlib import Path
 
 from halfstep.files.filetype import MovieType, Rgb
 from halfstep.files.moving import changes, duration
-from halfstep.provenance import Provenance, software, to_text
+from halfstep.files.provenance import Provenance, software, to_text
 
 _ANIMATION, _EXIF = 0x02, 0x08
 _REPLACES = 0x02

@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
-from halfstep.formats import Format
-from halfstep.pack import Class, Packed
+from halfstep.contract.formats import Format
+from halfstep.host.pack import Class, Packed
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
 # of bytes, with how many a pixel has.

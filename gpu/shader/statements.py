@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from halfstep.formats import Format
-from halfstep.layout import Record
+from halfstep.contract.formats import Format
+from halfstep.contract.layout import Record
 from halfstep.shader.needs import Needs
 
 # Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.

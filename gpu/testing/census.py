@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from halfstep.compute import UNWRITTEN
+from halfstep.device.compute import UNWRITTEN
 from halfstep.errors import UsageError
 
 Values = NDArray[Any]

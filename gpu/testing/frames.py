@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.device import LAVAPIPE
+from halfstep.device.adapters import LAVAPIPE
 from halfstep.errors import UsageError
-from halfstep.frame import Array, Frame
-from halfstep.replay import Replay
+from halfstep.frames.frame import Array, Frame
 from halfstep.testing.census import as_text, plain
 from halfstep.testing.results import keep
 
@@ -39,6 +38,20 @@ SHOWN = 5
 
 _AMBIGUOUS = (255, 176, 0)
 _FAILED = (255, 0, 96)
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What was found; arrays (H, W) as those of a ``Frame``.
+
+    Attributes:
+        depth: planar depth, NaN where nothing is hit.
+        error: bound of the error of the depth that a device finds; inf where a decision is within
+            rounding.
+    """
+
+    depth: NDArray[np.float64]
+    error: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -195,7 +208,7 @@ def picture_file(found: Frame, expected: Frame, census: FrameCensus) -> bytes:
     In the last the picture is dark, failures are red and ambiguous pixels yellow. Frames without
     the output image have only that.
     """
-    from halfstep.image import png
+    from halfstep.frames.png import png
 
     height, width = census.failed.shape
     pictures: list[Pixels] = []

@@ -11,9 +11,9 @@ from typing import Any, SupportsIndex
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from halfstep.compute import Bound, Compute
+from halfstep.device.compute import Bound, Compute
+from halfstep.device.probe import loop_limit
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, UsageError
-from halfstep.probe import loop_limit
 from halfstep.testing import loops
 from halfstep.testing.census import Census, MismatchError, Tolerance, joined, leaves, take, within
 from halfstep.testing.kernel import WORKGROUP, Kernel, first_free, kernel

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from halfstep.device import Adapter
+    from halfstep.device.adapters import Adapter
     from halfstep.testing.kit import Kit
 
 
@@ -51,7 +51,7 @@ def halfstep_adapter() -> Adapter:
     Without one tests are skipped, or fail if a variable of the environment asks for an adapter, a
     driver or a backend: a run that was to test shaders does not pass by not running them.
     """
-    from halfstep.device import choose_adapter, is_requested
+    from halfstep.device.adapters import choose_adapter, is_requested
     from halfstep.errors import AdapterError
 
     try:
@@ -69,7 +69,7 @@ def halfstep_device(halfstep_adapter: Adapter) -> Iterator[Any]:
 
     It has 64-bit integers, 16- and 64-bit floats and subgroups where the adapter has them.
     """
-    from halfstep.device import open_device
+    from halfstep.device.adapters import open_device
     from halfstep.testing.types import FEATURES
 
     features = {*FEATURES.values(), "subgroup"} & halfstep_adapter.handle.features
@@ -81,7 +81,7 @@ def halfstep_device(halfstep_adapter: Adapter) -> Iterator[Any]:
 @pytest.fixture(scope="session")
 def wgsl(halfstep_device: Any, pytestconfig: pytest.Config) -> Kit:
     """Runs WGSL and compares it with NumPy: `halfstep.testing.Kit`."""
-    from halfstep.canary import fingerprint
+    from halfstep.device.canary import fingerprint
     from halfstep.testing.kit import Kit
 
     # A driver that cannot add would fail every test, and none of them would say why.

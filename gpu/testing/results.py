@@ -21,7 +21,7 @@ class Results:
 
     def keep(self, report: Mapping[str, Any], picture: Callable[[], bytes] | None) -> None:
         """Write a report as JSON, and a picture, a PNG file, beside it."""
-        from halfstep.image import write_file
+        from halfstep.files.whole import write_file
 
         stem = f"{self._stem}-{next(self._numbers)}"
         write_file(f"{stem}.json", (json.dumps(report, indent=2) + "\n").encode())

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.compute import UNWRITTEN, Bytes
+from halfstep.device.compute import UNWRITTEN, Bytes
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.testing.types import (
     SCALARS,

@@ -1,0 +1,224 @@
+"""A scene on a device against the twin: whole frames, and every stage function alone.
+
+Frames say whether something is wrong, the stages what. A shader holds what its outputs need, and
+the second frame of a renderer may get other shaders than the first: so a frame with all outputs is
+compared, and the first three of an image alone. While the twin renders the scene, the
+arguments and results of its functions are noted; the shader's function of the same name is then
+given the same arguments and must return the same results. If all of them agree and a frame does
+not, the fault lies in the kernel that joins them, or in what the driver makes of it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from halfstep.check.calls import Calls, noted
+from halfstep.check.replay import replay
+from halfstep.contract.formats import FIXED32
+from halfstep.device.adapters import INT64, choose_adapter, is_lavapipe, open_device
+from halfstep.device.canary import Fingerprint, fingerprint
+from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.frames.renderer import Renderer
+from halfstep.host.pack import Packed, frame_record, srgb_quads
+from halfstep.scene import Scene, with_overrides
+from halfstep.shader.needs import needs_of
+from halfstep.shader.source import MAX_LINES, compose_stages, stage_names
+from halfstep.testing.census import Census, MismatchError
+from halfstep.testing.frames import FrameCensus, Replay, compare_frames, picture_file
+from halfstep.testing.kit import Kit
+from halfstep.testing.module import Module
+
+# Frames of an image alone: the first has one shader, the second may get more, the third leaves out
+# what has not changed.
+IMAGES = 3
+
+
+@dataclass(frozen=True)
+class SceneReport:
+    """How a scene on the device agrees with the twin.
+
+    Attributes:
+        scene: as it was rendered.
+        frame: the frame with all outputs.
+        images: of an image alone, one after another by one renderer.
+        stages: stage function -> its census; those that the scene does not use are left out.
+        exact: whether the device promises every bit; otherwise the stages are for information.
+        picture: a PNG file of where the first frame that differs does, None where none does.
+    """
+
+    scene: Scene
+    frame: FrameCensus
+    images: tuple[FrameCensus, ...]
+    stages: dict[str, Census]
+    exact: bool
+    picture: bytes | None
+
+    @property
+    def faulty(self) -> list[str]:
+        """Stage functions that differ from the twin's."""
+        return [name for name, census in self.stages.items() if census.failed]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether nothing differs that must not."""
+        frames_fail = any(census.failed.any() for census in (self.frame, *self.images))
+        return not (frames_fail or (self.exact and self.faulty))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report for JSON."""
+        accuracy = self.scene.accuracy
+        return {
+            "scene": self.scene.name,
+            "method": accuracy.method,
+            "number_format": accuracy.number_format,
+            "agrees": self.agrees,
+            "frame": self.frame.as_dict(),
+            "images": [census.as_dict() for census in self.images],
+            "stages": {name: census.as_dict() for name, census in self.stages.items()},
+            "scene_sha256": self.scene.sha256,
+        }
+
+    def __str__(self) -> str:
+        """The report for people."""
+        accuracy, image = self.scene.accuracy, self.scene.image
+        head = (
+            f"{self.scene.name}, {image.width}x{image.height}, {accuracy.method}, "
+            f"{accuracy.number_format}"
+        )
+        ambiguous = int(self.frame.ambiguous.sum())
+        if self.agrees:
+            rest = f", {ambiguous} of them ambiguous" if ambiguous else ""
+            return f"{head}: {self.frame.failed.size} pixels{rest}, {len(self.stages)} stages agree"
+        lines = [f"{head}: {self.frame}"]
+        for number, census in enumerate(self.images, start=1):
+            if census.failed.any():
+                lines.append(f"frame {number} of an image alone: {census}")
+        lines += [str(self.stages[name]) for name in self.faulty]
+        if not self.faulty:
+            lines.append(
+                "every stage function agrees alone: the fault is in the kernel that joins them, or "
+                "in what the driver makes of it"
+            )
+        return "\n".join(lines)
+
+
+class Checker:
+    """Checks scenes on one device, whose pipelines are kept; close it or use it in a ``with``.
+
+    Attributes:
+        fingerprint: what the canary found.
+    """
+
+    def __init__(self, adapter: str | int | None = None) -> None:
+        """``adapter`` is as for ``render``.
+
+        Raises:
+            AdapterError: there is no such adapter.
+            DeviceError: the driver gives wrong answers to what is known.
+        """
+        self._adapter = adapter
+        chosen = choose_adapter(adapter)
+        self._exact = is_lavapipe(chosen.summary)
+        self._device = open_device(chosen, features={INT64} & chosen.handle.features)
+        self.fingerprint: Fingerprint = fingerprint(self._device)
+        self._kit = Kit(self._device)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the device back."""
+        self._device.destroy()
+
+    def check(self, scene: Scene) -> SceneReport:
+        """Compare ``scene`` on the device with the twin; one sample in each pixel.
+
+        Raises:
+            AdapterError, DeviceError: as ``render``.
+        """
+        scene = with_overrides(scene, samples=1)
+        with self._renderer(scene, SOURCES) as renderer:
+            found = renderer.render()
+        with warnings.catch_warnings(), noted() as calls:
+            warnings.simplefilter("ignore")  # they say what has just been said
+            with self._renderer(scene, ("image",)) as of_images:
+                images = [of_images.render() for _ in range(IMAGES)]
+            twin = Twin(scene, backend="numpy", outputs=SOURCES)
+            twin.most_steps = renderer.most_steps
+            expected = twin.render()
+        replayed = None if self._exact else twin.replayed()
+        frame = compare_frames(found, expected, exact=self._exact, replay=replayed)
+        is_fixed = scene.accuracy.number_format == FIXED32.name
+        if not self._exact and replayed is None and not is_fixed:
+            # What bounds a frame with all outputs bounds an image as well.
+            replayed = Replay(expected.depth, np.maximum(found.error, expected.error))
+        pairs = [(image, expected.only(image.outputs)) for image in images]
+        censuses = [compare_frames(*pair, exact=self._exact, replay=replayed) for pair in pairs]
+        compared = zip([(found, expected), *pairs], [frame, *censuses], strict=True)
+        pictures = (picture_file(*pair, census) for pair, census in compared if not census.equal)
+        return SceneReport(
+            scene=scene,
+            frame=frame,
+            images=tuple(censuses),
+            stages=dict(self._stages(twin, calls)),
+            exact=self._exact,
+            picture=next(pictures, None),
+        )
+
+    def _renderer(self, scene: Scene, outputs: Iterable[str]) -> Renderer:
+        return Renderer(scene, backend="gpu", adapter=self._adapter, outputs=outputs)
+
+    def _stages(
+        self, twin: Twin, calls: Mapping[tuple[str, str], Calls]
+    ) -> Iterator[tuple[str, Census]]:
+        """The stage functions of the shader that were called, each with its census."""
+        needs = needs_of(twin.packed, twin.scene.accuracy.method, device_outputs(SOURCES))
+        shader = Module("the shader", compose_stages(needs))
+        too_many = twin.packed.most_half_spaces > MAX_LINES
+        bindings = {
+            "frame": frame_record(twin.scene, twin.packed.setup, 0, twin.scene.image.height)[0],
+            "lights": twin.packed.lights,
+            "srgb_table": srgb_quads(),
+        }
+        for (file, name), noted_calls in calls.items():
+            if name not in shader.functions() or not noted_calls.rows:
+                continue
+            if too_many and "lines" in shader.signature(name).parameters:
+                continue
+            if file in [*stage_names(needs), "lines"]:
+                yield f"{file}.{name}", self._stage(shader, name, noted_calls, bindings)
+
+    def _stage(
+        self, shader: Module, name: str, calls: Calls, bindings: Mapping[str, Any]
+    ) -> Census:
+        """The census of one function."""
+        signature = shader.signature(name)
+        inputs = {other: calls.argument(other, t) for other, t in signature.parameters.items()}
+        expected = calls.result(signature.result)
+        used = {other: bindings[other] for other in bindings if other in shader.reached(name)}
+        try:
+            return self._kit.check(shader.text, name, lambda *_: expected, inputs, bindings=used)
+        except MismatchError as mismatch:
+            return mismatch.census
+
+
+class Twin(Renderer):
+    """Renders with NumPy; ``scene`` and ``packed`` are what it has rendered."""
+
+    def _pack(self, scene: Scene, samples: int) -> Packed:
+        self.scene, self.packed = scene, super()._pack(scene, samples)
+        return self.packed
+
+    def replayed(self) -> Replay | None:
+        """What no device may decide otherwise; None where that is known without, or not at all."""
+        if self.packed.format is FIXED32 or self.scene.accuracy.method == "article":
+            return None
+        return replay(self.scene, self.packed, self._solids.tables)

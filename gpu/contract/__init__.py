@@ -1,0 +1,1 @@
+"""What host, shaders and twin agree on: number formats, and the records they share."""

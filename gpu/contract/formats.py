@@ -1,0 +1,77 @@
+"""Number formats: what differs between them, in one place.
+
+A form's coefficients are those of polynomials in the pixel offset; its values, at a pixel, are what
+the joint logic and the halvings work on.  Stage files with an ending exist once for each format.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+# In float32, above this many steps, coefficients are integers and values are rounded once.
+FLOAT_STEPS = 16
+
+
+@dataclass(frozen=True)
+class Format:
+    """Types of numbers and the stages that work on them."""
+
+    name: str  # of the scene's ``number_format``
+    coefficient: type[np.float32] | type[np.int64]
+    value: type[np.float32] | type[np.int32]
+    one: int  # u = 1 as a value
+    useful_steps: int  # halvings beyond this no longer pay: rounding is as large as the cell
+    arithmetic: str  # stage files
+    polynomial: str
+    forms: str
+    halve: str
+    run: str  # roundings of the halvings, in certify.wgsl
+    article_run: str  # and of the article's sequences
+
+    @property
+    def integer(self) -> bool:
+        """Whether coefficients are 64-bit integers, which not every device has."""
+        return self.coefficient is np.int64
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stage files of the format."""
+        return self.arithmetic, self.polynomial, self.forms, self.halve
+
+
+FLOAT32 = Format(
+    name="float32",
+    coefficient=np.float32,
+    value=np.float32,
+    one=1,
+    useful_steps=22,
+    arithmetic="arithmetic",
+    polynomial="polynomial",
+    forms="forms",
+    halve="halve",
+    run="DIRECT",
+    article_run="DIRECT",
+)
+FLOAT32_EXACT = replace(
+    FLOAT32,
+    coefficient=np.int64,
+    polynomial="polynomial_exact",
+    forms="forms_exact",
+    halve="halve_incremental",
+    run="INCREMENTAL",
+)
+FIXED32 = Format(
+    name="fixed32",
+    coefficient=np.int64,
+    value=np.int32,
+    one=1 << 30,
+    useful_steps=26,
+    arithmetic="arithmetic_fixed",
+    polynomial="polynomial_exact",
+    forms="forms_fixed",
+    halve="halve_fixed",
+    run="INTEGER",
+    article_run="INTEGER",
+)

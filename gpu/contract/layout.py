@@ -1,0 +1,192 @@
+"""Records and constants shared by the host and the shaders, declared once.
+
+``layout.wgsl`` is generated from this module (``python -m halfstep.contract.layout``); a test
+regenerates it.  NumPy dtypes follow WGSL's rules for size and alignment in the storage address
+space.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+from pathlib import Path
+
+import numpy as np
+
+from halfstep.contract.formats import FLOAT32, Format
+
+# A workgroup renders one tile, an invocation one block of it: quads side by side, each of so many
+# pixels of a row.
+TILE = 16
+LANES = 4
+# Of a tile's record: its place, then where the list of each class begins, and where the last ends.
+TILE_WORDS = 8
+
+
+class Flag(IntFlag):
+    """Facts about a solid that hold for the whole frame, found in float64 on the host."""
+
+    EYE_INSIDE = 1  # rays start at the eye, which the solid contains
+    STARTS_AT_EYE = 2  # u = -1 is the eye
+    EYE_OUTSIDE_QUADRIC = 4  # F(h) > 0, the indicator (9)
+    NEAR_CUT = 8  # the near base plane, not the eye, cuts the solid
+    EYE_SURE = 16  # rounding did not decide the facts about the eye
+
+
+@dataclass(frozen=True)
+class Field:
+    """A member of a record: a scalar or vector type, repeated ``count`` times if above 1."""
+
+    name: str
+    type: str
+    count: int
+    meaning: str
+
+
+# Records begin at multiples of this many bytes, so that they can be fetched as vec4<u64>.
+ALIGNMENT = 32
+
+
+@dataclass(frozen=True)
+class Record:
+    """A WGSL struct and its NumPy dtype."""
+
+    name: str
+    meaning: str
+    fields: tuple[Field, ...]
+
+    def dtype(self, number_format: Format = FLOAT32) -> np.dtype[np.void]:
+        """The dtype of the record in a number format."""
+        numbers: dict[str, type[np.generic]] = {
+            "Coefficient": number_format.coefficient,
+            "Value": number_format.value,
+        }
+        formats: list[np.dtype[np.generic] | tuple[np.dtype[np.generic], tuple[int, ...]]] = []
+        offsets: list[int] = []
+        end = 0
+        for field in self.fields:
+            scalar, width = numbers.get(field.type), 1
+            if scalar is None:
+                scalar, width = _TYPES[field.type]
+            align = np.dtype(scalar).itemsize * width
+            offset = -(-end // align) * align
+            shape = (field.count,) * (field.count > 1) + (width,) * (width > 1)
+            formats.append((np.dtype(scalar), shape))
+            offsets.append(offset)
+            end = offset + np.dtype(scalar).itemsize * width * field.count
+        size = -(-end // ALIGNMENT) * ALIGNMENT
+        return np.dtype(
+            {
+                "names": [field.name for field in self.fields],
+                "formats": formats,
+                "offsets": offsets,
+                "itemsize": size,
+            }
+        )
+
+    def wgsl(self) -> str:
+        """The struct declaration."""
+        lines = [f"// {self.meaning}", f"struct {self.name} {{"]
+        for field in self.fields:
+            type_ = f"array<{field.type}, {field.count}>" if field.count > 1 else field.type
+            align = f"@align({ALIGNMENT}) " if field is self.fields[0] else ""
+            lines.append(f"  {align}{field.name}: {type_},  // {field.meaning}")
+        return "\n".join([*lines, "}"])
+
+
+# WGSL type -> (NumPy scalar, components); Coefficient and Value depend on the number format.
+_TYPES: dict[str, tuple[type[np.generic], int]] = {
+    "f32": (np.float32, 1),
+    "i32": (np.int32, 1),
+    "u32": (np.uint32, 1),
+    "vec4<f32>": (np.float32, 4),
+}
+
+FRAME = Record(
+    "Frame",
+    "What all pixels of a band share.",
+    (
+        Field("first_ray", "vec4<f32>", 1, "world direction through pixel (0, 0), per unit depth"),
+        Field("right", "vec4<f32>", 1, "its change from one pixel to the next on the right"),
+        Field("down", "vec4<f32>", 1, "its change from one row to the next"),
+        Field("ambient", "vec4<f32>", 1, "linear RGB"),
+        Field("background", "vec4<f32>", 1, "linear RGB"),
+        Field("first_row", "i32", 1, "first picture row of the band"),
+        Field("row_quads", "u32", 1, "groups of four pixels in a row of the band"),
+        Field("plane_quads", "u32", 1, "the same in the whole band"),
+    ),
+)
+
+SOLID = Record(
+    "Solid",
+    "A visible solid: F = A u² + G u + C over its own interval of depth, u from -1 to 1.",
+    (
+        Field("a", "Coefficient", 6, "A as coefficients of 1, x, y, x², xy, y²"),
+        Field("g", "Coefficient", 6, "G"),
+        Field("c", "Coefficient", 6, "C"),
+        Field("host_error", "f32", 1, "error of A, G and C from the set-up, in their units"),
+        Field("gradient", "f32", 18, "half the gradient of F, world: [1, u][1, x, y][axis]"),
+        Field("center_x", "i32", 1, "pixel where x = 0"),
+        Field("center_y", "i32", 1, "pixel where y = 0"),
+        Field(
+            "near_u", "Value", 1, "u of the near base plane, -ONE where it does not cut the solid"
+        ),
+        Field("far_u", "Value", 1, "u of the far base plane, ONE where it does not cut the solid"),
+        Field("depth_middle", "f32", 1, "planar depth at u = 0"),
+        Field("depth_half", "f32", 1, "depth = depth_middle + u depth_half"),
+        Field("last_step", "f32", 1, "2^-n"),
+        Field("steps", "u32", 1, "n"),
+        Field("key_high", "u32", 1, "depth key at u = -1, high word"),
+        Field("key_low", "u32", 1, "low word"),
+        Field("key_shift", "u32", 1, "a last step is 2^key_shift units of the key"),
+        Field("spare", "u32", 1, "the key has so many bits below a last step"),
+        Field("flags", "u32", 1, "FLAG_… bits"),
+        Field("surface", "u32", 1, "number of its first surface in the scene, from 1"),
+        Field("plane_start", "u32", 1, "its first half-space"),
+        Field("plane_count", "u32", 1, "how many it has"),
+        Field("color", "f32", 3, "of its material, linear RGB"),
+        Field("specular", "f32", 1, "weight of the highlight"),
+        Field("shininess", "u32", 1, "exponent of the highlight"),
+    ),
+)
+
+HALF_SPACE = Record(
+    "HalfSpace",
+    "A half-space along a ray: inside where c + b u <= 0.",
+    (
+        Field("c", "Coefficient", 3, "coefficients of 1, x, y"),
+        Field("b", "Coefficient", 3, "the same"),
+        Field("normal", "f32", 3, "outward unit normal, world"),
+        Field("host_error", "f32", 1, "error of c and b from the set-up, in their units"),
+    ),
+)
+
+LIGHT = Record(
+    "Light",
+    "A light, relative to the eye.",
+    (
+        Field("vector", "vec4<f32>", 1, "direction to it (w = 0) or w times its position"),
+        Field("color", "vec4<f32>", 1, "linear RGB"),
+    ),
+)
+
+RECORDS = (FRAME, SOLID, HALF_SPACE, LIGHT)
+
+
+def wgsl() -> str:
+    """Text of ``layout.wgsl``."""
+    lines = [
+        "// Generated by `python -m halfstep.contract.layout`; do not edit.",
+        "",
+    ]
+    lines += [f"const TILE: u32 = {TILE}u;", f"const LANES: u32 = {LANES}u;"]
+    lines += [f"const FLAG_{flag.name}: u32 = {flag.value}u;" for flag in Flag]
+    for record in RECORDS:
+        lines += ["", record.wgsl()]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    import halfstep.wgsl
+
+    Path(halfstep.wgsl.__path__[0], "layout.wgsl").write_text(wgsl())

@@ -1,0 +1,1 @@
+"""wgpu: adapters, a device, and kernels that tell what a driver does."""

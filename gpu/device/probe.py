@@ -1,0 +1,54 @@
+"""What a device tells only by running a small kernel."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.device.compute import Bound, Compute
+
+# Rounds asked of a loop: around powers of two, where counters end.
+_EDGES = 1 << np.arange(8, 21)
+ASKED = np.concatenate([_EDGES - 1, _EDGES, _EDGES + 1]).astype(np.uint32)
+# The most rounds that a device is seen to run. Work is split before them on every device.
+MOST_ROUNDS = int(ASKED.max())
+
+
+def loop_limit(compute: Compute) -> int | None:
+    """Rounds after which the driver ends loops; None where it runs `MOST_ROUNDS`.
+
+    llvmpipe of Mesa 22.3 ends all loops of an invocation after 65,535 rounds, those of its
+    neighbours in the same vector counted with them.
+
+    Raises:
+        DeviceError: the device is lost or out of memory.
+    """
+    bound = [
+        Bound(0, 0, "read-only-storage", ASKED.view(np.uint8)),
+        Bound(0, 1, "storage", np.zeros(8 * len(ASKED), np.uint8)),
+    ]
+    found = _run(compute, "probe_rounds", "count_rounds", bound, len(ASKED))[::2]
+    cut = found < ASKED
+    return int(found[cut].min()) if cut.any() else None
+
+
+def subgroup_size(compute: Compute) -> int:
+    """How many invocations are in a subgroup: adapters tell no more than a range.
+
+    Raises:
+        DeviceError: the device is lost or out of memory.
+    """
+    bound = [Bound(0, 0, "storage", np.zeros(512, np.uint8))]
+    return int(_run(compute, "probe_subgroup", "ask", bound, 1).min())
+
+
+def _run(
+    compute: Compute, name: str, entry_point: str, bound: list[Bound], workgroups: int
+) -> NDArray[Any]:
+    """The words that a kernel leaves in its buffer of kind "storage"."""
+    code = files("halfstep.wgsl").joinpath(f"{name}.wgsl").read_text(encoding="utf-8")
+    [found] = compute.run(code, entry_point, bound, (workgroups, 1, 1), name=f"{name}.wgsl")
+    return found.view(np.uint32)

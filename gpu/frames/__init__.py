@@ -1,0 +1,1 @@
+"""Frames of scenes: what is rendered, and what comes of it."""

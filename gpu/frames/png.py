@@ -1,0 +1,66 @@
+"""Pixels as a PNG file."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_RGB = 2
+_UP = 2
+_NO_TEXTS: Mapping[str, str] = MappingProxyType({})
+
+
+def png(pixels: Pixels, texts: Mapping[str, str] = _NO_TEXTS) -> bytes:
+    """A PNG file of ``pixels``: grey (H, W) or RGB (H, W, 3), with 8 or 16 bits.
+
+    Args:
+        pixels: uint8 or uint16.
+        texts: what the file says of itself, by keyword; Latin-1.
+    """
+    if pixels.ndim == 3 and pixels.dtype == np.uint16:
+        return _deep_rgb_png(pixels, texts)
+    from imageio.v3 import imwrite
+    from PIL.PngImagePlugin import PngInfo
+
+    chunks = PngInfo()
+    for keyword, text in texts.items():
+        chunks.add_text(keyword, text)
+    data: bytes = imwrite("<bytes>", pixels, plugin="pillow", extension=".png", pnginfo=chunks)
+    return data
+
+
+def _deep_rgb_png(pixels: Pixels, texts: Mapping[str, str]) -> bytes:
+    """RGB of 16 bits, which Pillow, the writer of all else, does not have."""
+    height, width, _ = pixels.shape
+    rows = pixels.astype(">u2").view(np.uint8).reshape(height, -1)
+    # Every row as its difference from the one above, after the number of that filter.
+    filtered = np.full((height, 1 + rows.shape[1]), _UP, np.uint8)
+    filtered[0, 1:] = rows[0]
+    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
+    return b"".join(
+        [
+            PNG_SIGNATURE,
+            chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, _RGB, 0, 0, 0)),
+            *(text_chunk(keyword, text) for keyword, text in texts.items()),
+            chunk(b"IDAT", zlib.compress(filtered.data)),
+            chunk(b"IEND", b""),
+        ]
+    )
+
+
+def text_chunk(keyword: str, text: str) -> bytes:
+    """What a PNG file says of itself; Latin-1."""
+    return chunk(b"tEXt", f"{keyword}\0{text}".encode("latin-1"))
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    """A part of a PNG file."""
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

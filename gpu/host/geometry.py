@@ -1,0 +1,388 @@
+"""The solids of a scene as stacked float64 arrays, in each solid's own coordinates.
+
+A solid is {F <= 0} ∩ {every half-space <= 0}, systems (4) and (5).  Nothing here knows the
+camera; ``setup`` turns these arrays into per-frame constants, ``bounds`` into screen rectangles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.errors import SceneError
+from halfstep.host.edges import EDGES
+from halfstep.scene import halfspaces
+from halfstep.scene.model import (
+    Box,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    HyperboloidOneSheet,
+    HyperboloidTwoSheets,
+    Paraboloid,
+    PlanePatch,
+    Polyhedron,
+    QuadricSolid,
+    Scene,
+    Solid,
+    Sphere,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+# A bound whose plane is this close to parallel to a patch is not a bound of the patch: (14) read
+# literally rejects every point of an axis-parallel patch.
+PARALLEL = 1e-9
+# The default volume is this much wider than the solids, so that no solid touches a base plane.
+VOLUME_MARGIN = 2.0**-10
+# Where the curvatures of F differ more than this, rounding may hide where the solid ends.
+SLENDER = 2.0**8
+# F at the centre of an ellipsoid is known to this fraction of its terms.
+LEVEL_ROUNDING = 16 * 2.0**-53
+
+
+class Form(IntEnum):
+    """What is known to contain a solid."""
+
+    UNBOUNDED = 0  # nothing
+    EMPTY = 1  # the solid has no point
+    ELLIPSOID = 2  # the solid itself, but for its half-spaces
+    DISCS = 3  # the hull of its ends
+    POINTS = 4  # the hull of its corners, or of those of its half-spaces
+
+
+@dataclass(frozen=True)
+class Hulls:
+    """Convex shapes that contain the bounded solids, grouped by form, local coordinates.
+
+    ``*_ix`` are the solids of each group.  Discs stand across the local z axis; a *conic* is a
+    pair of discs whose solid bulges beyond their hull and needs tangent planes as well.
+    """
+
+    ellipsoid_ix: Ints  # (E,)
+    ellipsoid_center: Floats  # (3, E)
+    ellipsoid_axes: Floats  # (3, 3, E), semi-axis vectors in columns
+    disc_ix: Ints  # (D,)
+    disc_z: Floats  # (2, D)
+    disc_radius: Floats  # (2, D)
+    conic_ix: Ints  # (Q,), indices into the discs
+    conic_dual: Floats  # (4, 4, Q), inverse of the quadric's matrix
+    point_ix: Ints  # (V,)
+    point_start: Ints  # (V,), first of each solid in ``points``
+    point_solid: Ints  # (P,), the solid of each point
+    points: Floats  # (3, P)
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """K solids and their M half-spaces; solids come last in every array.
+
+    Column j of ``planes`` is (n, d): inside where n·x + d <= 0.  The first column of a patch is the
+    patch's own plane, the others are its bounds.  Columns that stand for an edge of the solid's
+    screen rectangle have n = 0 and exclude nothing here; slender solids have them, and come last.
+    """
+
+    origin: Floats  # (3, K), world
+    world_from_local: Floats  # (3, 3, K)
+    has_quadric: Bools  # (K,)
+    quadric: Floats  # (4, 4, K), F = [x 1] Q [x 1]^T; zero where there is no F
+    is_patch: Bools  # (K,)
+    is_ellipsoid: Bools  # (K,), F positive definite and no half-space
+    is_empty: Bools  # (K,), no point satisfies the inequalities
+    is_bounded: Bools  # (K,)
+    is_loose: Bools  # (K,), the hull is that of some of its inequalities only
+    plane_start: Ints  # (K,)
+    plane_count: Ints  # (K,)
+    planes: Floats  # (4, M)
+    plane_solid: Ints  # (M,), the solid of each half-space
+    plane_bounds: Bools  # (M,), it bounds a patch, so it is never seen itself
+    plane_edge: Ints  # (M,), it stands for this edge of the screen rectangle; -1 for no edge
+    hulls: Hulls
+
+    @property
+    def count(self) -> int:
+        """Number of solids K."""
+        return len(self.is_patch)
+
+
+def build(scene: Scene) -> Geometry:
+    """Stack the solids of ``scene``."""
+    solids = scene.solids
+    count = len(solids)
+    rotation = np.array([solid.world_from_local() for solid in solids])
+    origin = np.array([solid.origin for solid in solids], np.float64)
+    is_patch = np.array([isinstance(solid, PlanePatch) for solid in solids])
+    is_flat = np.array([isinstance(solid, PlanePatch | Box | Polyhedron) for solid in solids])
+    has_cut = np.array([bool(getattr(solid, "cut", ())) for solid in solids])
+    rows = [
+        _patch_rows(solid, origin[ix], rotation[ix])
+        if isinstance(solid, PlanePatch)
+        else solid.half_spaces()
+        for ix, solid in enumerate(solids)
+    ]
+    quadric = np.zeros((count, 4, 4))
+    for ix, solid in enumerate(solids):
+        if isinstance(solid, QuadricSolid):
+            quadric[ix] = solid.quadric()
+
+    form, hulls = _hulls(solids, rows, quadric, is_flat)
+    plane_count = np.array([len(each) for each in rows], np.int64)
+    is_loose = ~is_flat & _is_loose(form, plane_count, has_cut)
+    slender = np.flatnonzero((form >= Form.ELLIPSOID) & _is_slender(quadric))
+    for ix in slender.tolist():
+        rows[ix] = np.concatenate([rows[ix], np.repeat([[0.0, 0.0, 0.0, 1.0]], EDGES, axis=0)])
+    plane_count[slender] += EDGES
+    planes = np.concatenate(rows).T * np.array([[1.0], [1.0], [1.0], [-1.0]])
+    plane_start = np.cumsum(plane_count) - plane_count
+    plane_bounds = np.repeat(is_patch, plane_count)
+    plane_bounds[plane_start[is_patch]] = False
+    plane_edge = np.full(len(plane_bounds), -1)
+    last = plane_start + plane_count - 1
+    plane_edge[last[slender, None] - np.arange(EDGES)] = np.arange(EDGES)
+    return Geometry(
+        origin=_solids_last(origin),
+        world_from_local=_solids_last(rotation),
+        has_quadric=~is_flat,
+        quadric=_solids_last(quadric),
+        is_patch=is_patch,
+        is_ellipsoid=(form == Form.ELLIPSOID) & (plane_count == 0),
+        is_empty=form == Form.EMPTY,
+        is_bounded=form >= Form.ELLIPSOID,
+        is_loose=is_loose,
+        plane_start=plane_start,
+        plane_count=plane_count,
+        planes=np.ascontiguousarray(planes),
+        plane_solid=np.repeat(np.arange(count), plane_count),
+        plane_bounds=plane_bounds,
+        plane_edge=plane_edge,
+        hulls=hulls,
+    )
+
+
+def _solids_last(array: Floats) -> Floats:
+    return np.ascontiguousarray(np.moveaxis(array, 0, -1))
+
+
+def _is_loose(form: Ints, plane_count: Ints, has_cut: Bools) -> Bools:
+    """Quadrics (K,) whose hull is that of some of their inequalities only."""
+    of_surface = (form == Form.ELLIPSOID) & (plane_count > 0) | (form == Form.DISCS) & has_cut
+    return np.asarray(of_surface | (form == Form.UNBOUNDED) | (form == Form.POINTS))
+
+
+def _is_slender(matrix: Floats) -> Bools:
+    """Whether curvatures of quadrics (K, 4, 4) that are not 0 differ by more than `SLENDER`, (K,).
+
+    Of an ellipsoid they are the inverse squares of its semi-axes.
+    """
+    bend = np.abs(np.linalg.eigvalsh(matrix[:, :3, :3]))
+    largest = bend.max(axis=1, keepdims=True)
+    bend = np.where(bend > 0, bend, largest)
+    return np.asarray(largest[:, 0] > SLENDER * bend.min(axis=1))
+
+
+def _patch_rows(solid: PlanePatch, origin: Floats, rotation: Floats) -> Floats:
+    """A patch's plane and its world box as local half-spaces n·x <= d; (14).
+
+    Bounds parallel to the patch are left out.
+    """
+    rows = [[0.0, 0.0, 1.0, 0.0]]
+    normal = rotation[:, 2]
+    for axis in range(3):
+        across = np.delete(normal, axis)
+        if np.abs(across).max() <= PARALLEL:
+            continue
+        local_axis = rotation[axis]
+        rows.append([*local_axis, solid.bounds.max[axis] - origin[axis]])
+        rows.append([*-local_axis, origin[axis] - solid.bounds.min[axis]])
+    return np.array(rows)
+
+
+def _hulls(
+    solids: Sequence[Solid], rows: Sequence[Floats], quadric: Floats, is_flat: Bools
+) -> tuple[Ints, Hulls]:
+    """Form of every solid (K,), and the hulls."""
+    form = np.where(is_flat, Form.POINTS, Form.UNBOUNDED)
+    curved = np.flatnonzero(~is_flat)
+    known = [isinstance(solids[ix], Sphere | Ellipsoid) for ix in curved.tolist()]
+    form[curved], center, axes = _ellipsoids(quadric[curved], np.array(known, np.bool_))
+    of_curved = form[curved] == Form.ELLIPSOID
+
+    disc_ix, disc_z = _cut_across(form, solids)
+    bulging = [isinstance(solids[ix], HyperboloidTwoSheets | Paraboloid) for ix in disc_ix.tolist()]
+    conic_ix = np.flatnonzero(bulging)
+
+    for group, planes in _by_length(np.flatnonzero(form == Form.UNBOUNDED).tolist(), rows):
+        form[group[halfspaces.are_bounded(planes)]] = Form.POINTS
+    point_ix, points = _corners(form, solids, rows)
+    # Half-spaces of a quadric may leave nothing.
+    hollow = ~is_flat & (np.bincount(point_ix, minlength=len(form)) < 4)
+    form[hollow & (form == Form.POINTS)] = Form.EMPTY
+    kept = ~hollow[point_ix]
+    point_ix, points = point_ix[kept], points[kept]
+    first = np.flatnonzero(np.diff(point_ix, prepend=-1))
+    return form, Hulls(
+        ellipsoid_ix=curved[of_curved],
+        ellipsoid_center=_solids_last(center[of_curved]),
+        ellipsoid_axes=_solids_last(axes[of_curved]),
+        disc_ix=disc_ix,
+        disc_z=_solids_last(disc_z),
+        disc_radius=_solids_last(_disc_radius(quadric[disc_ix], disc_z)),
+        conic_ix=conic_ix,
+        conic_dual=_solids_last(np.asarray(np.linalg.inv(quadric[disc_ix[conic_ix]]), np.float64)),
+        point_ix=point_ix[first],
+        point_start=first,
+        point_solid=point_ix,
+        points=_solids_last(points),
+    )
+
+
+def _ellipsoids(matrix: Floats, is_known: Bools) -> tuple[Ints, Floats, Floats]:
+    """Of quadrics (Q, 4, 4): form, centre and semi-axis vectors in columns if F is definite.
+
+    Of some it ``is_known``; of others rounding hides it where axes differ by 10^6.
+    """
+    second, linear, constant = matrix[:, :3, :3], matrix[:, :3, 3], matrix[:, 3, 3]
+    values, vectors = map(np.asarray, np.linalg.eigh(second))
+    definite = is_known | (values[:, 0] > 1e-12 * values[:, 2])
+    center, axes = np.zeros_like(linear), np.zeros_like(second)
+    form = np.full(len(matrix), Form.UNBOUNDED)
+    second, linear, constant = second[definite], linear[definite], constant[definite]
+    middle = np.asarray(np.linalg.solve(second, -linear[:, :, None]), np.float64)[:, :, 0]
+
+    # -F at the centre.  Far from the origin its terms cancel: the hull must not be too small.
+    terms = _values(np.abs(second), np.abs(linear), np.abs(constant), np.abs(middle))
+    level = LEVEL_ROUNDING * terms - _values(second, linear, constant, middle)
+    form[definite] = np.where(level < 0, Form.EMPTY, Form.ELLIPSOID)
+    center[definite] = middle
+    reach = np.sqrt(np.maximum(level, 0.0)[:, None] / values[definite])
+    axes[definite] = vectors[definite] * reach[:, None, :]
+    return form, center, axes
+
+
+def _values(second: Floats, linear: Floats, constant: Floats, point: Floats) -> Floats:
+    """F of quadrics (Q,) at a point each (Q, 3)."""
+    row, column = point[:, None, :], point[:, :, None]
+    return np.asarray(
+        (row @ second @ column + 2 * (linear[:, None, :] @ column))[:, 0, 0] + constant
+    )
+
+
+def _cut_across(form: Ints, solids: Sequence[Solid]) -> tuple[Ints, Floats]:
+    """Take for bounded what planes across its axis cut at both ends: which (D,), and z (D, 2)."""
+    rest = np.flatnonzero(form == Form.UNBOUNDED)
+    ends = np.array([_ends(solids[ix]) for ix in rest.tolist()]).reshape(-1, 2)
+    form[rest[ends[:, 0] > ends[:, 1]]] = Form.EMPTY
+    cut = np.isfinite(ends).all(axis=1) & (ends[:, 0] <= ends[:, 1])
+    form[rest[cut]] = Form.DISCS
+    return rest[cut], ends[cut]
+
+
+def _ends(solid: Solid) -> tuple[float, float]:
+    """Least and greatest local z of a surface of revolution, as far as cuts across it say so.
+
+    The first exceeds the second where nothing is left.
+    """
+    if not isinstance(
+        solid, Cylinder | Cone | HyperboloidOneSheet | HyperboloidTwoSheets | Paraboloid
+    ):
+        return -np.inf, np.inf
+    low = -np.inf if solid.z_min is None else solid.z_min
+    high = np.inf if solid.z_max is None else solid.z_max
+    if isinstance(solid, Paraboloid):
+        low = max(low, 0.0)
+    if isinstance(solid, HyperboloidTwoSheets):
+        # Nothing lives between the sheets: move an end that lies there to the next apex.
+        low = solid.c if -solid.c < low < solid.c else low
+        high = -solid.c if -solid.c < high < solid.c else high
+    return low, high
+
+
+def _disc_radius(matrix: Floats, z: Floats) -> Floats:
+    """Radii (D, 2) of surfaces of revolution (D, 4, 4) at heights z (D, 2)."""
+    squares, linear, constant = matrix[:, 2, 2, None], matrix[:, 2, 3, None], matrix[:, 3, 3, None]
+    square = -(squares * z**2 + 2 * linear * z + constant) / matrix[:, 0, 0, None]
+    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+
+
+def _corners(form: Ints, solids: Sequence[Solid], rows: Sequence[Floats]) -> tuple[Ints, Floats]:
+    """The solid (P,) of each corner and the corners (P, 3) of solids of the form POINTS."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    other_side = np.array([[0.0, 0.0, -1.0, 0.0]])
+    owners, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
+    enclosed: dict[int, Floats] = {}
+    for ix in np.flatnonzero(form == Form.POINTS).tolist():
+        solid = solids[ix]
+        if isinstance(solid, Box):
+            owners.append(np.full(8, ix))
+            points.append(signs * np.array(solid.size) / 2)
+        elif isinstance(solid, PlanePatch):
+            enclosed[ix] = np.concatenate([rows[ix], other_side])
+        else:
+            enclosed[ix] = rows[ix]
+    for group, planes in _by_length(enclosed, enclosed):
+        found, owner = halfspaces.vertices_of_each(planes)
+        owners.append(group[owner])
+        points.append(found)
+    owner, found = np.concatenate(owners), np.concatenate(points)
+    by_solid = np.argsort(owner, kind="stable")
+    return owner[by_solid], found[by_solid]
+
+
+def _by_length(
+    solids: Iterable[int], rows: Sequence[Floats] | Mapping[int, Floats]
+) -> Iterator[tuple[Ints, Floats]]:
+    """Solids that have the same number of half-spaces (k,), and these (k, m, 4)."""
+    groups: dict[int, list[int]] = {}
+    for ix in solids:
+        groups.setdefault(len(rows[ix]), []).append(ix)
+    for group in groups.values():
+        yield np.array(group, np.int64), np.array([rows[ix] for ix in group])
+
+
+def volume_box(scene: Scene, geometry: Geometry) -> tuple[Floats, Floats]:
+    """Corners (min, max) of the modelled volume in world coordinates, each (3,).
+
+    The scene's ``[volume]``, or else the box around all bounded solids, widened a little.  A cut
+    ellipsoid counts whole; a paraboloid or two-sheet hyperboloid as the cylinder around it.
+
+    Raises:
+        SceneError: no volume is given and no solid is bounded.
+    """
+    if scene.volume is not None:
+        return np.array(scene.volume.min), np.array(scene.volume.max)
+    if not geometry.is_bounded.any():
+        raise SceneError(
+            f"{scene.name}: volume: missing; no solid is bounded, so none can be derived"
+        )
+    low, high = [], []
+    for ix, center, reach in _world_extents(geometry):
+        rotation = np.take(geometry.world_from_local, ix, axis=-1)
+        world = geometry.origin[:, ix] + np.einsum("ijk,jk->ik", rotation, center)
+        low.append((world - reach).min(axis=1))
+        high.append((world + reach).max(axis=1))
+    lowest, highest = np.min(low, axis=0), np.max(high, axis=0)
+    margin = VOLUME_MARGIN * (highest - lowest).max()
+    return lowest - margin, highest + margin
+
+
+def _world_extents(geometry: Geometry) -> list[tuple[Ints, Floats, Floats]]:
+    """(solids, local centres, half-widths along the world axes) of every part of every hull."""
+    hulls, rotation = geometry.hulls, geometry.world_from_local
+    parts = []
+    axes = np.einsum("ijk,jlk->ilk", rotation[..., hulls.ellipsoid_ix], hulls.ellipsoid_axes)
+    parts.append((hulls.ellipsoid_ix, hulls.ellipsoid_center, np.sqrt((axes**2).sum(axis=1))))
+    radius = hulls.disc_radius.copy()
+    radius[:, hulls.conic_ix] = radius[:, hulls.conic_ix].max(axis=0)
+    for end in range(2):
+        center = np.zeros((3, len(hulls.disc_ix)))
+        center[2] = hulls.disc_z[end]
+        across = np.sqrt((rotation[:, :2, hulls.disc_ix] ** 2).sum(axis=1))
+        parts.append((hulls.disc_ix, center, radius[end] * across))
+    parts.append((hulls.point_solid, hulls.points, np.zeros_like(hulls.points)))
+    return [part for part in parts if len(part[0])]

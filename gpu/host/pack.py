@@ -1,0 +1,323 @@
+"""Per-frame constants as the records that the shaders and the twin read."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract import layout
+from halfstep.contract.formats import Format
+from halfstep.contract.layout import Flag
+from halfstep.host.edges import monomials_of
+from halfstep.host.geometry import Geometry
+from halfstep.host.setup import START_BITS, Setup
+from halfstep.host.steps import format_for
+from halfstep.scene import Scene
+
+Floats = NDArray[np.float64]
+Records = NDArray[np.void]
+U32 = NDArray[np.uint32]
+
+# Bits of a depth key below the last step of the solid with the smallest steps.
+KEY_SPARE_BITS = 6
+# Fraction bits of integer coefficients.
+FRACTION_BITS = 60
+# Components of unit vectors and colours below this are as good as none: outputs would hold
+# subnormal numbers, which devices may flush.
+FAINT = 2.0**-63
+# Entries of the sRGB table: 128 for each of 13 powers of two, and one for 1.
+SRGB_ENTRIES = 13 * 128 + 1
+
+
+class Class(IntEnum):
+    """Solids that run the same code; a shader has one loop for each class of its frame."""
+
+    ELLIPSOID = 0  # uncut, between the base planes, seen from outside
+    QUADRIC = 1
+    QUADRIC_INSIDE = 2  # some rays start inside
+    POLYHEDRON = 3
+    POLYHEDRON_INSIDE = 4
+    PATCH = 5
+
+
+# By the class of a solid seen whole and from outside: what it is so, cut, and from inside.
+_CLASS_SEEN = np.array(
+    [
+        [Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE],
+        [Class.QUADRIC, Class.QUADRIC, Class.QUADRIC_INSIDE],
+        [Class.QUADRIC_INSIDE] * 3,
+        [Class.POLYHEDRON, Class.POLYHEDRON, Class.POLYHEDRON_INSIDE],
+        [Class.POLYHEDRON_INSIDE] * 3,
+        [Class.PATCH] * 3,
+    ],
+    np.int64,
+)
+# The article method has one way for all quadrics and one for all polyhedra.
+_ARTICLE_CLASS = np.array(
+    [
+        Class.QUADRIC,
+        Class.QUADRIC,
+        Class.QUADRIC,
+        Class.POLYHEDRON,
+        Class.POLYHEDRON,
+        Class.PATCH,
+    ],
+    np.int64,
+)
+
+_FRAME, _LIGHT = layout.FRAME.dtype(), layout.LIGHT.dtype()
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """The surfaces of a scene, numbered through from 1; row 0 stands for no surface."""
+
+    solid: NDArray[np.int32]  # (S,), -1 in row 0
+    number: NDArray[np.int32]  # (S,), within the solid, -1 in row 0
+    first: NDArray[np.int64]  # (K,), each solid's surface 0
+    color: NDArray[np.float32]  # (K, 3), of each solid's material
+    specular: NDArray[np.float32]  # (K,)
+    shininess: NDArray[np.uint32]  # (K,)
+    normal: NDArray[np.float32]  # (M, 3), of each half-space, world
+    usual: NDArray[np.int64]  # (K,), class of each solid from outside and between the base planes
+
+
+@dataclass(frozen=True)
+class Packed:
+    """One frame: V visible solids ordered by class, then by place in the scene."""
+
+    setup: Setup
+    order: NDArray[np.int64]  # (V,), row of each solid in ``setup``
+    classes: NDArray[np.int64]  # (V,)
+    format: Format
+    solids: Records
+    half_spaces: Records
+    key_bits: int  # depth key = t 2^key_bits
+    lights: Records
+    # What a shader depends on is taken from the scene where it can be, so that a solid that leaves
+    # the picture does not ask for another one.
+    present: tuple[Class, ...]  # classes that the scene's solids have, in this frame or otherwise
+    shininess_bits: int  # of the largest exponent of a highlight, 0 where no material shines
+    most_half_spaces: int  # of a solid
+    solid_count: int  # of the scene
+    surface_count: int  # of the scene
+
+
+def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
+    """Number the surfaces of ``scene`` and look up the material of each solid."""
+    per_solid = geometry.plane_count + 1
+    first = 1 + np.cumsum(per_solid) - per_solid
+    owner = np.repeat(np.arange(geometry.count), per_solid)
+    materials = [scene.material_of(solid) for solid in scene.solids]
+    normals = np.einsum(
+        "ijn,jn->ni",
+        np.take(geometry.world_from_local, geometry.plane_solid, axis=-1),
+        geometry.planes[:3],
+    )
+    # Edges of the screen rectangle have no normal: they are not seen.
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return Surfaces(
+        solid=np.append(-1, owner).astype(np.int32),
+        number=np.append(-1, np.arange(len(owner)) + 1 - first[owner]).astype(np.int32),
+        first=first,
+        color=np.array([material.color for material in materials], np.float32),
+        specular=np.array([material.specular for material in materials], np.float32),
+        shininess=np.array([material.shininess for material in materials], np.uint32),
+        normal=_clear(normals / np.where(length > 0, length, 1.0)).astype(np.float32),
+        usual=_usual_classes(geometry),
+    )
+
+
+def pack(
+    scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: NDArray[np.int64]
+) -> Packed:
+    """Records of the frame ``setup`` with ``steps`` (V,) halvings for each solid."""
+    classes, usual = _classes(tables, setup), tables.usual
+    if scene.accuracy.method == "article":
+        classes, usual = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[usual]
+    # Numbers of 16 bits or less are sorted in linear time.
+    order = np.argsort(classes.astype(np.uint8), kind="stable")
+    number_format = format_for(scene.accuracy, int(steps.max(initial=0)))
+    longest = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
+    # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
+    spare = min(KEY_SPARE_BITS, 63 - longest, 30 - int(steps.max(initial=1)))
+    key_bits = longest + spare
+
+    solid_type, half_space_type = _types(number_format)
+    solids = np.zeros(setup.count, solid_type)
+    offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
+    quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
+    host_error = setup.host_error
+    if number_format.integer:
+        sums = [(np.abs(form) * offsets).sum(axis=1) for form in quadratic.values()]
+        unit = _fixed_point_scale(np.max(sums, axis=0))
+        quadratic = {name: np.rint(form * unit) for name, form in quadratic.items()}
+        host_error = host_error * unit[:, 0]
+    for name, form in quadratic.items():
+        solids[name] = form
+    solids["host_error"] = host_error
+    solids["gradient"] = setup.gradient.reshape(-1, 18)
+    solids["center_x"], solids["center_y"] = setup.center.T
+    solids["near_u"] = _value(setup.near_u, number_format)
+    solids["far_u"] = _value(setup.far_u, number_format)
+    solids["depth_middle"], solids["depth_half"] = setup.depth_middle, setup.depth_half
+    solids["last_step"], solids["steps"] = np.exp2(-steps), steps
+    start = (setup.start * 2.0**key_bits).astype(np.uint64)
+    solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
+    solids["key_shift"] = key_bits - (setup.level + steps + 1)
+    solids["spare"] = spare
+    facts = {
+        Flag.EYE_INSIDE: setup.eye_inside,
+        Flag.STARTS_AT_EYE: setup.starts_at_eye,
+        Flag.EYE_OUTSIDE_QUADRIC: setup.eye_outside_quadric,
+        Flag.NEAR_CUT: setup.near_cut,
+        Flag.EYE_SURE: setup.eye_sure,
+    }
+    # As plain numbers: members of an enumeration take NumPy longer.
+    solids["flags"] = sum(int(flag) * holds for flag, holds in facts.items())
+    solids["surface"] = tables.first[setup.solid]
+    solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
+
+    solids["color"] = tables.color.take(setup.solid, axis=0)
+    solids["specular"] = tables.specular[setup.solid]
+    solids["shininess"] = tables.shininess[setup.solid]
+
+    half_spaces = np.zeros(len(setup.plane), half_space_type)
+    plane_c, plane_b = setup.plane_c, setup.plane_b
+    plane_host_error = setup.plane_host_error
+    if number_format.integer:
+        owner = np.repeat(np.arange(setup.count), setup.plane_count)
+        sums = [(np.abs(form) * offsets[owner, :3]).sum(axis=1) for form in (plane_c, plane_b)]
+        unit = _fixed_point_scale(np.max(sums, axis=0))
+        plane_c, plane_b = np.rint(plane_c * unit), np.rint(plane_b * unit)
+        plane_host_error = plane_host_error * unit[:, 0]
+    half_spaces["c"], half_spaces["b"] = plane_c, plane_b
+    half_spaces["normal"] = tables.normal.take(setup.plane, axis=0)
+    half_spaces["host_error"] = plane_host_error
+    return Packed(
+        setup=setup,
+        order=order,
+        classes=classes[order],
+        format=number_format,
+        solids=solids.take(order),  # a fancy index copies member by member
+        half_spaces=half_spaces,
+        key_bits=key_bits,
+        lights=_lights(scene, setup),
+        present=_present(classes, usual),
+        shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
+        most_half_spaces=int(geometry.plane_count.max()),
+        solid_count=len(tables.first),
+        surface_count=len(tables.solid) - 1,
+    )
+
+
+@functools.cache
+def _types(number_format: Format) -> tuple[np.dtype[np.void], np.dtype[np.void]]:
+    """Of the records of solids and of half-spaces."""
+    return layout.SOLID.dtype(number_format), layout.HALF_SPACE.dtype(number_format)
+
+
+def _classes(tables: Surfaces, setup: Setup) -> NDArray[np.int64]:
+    inside = setup.eye_inside | setup.near_cut
+    # The discriminant alone also finds the roots of a line behind the eye.
+    # What is seen from inside is cut as well, so the sum counts to two.
+    cut = setup.near_cut | setup.starts_at_eye | (setup.far_u != 1.0)
+    return np.asarray(_CLASS_SEEN[tables.usual[setup.solid], np.add(cut, inside, dtype=np.int64)])
+
+
+def _present(classes: NDArray[np.int64], usual: NDArray[np.int64]) -> tuple[Class, ...]:
+    """The classes among them, in order."""
+    count = np.bincount(classes, minlength=len(Class)) + np.bincount(usual, minlength=len(Class))
+    return tuple(klass for klass, found in zip(Class, count.tolist(), strict=True) if found)
+
+
+def _usual_classes(geometry: Geometry) -> NDArray[np.int64]:
+    """The class of each solid from outside and between the base planes."""
+    kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
+    classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
+    return np.select(kinds, classes, Class.POLYHEDRON)
+
+
+def _value(u: Floats, number_format: Format) -> Floats:
+    """Places on a ray as values of the format; the type they are stored in rounds them."""
+    return u if number_format.value is np.float32 else np.rint(u * number_format.one)
+
+
+def _fixed_point_scale(largest: Floats) -> Floats:
+    """The power of two that makes terms of this magnitude fill ``FRACTION_BITS`` bits, (…, 1)."""
+    bits = np.ceil(np.log2(np.where(largest > 0, largest, 1.0)))
+    return np.asarray(2.0 ** (FRACTION_BITS - bits))[:, None]
+
+
+def _lights(scene: Scene, setup: Setup) -> Records:
+    lights = scene.effective_lights()
+    records = np.zeros(len(lights), _LIGHT)
+    for light, vector, color in zip(lights, records["vector"], records["color"], strict=True):
+        if light.direction is not None:
+            direction = np.array(light.direction)
+            vector[:3] = direction / np.sqrt(direction.dot(direction))
+        else:
+            place = np.array(light.position) - setup.view.eye
+            # Where the greatest length is about 1, squares are neither subnormal nor infinite.
+            vector[3] = 2.0 ** -np.ceil(np.log2(max(np.abs(place).max(), setup.far)))
+            vector[:3] = place * vector[3]
+        color[:3] = light.color
+    return records
+
+
+def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Records:
+    """The ``Frame`` record of a band of ``rows`` picture rows from ``first_row`` on."""
+    view = setup.view
+    right, down, _ = view.camera_from_world
+    record = np.zeros(1, _FRAME)
+    record["first_ray"][0, :3] = _clear(view.directions(np.array(0), np.array(0)))
+    record["right"][0, :3] = view.pixel * _clear(right)
+    record["down"][0, :3] = view.pixel * _clear(down)
+    record["ambient"][0, :3] = scene.ambient.color
+    record["background"][0, :3] = _clear(np.array(scene.image.background))
+    tiles_x = -(-view.width // layout.TILE)
+    tiles_y = -(-rows // layout.TILE)
+    record["first_row"] = first_row
+    record["row_quads"] = tiles_x * layout.TILE // layout.LANES
+    record["plane_quads"] = record["row_quads"] * tiles_y * layout.TILE
+    return record
+
+
+def _clear(vectors: Floats) -> Floats:
+    """Unit vectors or colours without components below `FAINT`."""
+    return np.where(np.abs(vectors) < FAINT, 0.0, vectors)
+
+
+@functools.cache
+def srgb_table() -> U32:
+    """Table of ``encode.wgsl``, an entry for every 2^16 consecutive float32 from 2^-13 to 1."""
+    edges = (np.arange(1, 256) - 0.5) / 255
+    linear = np.where(edges <= 0.04045, edges / 12.92, ((edges + 0.055) / 1.055) ** 2.4)
+    # The least float32 of each level.
+    first = linear.astype(np.float32)
+    first = np.where(first < linear, np.nextafter(first, np.float32(2)), first).view(np.uint32)
+    begin = np.float32(2.0**-13).view(np.uint32)
+    cells = begin + (np.arange(SRGB_ENTRIES, dtype=np.uint32) << np.uint32(16))
+    level = np.searchsorted(first, cells, side="right")
+    following = np.append(first, 0xFFFFFFFF)[level] - cells.astype(np.int64)
+    table = level | np.minimum(following, 1 << 16) << 8
+    table = table.astype(np.uint32)
+    table.setflags(write=False)  # every caller has this one
+    return table
+
+
+@functools.cache
+def srgb_quads() -> U32:
+    """The table (SRGB_ENTRIES, 4) as shaders read it: uniform arrays have no smaller stride."""
+    quads = np.repeat(srgb_table()[:, None], 4, axis=1)
+    quads.setflags(write=False)
+    return quads
+
+
+def joined_key(high: U32, low: U32) -> NDArray[np.uint64]:
+    """Depth keys from their two words."""
+    return (high.astype(np.uint64) << np.uint64(32)) | low

@@ -1,0 +1,155 @@
+"""Which solids the rays through a block of pixels may meet, conservatively.
+
+Over a block, x and y run through a rectangle and u through [-1, 1], so the forms of ``setup``, as
+c + b u of a half-space and F = A u² + G u + C, have bounds in closed form.  No ray of the block
+meets a solid whose half-spaces leave no u between them, whose F is positive for all the u they
+leave, or that has C > 0 and G² - 4 A C < 0, which is a quadratic form in (x, y) again.  The
+margins exceed by which the device's values differ from the forms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.host.setup import Setup
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+# What the device makes of forms that are at most 1 is much closer to them than this.
+MARGIN = 2.0**-18
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """P rectangles of pixels, each to be tested with one solid, in that solid's x and y."""
+
+    solid: Ints  # (P,), row in ``Setup``
+    x: Floats  # (P,), middle
+    y: Floats
+    half_width: Floats  # (P,), from the middle to the outermost pixels' centres
+    half_height: Floats
+
+    def at(self, places: Ints) -> Blocks:
+        """Those at ``places``."""
+        return Blocks(
+            self.solid[places],
+            self.x[places],
+            self.y[places],
+            self.half_width[places],
+            self.half_height[places],
+        )
+
+
+class Reach:
+    """The tests of one frame."""
+
+    def __init__(self, setup: Setup, is_patch: Bools, last_step: Floats) -> None:
+        """Prepare them.
+
+        Args:
+            setup: V solids.
+            is_patch: (V,).
+            last_step: (V,), 2^-n: the method ``article`` asks half-spaces up to a step away.
+        """
+        self._setup, self._is_patch = setup, is_patch
+        self._line_count = setup.plane_count + is_patch
+        c, b = setup.plane_c.T, setup.plane_b.T
+        self._ends = np.stack([c - b, c + b])  # [u = -1, u = 1][1, x, y]
+        owner = np.repeat(np.arange(setup.count), setup.plane_count)
+        self._line_slack = MARGIN + setup.plane_host_error + last_step[owner]
+        self._forms = np.stack([setup.a.T, setup.g.T, setup.c.T])
+        self._slack = MARGIN + setup.host_error
+        self._curved: Bools = np.asarray(self._forms.any(axis=(0, 1)))
+        self._discriminant = _discriminant(self._forms)
+
+    def meets(self, blocks: Blocks) -> Bools:
+        """Whether some ray of each block may meet its solid, (P,)."""
+        low, high = self._interval(blocks)
+        meets: Bools = np.less_equal(low, high)
+        asked = np.flatnonzero(meets & self._curved[blocks.solid])
+        meets[asked] = self._is_curved_met(blocks.at(asked), low[asked], high[asked])
+        return meets
+
+    def _interval(self, blocks: Blocks) -> tuple[Floats, Floats]:
+        """Least and greatest u (P,) that base planes and half-spaces leave rays of each block."""
+        setup = self._setup
+        low, high = setup.near_u[blocks.solid], setup.far_u[blocks.solid]
+        count = self._line_count[blocks.solid]
+        owner = np.repeat(np.arange(len(count)), count)
+        place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        own = blocks.at(owner)
+        # A patch is between the two sides of its own plane, of which the second comes last.
+        second_side = self._is_patch[own.solid] & (place == count[owner] - 1)
+        line = setup.plane_start[own.solid] + np.where(second_side, 0, place)
+        forms = np.take(self._ends, line, axis=-1) * np.where(second_side, -1.0, 1.0)
+        first, last = _linear_least(forms, own) - self._line_slack[line]
+        # The least value of all rays is concave in u, so it is above the chord between its ends.
+        crossing = (first + last) / np.where(first == last, 1.0, first - last)
+        np.maximum.at(low, owner, np.where(first > 0, np.where(last > 0, np.inf, crossing), -1.0))
+        np.minimum.at(high, owner, np.where(last > 0, np.where(first > 0, -np.inf, crossing), 1.0))
+        return low, high
+
+    def _is_curved_met(self, blocks: Blocks, low: Floats, high: Floats) -> Bools:
+        """Whether F <= 0 for some ray of a block and some u from ``low`` to ``high``."""
+        slack = self._slack[blocks.solid]
+        a, g, c = np.take(self._forms, blocks.solid, axis=-1)
+        _, discriminant = _quadratic_range(
+            np.take(self._discriminant, blocks.solid, axis=-1), blocks
+        )
+        nearest_c, _ = _quadratic_range(c, blocks)
+        # F(u) = F(m) + F'(m) (u - m) + A (u - m)² about the middle m.
+        middle, half = (low + high) / 2, (high - low) / 2
+        value, _ = _quadratic_range((a * middle + g) * middle + c, blocks)
+        falls, rises = _quadratic_range(2 * a * middle + g, blocks)
+        bends, _ = _quadratic_range(a, blocks)
+        least = value - half * np.maximum(-falls, rises) + half * half * np.minimum(bends, 0.0)
+        without_root = (discriminant < -8 * slack) & (nearest_c > slack)
+        return ~without_root & (least <= 3 * slack)
+
+
+def _linear_least(forms: Floats, blocks: Blocks) -> Floats:
+    """Least values (…, P) of forms (…, 3, P) of 1, x, y over blocks."""
+    _, along_x, along_y = np.moveaxis(forms, -2, 0)
+    middle = forms[..., 0, :] + along_x * blocks.x + along_y * blocks.y
+    reach = np.abs(along_x) * blocks.half_width + np.abs(along_y) * blocks.half_height
+    return np.asarray(middle - reach)
+
+
+def _quadratic_range(form: Floats, blocks: Blocks) -> tuple[Floats, Floats]:
+    """Bounds (P,) below and above of forms (6, P) of 1, x, y, x², xy, y² over blocks."""
+    one, x1, y1, x2, xy, y2 = form
+    x, y, across, down = blocks.x, blocks.y, blocks.half_width, blocks.half_height
+    middle = one + (x1 + x2 * x + xy * y) * x + (y1 + y2 * y) * y
+    linear = np.abs(x1 + 2 * x2 * x + xy * y) * across + np.abs(y1 + xy * x + 2 * y2 * y) * down
+    linear += np.abs(xy) * across * down
+    square_x, square_y = x2 * across**2, y2 * down**2
+    below = np.minimum(square_x, 0.0) + np.minimum(square_y, 0.0)
+    above = np.maximum(square_x, 0.0) + np.maximum(square_y, 0.0)
+    return middle - linear + below, middle + linear + above
+
+
+def _discriminant(forms: Floats) -> Floats:
+    """G² - 4 A C as coefficients (6, V) of 1, x, y, x², xy, y²; those of higher terms are 0.
+
+    It is, but for a factor, the form whose zero set is the outline of the surface.
+    """
+    a, g, c = forms
+
+    def product(p: Floats, q: Floats) -> Floats:
+        return np.stack(
+            [
+                p[0] * q[0],
+                p[0] * q[1] + p[1] * q[0],
+                p[0] * q[2] + p[2] * q[0],
+                p[0] * q[3] + p[1] * q[1] + p[3] * q[0],
+                p[0] * q[4] + p[1] * q[2] + p[2] * q[1] + p[4] * q[0],
+                p[0] * q[5] + p[2] * q[2] + p[5] * q[0],
+            ]
+        )
+
+    return product(g, g) - 4 * product(a, c)

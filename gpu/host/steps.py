@@ -1,0 +1,67 @@
+"""From the accuracy a scene asks for to the number of halvings of each solid.
+
+After n halvings a root is known within 2^-n of half the solid's interval.  A tolerance is met by
+the smallest n for which that, with a little room for rounding, stays below it at the nearest depth
+where the solid can be seen; one n serves all rays of a solid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, FLOAT_STEPS, Format
+from halfstep.host.setup import Setup
+from halfstep.scene import Accuracy, Scene
+
+# Share of a tolerance that is left to rounding.
+ROUNDING_SHARE = 2.0**-4
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Halvings of each visible solid, and what the number format cannot reach."""
+
+    count: NDArray[np.int64]  # (V,)
+    short: NDArray[np.bool_]  # (V,), the tolerance wants more than ``most``
+    reached: NDArray[np.float64]  # (V,), depth error that is met, in scene units
+    most: int  # halvings that a tolerance gets: more do not pay, or are not to be had
+
+
+def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | None = None) -> Steps:
+    """Halvings that meet the scene's ``[accuracy]`` in the frame ``setup``.
+
+    Args:
+        scene: whose accuracy is asked for.
+        setup: the frame.
+        samples: how many pixels of ``setup`` make the width of a pixel of the picture.
+        most_steps: no tolerance gets more; None leaves it to the number format.
+    """
+    accuracy = scene.accuracy
+    most = format_for(accuracy, 0).useful_steps
+    if most_steps is not None:
+        most = min(most, most_steps)
+    if accuracy.steps is not None:
+        count = np.full(setup.count, accuracy.steps)
+        short = np.zeros(setup.count, bool)
+    else:
+        if accuracy.tolerance is not None:
+            tolerance = np.full(setup.count, accuracy.tolerance)
+        else:
+            assert accuracy.tolerance_pixels is not None  # validation leaves exactly one of three
+            tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * setup.nearest
+        share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
+        wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
+        short = wanted > most
+        count = np.minimum(np.maximum(wanted, 1), most).astype(np.int64)
+    reached = setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE)
+    return Steps(count, short, reached, most)
+
+
+def format_for(accuracy: Accuracy, most_steps: int) -> Format:
+    """The format of a frame in which no solid has more than ``most_steps`` halvings."""
+    if accuracy.number_format == FIXED32.name:
+        return FIXED32
+    return FLOAT32_EXACT if most_steps > FLOAT_STEPS else FLOAT32

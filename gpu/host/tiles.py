@@ -1,0 +1,224 @@
+"""Preselection by tiles: the solids that rays of a tile may meet, and few others.
+
+A solid's screen rectangle names the tiles that may see it.  Where it is loose, blocks of tiles are
+tested, large ones first and then the quarters of those that are left.  What a ray sees depends
+neither on the order of the lists nor on solids in them that it does not meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.layout import TILE, TILE_WORDS
+from halfstep.host.pack import Class, Packed
+from halfstep.host.reach import Blocks, Reach
+
+Classes = tuple[Class, ...]
+Ints = NDArray[np.int64]
+U32 = NDArray[np.uint32]
+
+# A test costs the host about what a solid too many in a tile costs the device. So only solids with
+# a loose rectangle are tested, in tiles that have so many pixels together, and only if all of these
+# have so many.
+LEAST_PIXELS = 2**14
+LEAST_PIXELS_IN_ALL = 2**20
+# At most so many sets of classes have a shader of their own, each seen by one of so many tiles.
+MOST_SETS, LEAST_SHARE = 6, 16
+# The largest blocks tested: at most about so many across a solid's rectangle.
+FIRST_BLOCKS = 4
+
+
+def tile_lists(packed: Packed, classes: Classes, first_row: int, rows: int) -> tuple[U32, U32]:
+    """The solids that each tile of a band can see, by class.
+
+    Returns ``(starts, solids)``: solids ``starts[t*C + k]`` … ``starts[t*C + k + 1]`` belong to
+    class k of C in tile t, tiles in rows from the left; each list in order of the scene.
+    """
+    tiles_x = -(-packed.setup.view.width // TILE)
+    tiles_y = -(-rows // TILE)
+    pairs = _pairs(packed, first_row, rows)
+    slot = np.searchsorted(np.array(classes, np.int64), packed.classes)
+    group = (pairs.y * tiles_x + pairs.x) * len(classes) + slot[pairs.row]
+    count = tiles_x * tiles_y * len(classes)
+    # Numbers of 16 bits are sorted in linear time.
+    by_group = np.argsort(group.astype(np.min_scalar_type(count)), kind="stable")
+    starts = np.zeros(count + 1, np.uint32)
+    np.cumsum(np.bincount(group, minlength=count), out=starts[1:])
+    return starts, pairs.row[by_group].astype(np.uint32)
+
+
+class TileGroup(NamedTuple):
+    """Tiles of a band that one shader renders."""
+
+    classes: Classes  # that the shader knows
+    records: U32  # (T, TILE_WORDS), as ``layout`` describes them
+
+
+def blank_tiles(starts: U32, classes: Classes) -> NDArray[np.bool_]:
+    """Whether each tile of ``starts``, as `tile_lists` gives them, sees nothing, (T,)."""
+    edges = starts[:: len(classes)]
+    return np.asarray(edges[1:] == edges[:-1])
+
+
+def tile_groups(
+    starts: U32,
+    classes: Classes,
+    tiles_x: int,
+    sets: Sequence[Classes],
+    left_out: NDArray[np.bool_] | None = None,
+) -> list[TileGroup]:
+    """The tiles of ``starts``, as `tile_lists` gives them, by the shaders that render them.
+
+    Args:
+        starts: where the lists begin, by tile and class.
+        classes: the classes of the lists.
+        tiles_x: tiles in a row of tiles.
+        sets: the classes that each shader knows, all of them last; a tile goes to the one with the
+            fewest that knows all it sees.
+        left_out: tiles (T,) that are not to be rendered, by default none.
+    """
+    seen = _seen(starts, classes)
+    choice = np.full(len(seen), len(sets) - 1)
+    for ix in sorted(range(len(sets) - 1), key=lambda ix: -len(sets[ix])):
+        unknown = [slot for slot, klass in enumerate(classes) if klass not in sets[ix]]
+        choice[~seen[:, unknown].any(axis=1)] = ix
+    if left_out is not None:
+        choice[left_out] = -1
+
+    y, x = np.divmod(np.arange(len(seen), dtype=np.uint32), np.uint32(tiles_x))
+    places = x | (y << np.uint32(16))
+    begin, end = starts[:-1].reshape(-1, len(classes)), starts[len(classes) :: len(classes)]
+    groups = []
+    for ix, known in enumerate(sets):
+        tiles = np.flatnonzero(choice == ix)
+        records = np.zeros((len(tiles), TILE_WORDS), np.uint32)
+        records[:, 0] = places[tiles]
+        # Lists that are left out are empty, so each list ends where the next one begins.
+        for word, klass in enumerate(known, start=1):
+            records[:, word] = begin[tiles, classes.index(klass)]
+        records[:, len(known) + 1] = end[tiles]
+        groups.append(TileGroup(known, records))
+    return [group for group in groups if len(group.records)]
+
+
+def frequent_sets(starts: U32, classes: Classes) -> list[Classes]:
+    """The sets of classes that many tiles see exactly, most frequent first, and the whole last."""
+    sets, counts = np.unique(_seen(starts, classes), axis=0, return_counts=True)
+    often = np.argsort(-counts, kind="stable")[:MOST_SETS]
+    found = [
+        tuple(klass for klass, present in zip(classes, sets[ix], strict=True) if present)
+        for ix in often
+        if counts[ix] * LEAST_SHARE >= counts.sum()
+    ]
+    return [*(known for known in found if known != classes), classes]
+
+
+def _seen(starts: U32, classes: Classes) -> NDArray[np.bool_]:
+    """Whether each tile sees each class, (T, C)."""
+    return np.diff(starts).reshape(-1, len(classes)) > 0
+
+
+class _Pairs(NamedTuple):
+    """P solids, each with a block of 2^level x 2^level tiles of the band."""
+
+    row: Ints  # (P,), in ``Packed.solids``
+    x: Ints  # (P,), which block from the left
+    y: Ints  # and from the top
+
+
+class _Spans(NamedTuple):
+    """First and last tile of each row of ``Packed.solids`` in the band, (V,) each."""
+
+    left: Ints
+    right: Ints
+    top: Ints
+    bottom: Ints
+
+    def at(self, level: int) -> _Spans:
+        """The same in blocks of 2^level x 2^level tiles."""
+        return _Spans(*(edge >> level for edge in self))
+
+
+def _pairs(packed: Packed, first_row: int, rows: int) -> _Pairs:
+    """Every solid with every tile that may see it, in the order of the solids."""
+    i0, i1, j0, j1 = packed.setup.rectangle[packed.order].T
+    within = (j1 >= first_row) & (j0 < first_row + rows)
+    j0, j1 = np.maximum(j0 - first_row, 0), np.minimum(j1 - first_row, rows - 1)
+    spans = _Spans(i0 // TILE, i1 // TILE, j0 // TILE, j1 // TILE)
+    tiles = (spans.right - spans.left + 1) * (spans.bottom - spans.top + 1) * within
+    tested = packed.setup.is_loose[packed.order] & (tiles * TILE**2 >= LEAST_PIXELS)
+    if tiles[tested].sum() * TILE**2 < LEAST_PIXELS_IN_ALL:
+        return _all_blocks(spans, np.flatnonzero(tiles))
+    rest = _all_blocks(spans, np.flatnonzero((tiles > 0) & ~tested))
+    pairs = _joined(rest, _tested(packed, spans, np.flatnonzero(tested), first_row))
+    return _at(pairs, np.argsort(pairs.row, kind="stable"))
+
+
+def _tested(packed: Packed, spans: _Spans, chosen: Ints, first_row: int) -> _Pairs:
+    """The solids ``chosen`` with the tiles that may see them, as `Reach` tells."""
+    is_patch = np.zeros(packed.setup.count, bool)
+    is_patch[packed.order] = packed.classes == Class.PATCH
+    last_step = np.zeros(packed.setup.count)
+    last_step[packed.order] = np.ldexp(1.0, -packed.solids["steps"].astype(np.int64))
+    reach = Reach(packed.setup, is_patch, last_step)
+
+    size = np.maximum(spans.right - spans.left, spans.bottom - spans.top)[chosen] + 1
+    levels = np.ceil(np.log2(np.maximum(size / FIRST_BLOCKS, 1.0))).astype(np.int64)
+    pairs = _all_blocks(spans, chosen[:0])
+    for level in range(levels.max(), -1, -1):
+        started = _all_blocks(spans.at(level), chosen[levels == level])
+        pairs = _joined(_quarters(pairs, spans.at(level)), started)
+        meets = reach.meets(_pixels(packed, pairs, level, first_row))
+        pairs = _at(pairs, np.flatnonzero(meets))
+    return pairs
+
+
+def _all_blocks(spans: _Spans, rows: Ints) -> _Pairs:
+    """The ``rows`` of ``Packed.solids``, each with all blocks of its span."""
+    left, right, top, bottom = (edge[rows] for edge in spans)
+    wide = right - left + 1
+    count = wide * (bottom - top + 1)
+    which = np.repeat(np.arange(len(rows)), count)
+    place = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+    y, x = np.divmod(place, wide[which])
+    return _Pairs(rows[which], left[which] + x, top[which] + y)
+
+
+def _quarters(pairs: _Pairs, spans: _Spans) -> _Pairs:
+    """The blocks of half the size in ``pairs`` that are in their solids' spans."""
+    row = np.repeat(pairs.row, 4)
+    x = 2 * np.repeat(pairs.x, 4) + np.tile([0, 1, 0, 1], len(pairs.row))
+    y = 2 * np.repeat(pairs.y, 4) + np.tile([0, 0, 1, 1], len(pairs.row))
+    left, right, top, bottom = (edge[row] for edge in spans)
+    within = (left <= x) & (x <= right) & (top <= y) & (y <= bottom)
+    return _Pairs(row[within], x[within], y[within])
+
+
+def _pixels(packed: Packed, pairs: _Pairs, level: int, first_row: int) -> Blocks:
+    """The pixels of blocks within the rectangles of their solids."""
+    solid = packed.order[pairs.row]
+    i0, i1, j0, j1 = packed.setup.rectangle[solid].T
+    side = TILE << level
+    left, top = pairs.x * side, pairs.y * side + first_row
+    left, right = np.maximum(left, i0), np.minimum(left + side - 1, i1)
+    top, bottom = np.maximum(top, j0), np.minimum(top + side - 1, j1)
+    center = packed.setup.center[solid]
+    return Blocks(
+        solid,
+        (left + right) / 2 - center[:, 0],
+        (top + bottom) / 2 - center[:, 1],
+        (right - left) / 2,
+        (bottom - top) / 2,
+    )
+
+
+def _at(pairs: _Pairs, places: Ints) -> _Pairs:
+    return _Pairs(*(part[places] for part in pairs))
+
+
+def _joined(first: _Pairs, second: _Pairs) -> _Pairs:
+    return _Pairs(*(np.concatenate(parts) for parts in zip(first, second, strict=True)))

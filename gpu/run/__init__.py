@@ -1,0 +1,1 @@
+"""A band of a frame, rendered by a device or by the twin."""

@@ -1,0 +1,383 @@
+"""A band of a frame on a Vulkan device: buffers, pipelines, dispatch and readback."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
+from halfstep.contract.layout import TILE, TILE_WORDS
+from halfstep.device.adapters import INT64, Adapter, device_errors, open_device, wgpu_errors
+from halfstep.device.compute import Compute
+from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
+from halfstep.errors import AdapterError, DeviceError
+from halfstep.host.pack import Packed, frame_record, srgb_quads
+from halfstep.host.tiles import (
+    Classes,
+    TileGroup,
+    blank_tiles,
+    frequent_sets,
+    tile_groups,
+    tile_lists,
+)
+from halfstep.run import rounds, split
+from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, Planes, pixel_bytes, written_for
+from halfstep.scene import Scene
+from halfstep.shader.needs import UNIFORM_BYTES, Needs, needs_of
+from halfstep.shader.source import binding_types, compose
+
+# A band's frame buffer is at most this large, so that memory stays bounded for any picture.
+BAND_BYTES = 128 << 20
+SUBGROUP = "subgroup"
+MAPPABLE = "mappable-primary-buffers"
+RECORD_BYTES = 4 * TILE_WORDS
+RECORDS_ALIGNMENT = ALIGNMENT // RECORD_BYTES
+# A dispatch has at most so many workgroups.
+MOST_WORKGROUPS = 1 << 13
+PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
+# A record has at most ten pieces for as many invocations: more would load nothing.
+MOST_TOGETHER = 16
+# What the bindings hold; 5 and 6 are parts of the frame buffer.
+_NAMES = {
+    0: "frame",
+    1: "solids",
+    2: "half-spaces",
+    3: "tiles",
+    4: "lists of tiles",
+    7: "lights",
+    8: "sRGB table",
+}
+# A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
+_Binding = tuple[Any, int, int]
+
+
+class Device:
+    """A device with its pipelines and buffers, kept from frame to frame."""
+
+    def __init__(self, adapter: Adapter, number_format: Format = FLOAT32) -> None:
+        """Open ``adapter``, with 64-bit integers in shaders where it has them.
+
+        Raises:
+            AdapterError: it cannot work in ``number_format``.
+            DeviceError: the driver refuses.
+        """
+        self.adapter = adapter
+        self.check_format(number_format)
+        self._played = adapter.summary.kind == "cpu"
+        # Where a processor plays the device, its memory is the device's.
+        shared = {MAPPABLE} if self._played else set()
+        wanted = {INT64, SUBGROUP} | shared
+        self._device = open_device(adapter, features=wanted & adapter.handle.features)
+        self._mapped = MAPPABLE in self._device.features
+        # Where a processor plays the device, a load serves one invocation after another, and no
+        # code is jumped over. Both ways round that are worth a factor of 1.3 to 2, measured.
+        self._together = 1
+        compute = Compute(self._device)
+        self.loop_rounds = loop_limit(compute) or MOST_ROUNDS
+        if self._played and {SUBGROUP, INT64} <= self._device.features:
+            self._together = min(subgroup_size(compute), MOST_TOGETHER)
+        limits = self._device.limits
+        self._uniform = self._together > 1 and (
+            limits["max-uniform-buffer-binding-size"] >= UNIFORM_BYTES
+        )
+        self.largest_binding: int = min(
+            limits["max-storage-buffer-binding-size"], limits["max-buffer-size"]
+        )
+        self._pipelines: dict[Needs, Any] = {}
+        self._layouts: dict[tuple[tuple[int, str], ...], Any] = {}
+        # The layout and the bindings of the last frame, and the bind group made of them.
+        self._bound: tuple[Any, Any] = None, None
+        self._known: dict[Needs, list[Classes]] = {}
+        # What the frame buffer shows where nothing is, and which of its tiles show just that.
+        self._blank: tuple[Any, NDArray[np.bool_]] = None, np.zeros(0, bool)
+        self._buffers: dict[str, Any] = {}
+        self._timed = "timestamp-query" in self._device.features
+        if self._timed:
+            self._queries = self._device.create_query_set(type="timestamp", count=2)
+
+    def close(self) -> None:
+        """Give the device's memory back."""
+        for buffer in self._buffers.values():
+            buffer.destroy()
+        self._buffers.clear()
+        self._device.destroy()
+
+    def check_format(self, number_format: Format) -> None:
+        """See whether the device can work in a number format.
+
+        Raises:
+            AdapterError: it needs 64-bit integers and the device has none.
+        """
+        if number_format.integer and INT64 not in self.adapter.handle.features:
+            needed_by = f"more than {FLOAT_STEPS} steps need; use fewer"
+            if number_format is FIXED32:
+                needed_by = "fixed32 needs; use float32"
+            raise AdapterError(
+                f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which "
+                f"{needed_by}, or the backend numpy"
+            )
+
+    @property
+    def most_steps(self) -> int | None:
+        """Halvings that a tolerance can get at most; None where the number format decides."""
+        return None if INT64 in self._device.features else FLOAT_STEPS
+
+    def band_rows(self, width: int, outputs: frozenset[str]) -> int:
+        """Picture rows of a band whose frame buffer fits the device, a multiple of the tile."""
+        size = min(BAND_BYTES, self.largest_binding)
+        stride = -(-width // TILE) * TILE
+        return max(size // (pixel_bytes(outputs) * stride) // TILE, 1) * TILE
+
+    def render_band(
+        self,
+        scene: Scene,
+        packed: Packed,
+        first_row: int,
+        rows: int,
+        outputs: frozenset[str],
+    ) -> tuple[Planes, float | None]:
+        """Outputs of a band as ``twin.render_band`` gives them, and the device time in ms.
+
+        Raises:
+            AdapterError: the frame needs 64-bit integers and the device has none.
+            DeviceError: the device is lost or out of memory.
+        """
+        self.check_format(packed.format)
+        written = written_for(outputs, packed)
+        needs = needs_of(
+            packed,
+            scene.accuracy.method,
+            written,
+            together=self._together,
+            uniform=self._uniform,
+        )
+        frame = frame_record(scene, packed.setup, first_row, rows)
+        starts, members = tile_lists(packed, needs.classes, first_row, rows)
+        too_long = rounds.exceed(needs, packed, starts, members, self.loop_rounds)
+        if len(packed.order) > 1 and (too_long or self._is_too_large(packed, members)):
+            return self._render_in_halves(scene, packed, first_row, rows, outputs)
+        if too_long:
+            raise DeviceError(
+                f"adapter {self.adapter.summary}: the driver ends loops after "
+                f"{self.loop_rounds:,} rounds, and one solid with these lights takes more"
+            )
+        layout = FrameBuffer(written, packed.setup.view.width, rows)
+        with device_errors(self.adapter):
+            buffer = self._frame_buffer(layout)
+        ground = buffer, layout, scene.image.background
+        blank = blank_tiles(starts, needs.classes)
+        left_out = self._left_out(needs, ground, blank)
+        sets = self._sets(needs, starts)
+        tiles_x = layout.shape[1] // TILE
+        records, parts = _parts(tile_groups(starts, needs.classes, tiles_x, sets, left_out))
+        contents = {
+            0: frame,
+            1: packed.solids,
+            2: packed.half_spaces,
+            3: records,
+            4: members,
+            7: packed.lights,
+            8: srgb_quads(),
+        }
+        with device_errors(self.adapter):
+            pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
+            bound = {5: (buffer, 0, pixels_at), 6: (buffer, pixels_at, length)}
+            bindings = {
+                number: bound[number]
+                if number in bound
+                else self._upload(number, type_, contents[number])
+                for number, type_ in binding_types(needs).items()
+            }
+            memory = self._dispatch(needs, parts, bindings, buffer, layout)
+            try:
+                content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
+                planes = layout.copies(content, outputs)
+                milliseconds = layout.milliseconds(content) if self._timed else None
+            finally:
+                memory.unmap()
+        self._blank = ground, blank
+        return planes, milliseconds
+
+    def _left_out(self, needs: Needs, ground: Any, blank: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which of the tiles ``blank`` need no rendering: in the last frame they were the same."""
+        shown, before = self._blank
+        # Known again once this frame is rendered: it may fail midway.
+        self._blank = None, blank
+        # The frame that decides on shaders has use for each, so that all are compiled.
+        decided = not self._played or self._known.get(needs)
+        return blank & before if shown == ground and decided else np.zeros_like(blank)
+
+    def _is_too_large(self, packed: Packed, members: NDArray[np.uint32]) -> bool:
+        """Whether a binding cannot hold the solids, their half-spaces or the lists of tiles."""
+        largest = max(packed.solids.nbytes, packed.half_spaces.nbytes, members.nbytes)
+        return largest > self.largest_binding
+
+    def _render_in_halves(
+        self,
+        scene: Scene,
+        packed: Packed,
+        first_row: int,
+        rows: int,
+        outputs: frozenset[str],
+    ) -> tuple[Planes, float | None]:
+        """`render_band`, one half of the solids after the other."""
+        found: list[Planes] = []
+        times: list[float] = []
+        for half in split.halves(packed):
+            job = (scene, half, first_row, rows, outputs | {"key"})
+            planes, milliseconds = self.render_band(*job)
+            found.append(planes)
+            times += [] if milliseconds is None else [milliseconds]
+        joined = split.nearest(*found)
+        if "key" not in outputs:
+            del joined["key"]
+        return joined, sum(times) if times else None
+
+    def _sets(self, needs: Needs, starts: NDArray[np.uint32]) -> list[Classes]:
+        """The classes of each shader of a frame.
+
+        One shader does for a single frame, as compiling takes longer than rendering. The second
+        one decides which sets of classes get a shader of their own, where no code is jumped over.
+        """
+        whole = [needs.classes]
+        if not self._played:
+            return whole
+        if needs not in self._known:
+            self._known[needs] = []
+            return whole
+        if not self._known[needs]:
+            self._known[needs] = frequent_sets(starts, needs.classes)
+        return self._known[needs]
+
+    def _layout(self, needs: Needs) -> Any:
+        """The layout of the bindings of a shader."""
+        types = tuple(binding_types(needs).items())
+        if types not in self._layouts:
+            entries = [
+                {
+                    "binding": number,
+                    "visibility": "COMPUTE",
+                    "buffer": {"type": type_, "has_dynamic_offset": number == 3},
+                }
+                for number, type_ in types
+            ]
+            self._layouts[types] = self._device.create_bind_group_layout(entries=entries)
+        return self._layouts[types]
+
+    def _pipeline(self, needs: Needs) -> Any:
+        if needs not in self._pipelines:
+            layout = self._layout(needs)
+            module = self._device.create_shader_module(label="halfstep", code=compose(needs))
+            self._pipelines[needs] = self._device.create_compute_pipeline(
+                label="render",
+                layout=self._device.create_pipeline_layout(bind_group_layouts=[layout]),
+                compute={"module": module, "entry_point": "render"},
+            )
+        return self._pipelines[needs]
+
+    def _upload(self, number: int, type_: str, content: NDArray[Any]) -> _Binding:
+        """A part of a buffer that holds ``content``."""
+        # An empty binding is not allowed: nothing reads this one record of zeros.
+        content = content if len(content) else np.zeros(1, content.dtype)
+        size, bound = content.nbytes, None
+        if number == 3:
+            # Bound in parts of one size, so that beyond the last one there must be room.
+            size, bound = size + PART_BYTES, PART_BYTES
+        elif number in (1, 2) and type_ == "uniform":
+            # As large as the shader declares it.
+            size = bound = UNIFORM_BYTES
+        buffer = self._buffer(_NAMES[number], size, "UNIFORM|STORAGE|COPY_DST")
+        self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
+        return buffer, 0, bound or buffer.size
+
+    def _frame_buffer(self, layout: FrameBuffer) -> Any:
+        """The buffer that a band is rendered to."""
+        access = "MAP_READ" if self._mapped else "COPY_SRC"
+        return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|{access}")
+
+    def _buffer(self, name: str, size: int, usage: str) -> Any:
+        """A kept buffer of at least ``size`` bytes."""
+        buffer = self._buffers.get(name)
+        if buffer is None or buffer.size < size:
+            if buffer is not None:
+                self._buffers.pop(name).destroy()
+            with wgpu_errors(f"adapter {self.adapter.summary}: {size:,} bytes for the {name}"):
+                rounded = -(-size // 16) * 16
+                buffer = self._device.create_buffer(label=name, size=rounded, usage=usage)
+            self._buffers[name] = buffer
+        return buffer
+
+    def _dispatch(
+        self,
+        needs: Needs,
+        parts: list[_Part],
+        bindings: dict[int, _Binding],
+        frame: Any,
+        layout: FrameBuffer,
+    ) -> Any:
+        """Render to the buffer ``frame``, and wait: a mapped buffer with what it holds."""
+        encoder = self._device.create_command_encoder()
+        timing = {}
+        if self._timed:
+            timing["timestamp_writes"] = {
+                "query_set": self._queries,
+                "beginning_of_pass_write_index": 0,
+                "end_of_pass_write_index": 1,
+            }
+        group = self._bind_group(needs, bindings)
+        compute = encoder.begin_compute_pass(**timing)
+        for part in parts:
+            compute.set_pipeline(self._pipeline(replace(needs, classes=part.classes)))
+            compute.set_bind_group(0, group, [part.first * RECORD_BYTES])
+            compute.dispatch_workgroups(part.tiles)
+        compute.end()
+        if self._timed:
+            encoder.resolve_query_set(self._queries, 0, 2, frame, layout.times_at)
+        memory = frame
+        if not self._mapped:
+            memory = self._buffer("copy of the picture", layout.size, "MAP_READ|COPY_DST")
+            encoder.copy_buffer_to_buffer(frame, 0, memory, 0, layout.size)
+        self._device.queue.submit([encoder.finish()])
+        memory.map_sync("READ", 0, layout.size)
+        return memory
+
+    def _bind_group(self, needs: Needs, bindings: dict[int, _Binding]) -> Any:
+        """A bind group of parts of buffers, most often that of the last frame."""
+        layout = self._layout(needs)
+        if (layout, bindings) != self._bound[0]:
+            group = self._device.create_bind_group(
+                layout=layout,
+                entries=[
+                    {
+                        "binding": number,
+                        "resource": {"buffer": buffer, "offset": offset, "size": size},
+                    }
+                    for number, (buffer, offset, size) in sorted(bindings.items())
+                ],
+            )
+            self._bound = (layout, bindings), group
+        return self._bound[1]
+
+
+class _Part(NamedTuple):
+    """Tiles that are rendered by one dispatch."""
+
+    classes: Classes
+    first: int  # record
+    tiles: int
+
+
+def _parts(groups: list[TileGroup]) -> tuple[NDArray[np.uint32], list[_Part]]:
+    """The records of all tiles in one array, and the dispatches that take them."""
+    parts, pieces, end = [], [np.zeros((0, TILE_WORDS), np.uint32)], 0
+    for group in groups:
+        for begin in range(0, len(group.records), MOST_WORKGROUPS):
+            piece = group.records[begin : begin + MOST_WORKGROUPS]
+            parts.append(_Part(group.classes, end, len(piece)))
+            room = np.zeros((-len(piece) % RECORDS_ALIGNMENT, TILE_WORDS), np.uint32)
+            pieces += [piece, room]
+            end += len(piece) + len(room)
+    return np.concatenate(pieces), parts

@@ -1,0 +1,1 @@
+"""Accuracy against time: frames measured against the exact answer."""

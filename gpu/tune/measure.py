@@ -1,0 +1,389 @@
+"""What accuracy costs: one scene rendered with every number of halvings, against the exact answer.
+
+``tune`` measures; ``Report`` holds the rows and recommends the smallest n that meets the scene's
+tolerance; ``plot`` draws them.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import statistics
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.errors import UsageError
+from halfstep.frames.frame import Frame, check_outputs
+from halfstep.frames.renderer import WARM_UP, Renderer
+from halfstep.host.steps import format_for
+from halfstep.scene import Accuracy, Scene, with_overrides
+from halfstep.tune.exact import Exact, exact
+from halfstep.version import __version__
+
+METHODS = ("visible", "article")
+FORMATS = ("float32", "fixed32")
+STEPS = range(4, 25)
+REPEATS = 5
+# The tolerance of a scene that states a number of steps instead.
+DEFAULT_TOLERANCE_PIXELS = 0.5
+
+Floats = NDArray[np.float64]
+
+_MEASURED = ("solid", "surface", "depth", "error")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One setting and what it gives; depths are planar, in scene units.
+
+    Attributes:
+        steps: halvings of every solid; of the automatic choice, the most of any solid.
+        number_format: of the numbers in the conveyor.
+        method: "visible" or "article".
+        max_depth_error: largest |depth - exact depth| of the pixels that show the right surface.
+        rms_depth_error: its root mean square.
+        max_error_pixels: largest of these errors in widths of a pixel at that depth.
+        max_error_bound: largest finite ``Frame.error`` of a hit.
+        max_bound_pixels: largest of these in widths of a pixel at that depth.
+        uncertified_pixels: hit or missed, with an infinite ``Frame.error``.
+        wrong_pixels: show another solid or surface than the exact answer.
+        misplaced_pixels: those of them that the tolerance does not excuse: their depth is off by
+            more, or only one of the two answers is a hit.
+        silhouette_pixels: those of them where only one of the two answers is a hit.
+        device_ms: device time of the image alone, one sample in each pixel, median; None where
+            the device has no timestamps.
+        wall_ms: the same on the clock, with the set-up of the frame and reading it back.
+    """
+
+    steps: int
+    number_format: str
+    method: str
+    max_depth_error: float
+    rms_depth_error: float
+    max_error_pixels: float
+    max_error_bound: float
+    max_bound_pixels: float
+    uncertified_pixels: int
+    wrong_pixels: int
+    misplaced_pixels: int
+    silhouette_pixels: int
+    device_ms: float | None = None
+    wall_ms: float | None = None
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that ``tune`` found out about a scene.
+
+    Attributes:
+        scene: the scene as it was rendered, with the picture size and the tolerance.
+        adapter: what rendered.
+        driver: its driver.
+        rows: by method, number format and steps.
+        recommended: one of the rows.
+        meets_tolerance: whether it meets the scene's; if none can, it is that of the least error.
+        automatic: the same for the steps that ``render`` chooses for each solid.
+        automatic_steps: those steps in order of the scene's solids, 0 of one that is not seen.
+        error_pixels: (H, W) float64, |depth - exact depth| at the recommended setting in widths of
+            a pixel at that depth; inf in wrong pixels, NaN where rightly nothing is hit.
+    """
+
+    scene: Scene
+    adapter: str
+    driver: str
+    rows: tuple[Row, ...]
+    recommended: Row
+    meets_tolerance: bool
+    automatic: Row
+    automatic_steps: tuple[int, ...]
+    error_pixels: Floats
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report without its picture, for JSON."""
+        image, accuracy = self.scene.image, self.scene.accuracy
+        return {
+            "scene": self.scene.name,
+            "size": [image.width, image.height],
+            "adapter": self.adapter,
+            "driver": self.driver,
+            "tolerance_pixels": accuracy.tolerance_pixels,
+            "tolerance": accuracy.tolerance,
+            "rows": [asdict(row) for row in self.rows],
+            "recommended": asdict(self.recommended) | {"meets_tolerance": self.meets_tolerance},
+            "automatic": asdict(self.automatic) | {"steps_by_solid": list(self.automatic_steps)},
+            "scene_sha256": self.scene.sha256,
+            "version": __version__,
+        }
+
+    def as_table(self) -> str:
+        """The rows for people, and what follows from them."""
+        image, accuracy = self.scene.image, self.scene.accuracy
+        limit = f"{limit_of(accuracy):g} {unit_of(accuracy)}"
+        row = self.recommended
+        setting = f"{row.steps} steps, {row.method}, {row.number_format}"
+        chosen = span([n for n in self.automatic_steps if n])
+        error = error_of(self.automatic, accuracy)
+        if self.meets_tolerance:
+            advice = f"recommended: {setting}, the fewest that meet {limit}"
+        else:
+            advice = f"nothing meets {limit}; closest: {setting}"
+        return "\n".join(
+            [
+                f"{self.scene.name}, {image.width} x {image.height}, on {self.adapter}",
+                "depth errors in scene units and in pixel widths (px), medians of times",
+                *_columns(self.rows),
+                advice,
+                f"chosen for each solid without `steps`: {chosen}, largest error {error:.2g} "
+                f"{unit_of(accuracy)}",
+            ]
+        )
+
+    def as_csv(self) -> str:
+        """The rows, below the names of their columns; a time that is not known is left empty."""
+        text = io.StringIO()
+        writer = csv.DictWriter(text, [field.name for field in fields(Row)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in self.rows)
+        return text.getvalue()
+
+
+def tune(
+    scene: Scene,
+    *,
+    size: tuple[int, int] | None = None,
+    steps: Iterable[int] = STEPS,
+    tolerance_pixels: float | None = None,
+    tolerance: float | None = None,
+    methods: Sequence[str] = METHODS,
+    formats: Sequence[str] = FORMATS,
+    backend: str = "auto",
+    adapter: str | int | None = None,
+    repeats: int = REPEATS,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Report:
+    """Measure ``scene`` with every setting.
+
+    Args:
+        scene: what to render.
+        size: (width, height) in pixels, by default the scene's.
+        steps: the numbers of halvings to try, each 1…30.
+        tolerance_pixels: largest depth error wanted, in widths of a pixel at that depth; by
+            default the scene's tolerance, or half a pixel if the scene states steps.
+        tolerance: the same in scene units.
+        methods: of "visible" and "article".
+        formats: number formats.
+        backend: as in ``render``.
+        adapter: as in ``render``.
+        repeats: frames that are timed of each setting.
+        progress: is told the part that is done, 0…1.
+
+    Raises:
+        SceneError: an option is out of range.
+        UsageError: nothing to try, or an unknown backend.
+        AdapterError: no suitable adapter.
+        DeviceError: the device was lost or the driver failed.
+    """
+    if repeats < 1:
+        raise UsageError(f"repeats: {repeats} is not >= 1")
+    scene = with_overrides(
+        scene, size=size, samples=1, tolerance_pixels=tolerance_pixels, tolerance=tolerance
+    )
+    if scene.accuracy.steps is not None:
+        scene = with_overrides(scene, tolerance_pixels=DEFAULT_TOLERANCE_PIXELS)
+    automatic = [
+        with_overrides(scene, method=method, number_format=number_format)
+        for method, number_format in product(dict.fromkeys(methods), dict.fromkeys(formats))
+    ]
+    counts = sorted(set(steps))
+    settings = [with_overrides(choice, steps=n) for choice in automatic for n in counts]
+    if not settings:
+        raise UsageError("there is no number of steps, number format or method to try")
+    stated = scene.accuracy
+    with _Bench(automatic[0], outputs=_MEASURED, backend=backend, adapter=adapter) as bench:
+        everything = [*settings, automatic[0]]
+        total = len(everything) * (1 + repeats)
+        rows: list[Row] = []
+        for setting in everything:
+            row, frame = bench.measure(setting, stated)
+            rows.append(row)
+            progress(len(rows) / total)
+        infos = []
+        for info in bench.timed(everything, rows, repeats):
+            infos.append(info)
+            progress((len(rows) + len(infos)) / total)
+        chosen_steps = tuple(frame.info["steps"])
+        *rows, chosen = [
+            replace(
+                row,
+                device_ms=_median(infos[k :: len(rows)], "device_ms"),
+                wall_ms=_median(infos[k :: len(rows)], "wall_ms"),
+            )
+            for k, row in enumerate(rows)
+        ]
+        recommended, meets = recommend(rows, stated)
+        frame = bench.frame(settings[rows.index(recommended)], _MEASURED)
+        return Report(
+            scene=scene,
+            adapter=frame.info["adapter"],
+            driver=frame.info["driver"],
+            rows=tuple(rows),
+            recommended=recommended,
+            meets_tolerance=meets,
+            automatic=chosen,
+            automatic_steps=chosen_steps,
+            error_pixels=bench.error_pixels(frame),
+        )
+
+
+def recommend(rows: Sequence[Row], accuracy: Accuracy) -> tuple[Row, bool]:
+    """The row to use for the tolerance of ``accuracy``, and whether it meets it.
+
+    It is the first of ``rows``, sorted by steps, which meets it and misplaces no more pixels than
+    the same method with the most steps; if there is none, that of the least error.
+    """
+    floor = {(row.number_format, row.method): row.misplaced_pixels for row in rows}
+    for row in rows:
+        few = row.misplaced_pixels <= floor[row.number_format, row.method]
+        if few and error_of(row, accuracy) <= limit_of(accuracy):
+            return row, True
+    return min(rows, key=lambda row: error_of(row, accuracy)), False
+
+
+def error_of(row: Row, accuracy: Accuracy) -> float:
+    """The largest depth error of ``row`` in what the tolerance of ``accuracy`` counts."""
+    return row.max_depth_error if accuracy.tolerance_pixels is None else row.max_error_pixels
+
+
+def limit_of(accuracy: Accuracy) -> float:
+    """The tolerance of ``accuracy``, in pixel widths or in scene units."""
+    limit = accuracy.tolerance if accuracy.tolerance_pixels is None else accuracy.tolerance_pixels
+    assert limit is not None  # `tune` states one where the scene does not
+    return limit
+
+
+def unit_of(accuracy: Accuracy) -> str:
+    """What the tolerance of ``accuracy`` counts."""
+    return "scene units" if accuracy.tolerance_pixels is None else "pixel widths"
+
+
+def span(steps: Sequence[int]) -> str:
+    """The least and the most of ``steps`` in words."""
+    if not steps:
+        return "nothing is seen"
+    low, high = min(steps), max(steps)
+    return f"{low} steps" if low == high else f"{low} to {high} steps"
+
+
+def _columns(rows: Iterable[Row]) -> list[str]:
+    """A table, its numbers to the right."""
+    cells: list[tuple[str, ...]] = [
+        (
+            *("steps", "format", "method", "max error", "rms error", "max px", "bound px"),
+            *("uncertified", "wrong", "misplaced", "silhouette", "device ms", "wall ms"),
+        )
+    ]
+    for row in rows:
+        errors = (
+            row.max_depth_error,
+            row.rms_depth_error,
+            row.max_error_pixels,
+            row.max_bound_pixels,
+        )
+        counts = (
+            row.uncertified_pixels,
+            row.wrong_pixels,
+            row.misplaced_pixels,
+            row.silhouette_pixels,
+        )
+        times = ("-" if time is None else f"{time:.2f}" for time in (row.device_ms, row.wall_ms))
+        numbers = (*(f"{error:.3g}" for error in errors), *map(str, counts), *times)
+        cells.append((str(row.steps), row.number_format, row.method, *numbers))
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return [
+        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+        for line in cells
+    ]
+
+
+class _Bench(Renderer):
+    """Renders one scene with many settings on one device, and compares with the exact answer."""
+
+    def frame(self, setting: Scene, outputs: Iterable[str]) -> Frame:
+        """The frame of ``setting``, which is the scene with another accuracy."""
+        self._scene, self._outputs = setting, check_outputs(outputs)
+        return self.render()
+
+    @cached_property
+    def exact(self) -> Exact:
+        """The exact answer, the same for every setting."""
+        return exact(self._scene)
+
+    @cached_property
+    def pixel_width(self) -> Floats:
+        """Widths (H, W) of a pixel at the exact depth, scene units; NaN where nothing is hit."""
+        return np.asarray(self.exact.view.pixel * self.exact.depth)
+
+    def measure(self, setting: Scene, stated: Accuracy) -> tuple[Row, Frame]:
+        """The row of ``setting`` without times, and its frame; ``stated`` has the tolerance."""
+        frame = self.frame(setting, _MEASURED)
+        wrong = self.wrong(frame)
+        right = (frame.solid >= 0) & ~wrong
+        one_hits = (frame.solid < 0) != (self.exact.solid < 0)
+        error, width = np.abs(frame.depth - self.exact.depth), self.pixel_width
+        bounded = np.isfinite(frame.error) & right
+        unit = 1.0 if stated.tolerance_pixels is None else width
+        misplaced = wrong & ~(error <= limit_of(stated) * unit)
+        row = Row(
+            steps=setting.accuracy.steps or max(frame.info["steps"], default=0),
+            number_format=setting.accuracy.number_format,
+            method=setting.accuracy.method,
+            max_depth_error=_largest(error[right]),
+            rms_depth_error=float(np.sqrt((error[right] ** 2).sum() / max(right.sum(), 1))),
+            max_error_pixels=_largest((error / width)[right]),
+            max_error_bound=_largest(frame.error[bounded]),
+            max_bound_pixels=_largest((frame.error / width)[bounded]),
+            uncertified_pixels=int(np.isinf(frame.error).sum()),
+            wrong_pixels=int(wrong.sum()),
+            misplaced_pixels=int(misplaced.sum()),
+            silhouette_pixels=int(one_hits.sum()),
+        )
+        return row, frame
+
+    def wrong(self, frame: Frame) -> NDArray[np.bool_]:
+        """Pixels that show another surface than the exact answer."""
+        return (frame.solid != self.exact.solid) | (frame.surface != self.exact.surface)
+
+    def error_pixels(self, frame: Frame) -> Floats:
+        """``Report.error_pixels`` of ``frame``."""
+        error = np.abs(frame.depth - self.exact.depth) / self.pixel_width
+        return np.where(self.wrong(frame), np.inf, error)
+
+    def timed(
+        self, settings: Sequence[Scene], rows: Sequence[Row], repeats: int
+    ) -> Iterator[dict[str, Any]]:
+        """``Frame.info`` of the image of every setting, as many times; each its turn."""
+        # The first frames of a shader compile it.
+        shaders = {
+            (format_for(setting.accuracy, row.steps), row.method): setting
+            for row, setting in zip(rows, settings, strict=True)
+        }
+        for setting in [*shaders.values()] * WARM_UP:
+            self.frame(setting, ("image",))
+        for _ in range(repeats):
+            for setting in settings:
+                yield self.frame(setting, ("image",)).info
+
+
+def _largest(values: Floats) -> float:
+    return float(values.max(initial=0.0))
+
+
+def _median(infos: Sequence[dict[str, Any]], name: str) -> float | None:
+    times = [info[name] for info in infos if name in info]
+    return statistics.median(times) if times else None
