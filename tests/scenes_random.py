@@ -223,7 +223,7 @@ def _point(scene: Scene, size: float, rng: np.random.Generator, wanted: Any) -> 
     F = np.full(len(points), -1.0)
     if solid.kind in QUADRICS:
         p = np.column_stack([points, np.ones(len(points))])
-        F = np.einsum("ni,ij,nj->n", p, solid.quadric(), p)  # type: ignore[union-attr]
+        F = np.einsum("ni,ij,nj->n", p, solid.quadric(), p)
     found = points[wanted(F, f)]
     return found[0] @ solid.world_from_local().T + solid.origin if len(found) else None
 

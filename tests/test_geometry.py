@@ -44,7 +44,7 @@ def _points_of(scene: Scene, index: int, size: float, rng: np.random.Generator) 
     inside = np.all(points @ rows[:, :3].T <= rows[:, 3], axis=1)
     if solid.kind in QUADRICS:
         p = np.column_stack([points, np.ones(len(points))])
-        inside &= np.einsum("ni,ij,nj->n", p, solid.quadric(), p) <= 0  # type: ignore[union-attr]
+        inside &= np.einsum("ni,ij,nj->n", p, solid.quadric(), p) <= 0
     return np.asarray(points[inside] @ solid.world_from_local().T + solid.origin)
 
 

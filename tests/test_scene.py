@@ -18,7 +18,6 @@ from pydantic import ValidationError
 from halfstep.errors import HalfstepError, SceneError
 from halfstep.scene import (
     MAX_HALF_SPACES,
-    Array,
     Box,
     Camera,
     Cone,
@@ -40,6 +39,7 @@ from halfstep.scene import (
     load,
     with_overrides,
 )
+from halfstep.scene.values import Array
 
 KINDS = (
     '"sphere", "ellipsoid", "cylinder", "cone", "hyperboloid_one_sheet", '
@@ -556,7 +556,13 @@ def test_half_spaces_are_in_the_order_of_surface_numbers() -> None:
     assert cut.half_spaces().tolist() == [[0, 0, -1, 6], [0, 0, 1, 5], [1, 2, 3, 4]]
     assert solid_of({**SPHERE, "z_max": 5}).half_spaces().tolist() == [[0, 0, 1, 5]]
     assert solid_of(SPHERE).half_spaces().shape == (0, 4)
-    assert solid_of(PATCH).half_spaces().shape == (0, 4)
+    assert solid_of(PATCH).half_spaces().tolist() == [
+        [0, 0, 1, 0],
+        [1, 0, 0, 1],
+        [-1, 0, 0, 1],
+        [0, 1, 0, 1],
+        [0, -1, 0, 1],
+    ]
     box = solid_of(BOX)
     assert isinstance(box, Box)
     assert box.half_spaces().tolist() == [

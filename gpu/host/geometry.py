@@ -15,30 +15,12 @@ from numpy.typing import NDArray
 
 from halfstep.errors import SceneError
 from halfstep.host.edges import EDGES
-from halfstep.scene import halfspaces
-from halfstep.scene.model import (
-    Box,
-    Cone,
-    Cylinder,
-    Ellipsoid,
-    HyperboloidOneSheet,
-    HyperboloidTwoSheets,
-    Paraboloid,
-    PlanePatch,
-    Polyhedron,
-    QuadricSolid,
-    Scene,
-    Solid,
-    Sphere,
-)
+from halfstep.scene import Scene, Solid, halfspaces
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-# A bound whose plane is this close to parallel to a patch is not a bound of the patch: (14) read
-# literally rejects every point of an axis-parallel patch.
-PARALLEL = 1e-9
 # The default volume is this much wider than the solids, so that no solid touches a base plane.
 VOLUME_MARGIN = 2.0**-10
 # Where the curvatures of F differ more than this, rounding may hide where the solid ends.
@@ -117,19 +99,11 @@ def build(scene: Scene) -> Geometry:
     count = len(solids)
     rotation = np.array([solid.world_from_local() for solid in solids])
     origin = np.array([solid.origin for solid in solids], np.float64)
-    is_patch = np.array([isinstance(solid, PlanePatch) for solid in solids])
-    is_flat = np.array([isinstance(solid, PlanePatch | Box | Polyhedron) for solid in solids])
+    is_patch = np.array([solid.is_patch for solid in solids])
+    is_flat = np.array([solid.is_flat for solid in solids])
     has_cut = np.array([bool(getattr(solid, "cut", ())) for solid in solids])
-    rows = [
-        _patch_rows(solid, origin[ix], rotation[ix])
-        if isinstance(solid, PlanePatch)
-        else solid.half_spaces()
-        for ix, solid in enumerate(solids)
-    ]
-    quadric = np.zeros((count, 4, 4))
-    for ix, solid in enumerate(solids):
-        if isinstance(solid, QuadricSolid):
-            quadric[ix] = solid.quadric()
+    rows = [solid.half_spaces() for solid in solids]
+    quadric = np.array([solid.quadric() for solid in solids])
 
     form, hulls = _hulls(solids, rows, quadric, is_flat)
     plane_count = np.array([len(each) for each in rows], np.int64)
@@ -186,40 +160,23 @@ def _is_slender(matrix: Floats) -> Bools:
     return np.asarray(largest[:, 0] > SLENDER * bend.min(axis=1))
 
 
-def _patch_rows(solid: PlanePatch, origin: Floats, rotation: Floats) -> Floats:
-    """A patch's plane and its world box as local half-spaces n·x <= d; (14).
-
-    Bounds parallel to the patch are left out.
-    """
-    rows = [[0.0, 0.0, 1.0, 0.0]]
-    normal = rotation[:, 2]
-    for axis in range(3):
-        across = np.delete(normal, axis)
-        if np.abs(across).max() <= PARALLEL:
-            continue
-        local_axis = rotation[axis]
-        rows.append([*local_axis, solid.bounds.max[axis] - origin[axis]])
-        rows.append([*-local_axis, origin[axis] - solid.bounds.min[axis]])
-    return np.array(rows)
-
-
 def _hulls(
     solids: Sequence[Solid], rows: Sequence[Floats], quadric: Floats, is_flat: Bools
 ) -> tuple[Ints, Hulls]:
     """Form of every solid (K,), and the hulls."""
     form = np.where(is_flat, Form.POINTS, Form.UNBOUNDED)
     curved = np.flatnonzero(~is_flat)
-    known = [isinstance(solids[ix], Sphere | Ellipsoid) for ix in curved.tolist()]
+    known = [solids[ix].is_ellipsoid for ix in curved.tolist()]
     form[curved], center, axes = _ellipsoids(quadric[curved], np.array(known, np.bool_))
     of_curved = form[curved] == Form.ELLIPSOID
 
     disc_ix, disc_z = _cut_across(form, solids)
-    bulging = [isinstance(solids[ix], HyperboloidTwoSheets | Paraboloid) for ix in disc_ix.tolist()]
+    bulging = [solids[ix].bulges for ix in disc_ix.tolist()]
     conic_ix = np.flatnonzero(bulging)
 
     for group, planes in _by_length(np.flatnonzero(form == Form.UNBOUNDED).tolist(), rows):
         form[group[halfspaces.are_bounded(planes)]] = Form.POINTS
-    point_ix, points = _corners(form, solids, rows)
+    point_ix, points = _corners(form, solids)
     # Half-spaces of a quadric may leave nothing.
     hollow = ~is_flat & (np.bincount(point_ix, minlength=len(form)) < 4)
     form[hollow & (form == Form.POINTS)] = Form.EMPTY
@@ -276,31 +233,11 @@ def _values(second: Floats, linear: Floats, constant: Floats, point: Floats) -> 
 def _cut_across(form: Ints, solids: Sequence[Solid]) -> tuple[Ints, Floats]:
     """Take for bounded what planes across its axis cut at both ends: which (D,), and z (D, 2)."""
     rest = np.flatnonzero(form == Form.UNBOUNDED)
-    ends = np.array([_ends(solids[ix]) for ix in rest.tolist()]).reshape(-1, 2)
+    ends = np.array([solids[ix].ends() for ix in rest.tolist()]).reshape(-1, 2)
     form[rest[ends[:, 0] > ends[:, 1]]] = Form.EMPTY
     cut = np.isfinite(ends).all(axis=1) & (ends[:, 0] <= ends[:, 1])
     form[rest[cut]] = Form.DISCS
     return rest[cut], ends[cut]
-
-
-def _ends(solid: Solid) -> tuple[float, float]:
-    """Least and greatest local z of a surface of revolution, as far as cuts across it say so.
-
-    The first exceeds the second where nothing is left.
-    """
-    if not isinstance(
-        solid, Cylinder | Cone | HyperboloidOneSheet | HyperboloidTwoSheets | Paraboloid
-    ):
-        return -np.inf, np.inf
-    low = -np.inf if solid.z_min is None else solid.z_min
-    high = np.inf if solid.z_max is None else solid.z_max
-    if isinstance(solid, Paraboloid):
-        low = max(low, 0.0)
-    if isinstance(solid, HyperboloidTwoSheets):
-        # Nothing lives between the sheets: move an end that lies there to the next apex.
-        low = solid.c if -solid.c < low < solid.c else low
-        high = -solid.c if -solid.c < high < solid.c else high
-    return low, high
 
 
 def _disc_radius(matrix: Floats, z: Floats) -> Floats:
@@ -310,21 +247,17 @@ def _disc_radius(matrix: Floats, z: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
-def _corners(form: Ints, solids: Sequence[Solid], rows: Sequence[Floats]) -> tuple[Ints, Floats]:
+def _corners(form: Ints, solids: Sequence[Solid]) -> tuple[Ints, Floats]:
     """The solid (P,) of each corner and the corners (P, 3) of solids of the form POINTS."""
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    other_side = np.array([[0.0, 0.0, -1.0, 0.0]])
     owners, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
     enclosed: dict[int, Floats] = {}
     for ix in np.flatnonzero(form == Form.POINTS).tolist():
-        solid = solids[ix]
-        if isinstance(solid, Box):
-            owners.append(np.full(8, ix))
-            points.append(signs * np.array(solid.size) / 2)
-        elif isinstance(solid, PlanePatch):
-            enclosed[ix] = np.concatenate([rows[ix], other_side])
+        corners = solids[ix].corners()
+        if corners is None:
+            enclosed[ix] = solids[ix].enclosing()
         else:
-            enclosed[ix] = rows[ix]
+            owners.append(np.full(len(corners), ix))
+            points.append(corners)
     for group, planes in _by_length(enclosed, enclosed):
         found, owner = halfspaces.vertices_of_each(planes)
         owners.append(group[owner])

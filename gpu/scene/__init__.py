@@ -1,43 +1,32 @@
-"""What a frame shows: scenes, valid by construction, from files or from Python."""
+"""What a frame shows: scenes, valid by construction, from files or from Python.
 
-from halfstep.scene.model import (
-    MAX_HALF_SPACES,
+A scene is built by `load` (a file or a bundled name) or `Scene.from_dict` (a mapping), of which
+`as_scene` chooses; `with_overrides` makes a changed copy.
+"""
+
+from halfstep.scene.changes import still, with_animation, with_overrides
+from halfstep.scene.keys import Animation, CameraKey, SolidKey
+from halfstep.scene.model import Scene
+from halfstep.scene.reading import SceneLike, as_scene, bundled_scenes, json_schema, load
+from halfstep.scene.solids import (
     SOLID_KINDS,
-    Accuracy,
-    Ambient,
-    Animation,
-    Array,
     Bounds,
     Box,
-    Camera,
-    CameraKey,
     Cone,
     Cylinder,
     Ellipsoid,
     HyperboloidOneSheet,
     HyperboloidTwoSheets,
-    Image,
-    Light,
-    Material,
     Paraboloid,
     PlanePatch,
     Polyhedron,
     Quadric,
     QuadricSolid,
-    Scene,
-    SceneLike,
     Solid,
-    SolidKey,
     Sphere,
-    Volume,
-    as_scene,
-    bundled_scenes,
-    json_schema,
-    load,
-    still,
-    with_animation,
-    with_overrides,
 )
+from halfstep.scene.tables import Accuracy, Ambient, Camera, Image, Light, Material, Volume
+from halfstep.scene.values import MAX_HALF_SPACES
 
 __all__ = [
     "MAX_HALF_SPACES",
@@ -45,7 +34,6 @@ __all__ = [
     "Accuracy",
     "Ambient",
     "Animation",
-    "Array",
     "Bounds",
     "Box",
     "Camera",
