@@ -20,7 +20,7 @@ import numpy as np
 from halfstep.check.calls import Calls, noted
 from halfstep.check.replay import replay
 from halfstep.contract.formats import FIXED32
-from halfstep.device.adapters import INT64, choose_adapter, is_lavapipe, open_device
+from halfstep.device.adapters import INT64, choose_adapter, close_device, is_lavapipe, open_device
 from halfstep.device.canary import Fingerprint, fingerprint
 from halfstep.frames.frame import SOURCES, device_outputs
 from halfstep.frames.renderer import Renderer
@@ -136,7 +136,7 @@ class Checker:
 
     def close(self) -> None:
         """Give the device back."""
-        self._device.destroy()
+        close_device(self._device)
 
     def check(self, scene: Scene) -> SceneReport:
         """Compare ``scene`` on the device with the twin; one sample in each pixel.

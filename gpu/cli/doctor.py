@@ -58,7 +58,7 @@ def _canary() -> Fingerprint:
     Raises:
         DeviceError: it makes something else of it.
     """
-    from halfstep.device.adapters import INT64, choose_adapter, open_device
+    from halfstep.device.adapters import INT64, choose_adapter, close_device, open_device
     from halfstep.device.canary import fingerprint
 
     adapter = choose_adapter()
@@ -66,7 +66,7 @@ def _canary() -> Fingerprint:
     try:
         return fingerprint(device)
     finally:
-        device.destroy()
+        close_device(device)
 
 
 def _print_report(report: dict[str, Any], found: Fingerprint | None) -> None:

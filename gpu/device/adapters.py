@@ -5,10 +5,13 @@ wgpu is imported inside functions: importing this module touches no device and l
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import os
 import re
 import tempfile
+import threading
+import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
@@ -60,6 +63,12 @@ FEATURES = {
     "subgroup": "exchange between the invocations of a subgroup",
     "timestamp-query": "device times",
 }
+
+# The process that loads the drivers.
+_process: int | None = None
+_loading = threading.Lock()
+# Every wgpu.GPUDevice of `open_device` that is in use.
+_devices: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
 @dataclass(frozen=True)
@@ -180,10 +189,24 @@ def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> Any:
         raise AdapterError(f"adapter {adapter.summary} has no {lacks}" + _seen(list_adapters()))
     with device_errors(adapter):
         # With no limits named, wgpu-py asks for the adapter's own.
-        return adapter.handle.request_device_sync(
+        device = adapter.handle.request_device_sync(
             label="halfstep",
             required_features=sorted({*features, *({"timestamp-query"} & offered)}),
         )
+    _devices.add(device)
+    return device
+
+
+def close_device(device: Any) -> None:
+    """Give back the memory and the threads of a wgpu.GPUDevice; nothing may use it any more.
+
+    What was made on it is to be let go of before: each such object keeps the device.
+    """
+    queue = device.queue
+    device.destroy()
+    # In wgpu-py the device refers to itself, and its queue to it. Until Python looks for such
+    # cycles, which may be hundreds of devices later, the driver would keep all that it has.
+    device._device = queue._device = None
 
 
 @contextmanager
@@ -274,6 +297,27 @@ def describe() -> dict[str, Any]:
     }
 
 
+def is_forked() -> bool:
+    """Whether this process was forked from one that had loaded the drivers.
+
+    Their threads are not here, and the first call of one would wait for them for ever.
+    """
+    return _process not in (None, os.getpid())
+
+
+def check_process() -> None:
+    """See that the drivers can be used in this process.
+
+    Raises:
+        DeviceError: `is_forked`.
+    """
+    if is_forked():
+        raise DeviceError(
+            "this process was forked from one that uses a graphics driver, which does not survive "
+            'it; start processes with multiprocessing.get_context("spawn")'
+        )
+
+
 def _expected(environ: Mapping[str, str]) -> str:
     return environ.get("HALFSTEP_EXPECT_LAVAPIPE", "").strip().casefold()
 
@@ -343,25 +387,23 @@ def _handles() -> tuple[Any, ...]:
 
     Raises:
         AdapterError: wgpu itself cannot be loaded.
-        DeviceError: it was loaded before this process was forked: its threads are not here, and
-            the first call would wait for them for ever.
+        DeviceError: as `check_process`.
     """
-    process, handles = _loaded()
-    if process != os.getpid():
-        raise DeviceError(
-            "this process was forked from one that uses a graphics driver, which does not survive "
-            'it; start processes with multiprocessing.get_context("spawn")'
-        )
-    return handles
+    check_process()
+    with _loading:
+        return _loaded()
 
 
 @functools.cache
-def _loaded() -> tuple[int, tuple[Any, ...]]:
-    """The process that loads the drivers, which it does once, and `_handles`."""
+def _loaded() -> tuple[Any, ...]:
+    """`_handles`, once; loads the drivers."""
+    global _process
+    _process = os.getpid()
     try:
         wgpu = wgpu_loader.load()
         from wgpu.backends.wgpu_native import extras
     except (ImportError, OSError, RuntimeError) as error:
+        _process = None
         raise AdapterError(f"wgpu cannot be loaded: {error}") from error
     with _runtime_directory():
         # Unasked, wgpu loads OpenGL's drivers as well and lists lavapipe twice. A program that has
@@ -369,8 +411,22 @@ def _loaded() -> tuple[int, tuple[Any, ...]]:
         with suppress(RuntimeError):
             extras.set_instance_extras(backends=["Vulkan"])
         handles = wgpu.gpu.enumerate_adapters_sync()
-    vulkan = tuple(handle for handle in handles if handle.info["backend_type"] == "Vulkan")
-    return os.getpid(), vulkan
+    return tuple(handle for handle in handles if handle.info["backend_type"] == "Vulkan")
+
+
+def _leave_to_parent() -> None:
+    """In a forked child, let the devices be those of its parent.
+
+    To destroy one, which Python would do with an object that nobody refers to, is to wait for
+    threads of the driver that are not here.
+    """
+    global _loading
+    _loading = threading.Lock()  # a thread that is not here may have it
+    for device in _devices:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(device))
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 @contextmanager
@@ -388,4 +444,4 @@ def _runtime_directory() -> Iterator[None]:
         try:
             yield
         finally:
-            del os.environ["XDG_RUNTIME_DIR"]
+            os.environ.pop("XDG_RUNTIME_DIR", None)

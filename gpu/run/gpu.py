@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.contract.layout import TILE, TILE_WORDS
-from halfstep.device.adapters import INT64, Adapter, device_errors, open_device, wgpu_errors
+from halfstep.device.adapters import (
+    INT64,
+    Adapter,
+    close_device,
+    device_errors,
+    open_device,
+    wgpu_errors,
+)
 from halfstep.device.compute import Compute
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
@@ -95,6 +102,7 @@ class Device:
         self._blank: tuple[Any, NDArray[np.bool_]] = None, np.zeros(0, bool)
         self._buffers: dict[str, Any] = {}
         self._timed = "timestamp-query" in self._device.features
+        self._queries: Any = None
         if self._timed:
             self._queries = self._device.create_query_set(type="timestamp", count=2)
 
@@ -103,7 +111,12 @@ class Device:
         for buffer in self._buffers.values():
             buffer.destroy()
         self._buffers.clear()
-        self._device.destroy()
+        self._pipelines.clear()
+        self._layouts.clear()
+        self._bound = None, None
+        self._blank = None, np.zeros(0, bool)
+        self._queries = None
+        close_device(self._device)
 
     def check_format(self, number_format: Format) -> None:
         """See whether the device can work in a number format.

@@ -69,13 +69,13 @@ def halfstep_device(halfstep_adapter: Adapter) -> Iterator[Any]:
 
     It has 64-bit integers, 16- and 64-bit floats and subgroups where the adapter has them.
     """
-    from halfstep.device.adapters import open_device
+    from halfstep.device.adapters import close_device, open_device
     from halfstep.testing.types import FEATURES
 
     features = {*FEATURES.values(), "subgroup"} & halfstep_adapter.handle.features
     device = open_device(halfstep_adapter, features=features)
     yield device
-    device.destroy()
+    close_device(device)
 
 
 @pytest.fixture(scope="session")
