@@ -27,6 +27,7 @@ from halfstep.shader import library, source
 from halfstep.shader.needs import Needs
 from halfstep.testing import frames
 from halfstep.twin import halve, piece
+from tests.test_pack import packed_frame
 from tests.test_rounds import barrels
 
 SIZE = (96, 72)
@@ -150,8 +151,7 @@ def test_a_fault_in_the_shaders_of_second_frames_is_found(
     checker: Checker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = small("gallery")
-    with halfstep.Renderer(scene, backend="numpy") as renderer:
-        classes = len(renderer._pack(scene, 1).present)
+    classes = len(packed_frame(scene).present)
     plant(
         monkeypatch,
         "let position = root_position_0;",

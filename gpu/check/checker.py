@@ -23,7 +23,7 @@ from halfstep.contract.formats import FIXED32
 from halfstep.device.adapters import INT64, choose_adapter, close_device, is_lavapipe, open_device
 from halfstep.device.canary import Fingerprint, fingerprint
 from halfstep.frames.frame import SOURCES, device_outputs
-from halfstep.frames.renderer import Renderer
+from halfstep.frames.renderer import Renderer, Solids
 from halfstep.host.pack import Packed, frame_record, srgb_quads
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.needs import needs_of
@@ -211,14 +211,15 @@ class Checker:
 
 
 class Twin(Renderer):
-    """Renders with NumPy; ``scene`` and ``packed`` are what it has rendered."""
+    """Renders with NumPy; ``scene``, ``tables`` and ``packed`` are what it has rendered."""
 
-    def _pack(self, scene: Scene, samples: int) -> Packed:
-        self.scene, self.packed = scene, super()._pack(scene, samples)
+    def _pack(self, scene: Scene, solids: Solids, samples: int) -> Packed:
+        self.scene, self.tables = scene, solids.tables
+        self.packed = super()._pack(scene, solids, samples)
         return self.packed
 
     def replayed(self) -> Replay | None:
         """What no device may decide otherwise; None where that is known without, or not at all."""
         if self.packed.format is FIXED32 or self.scene.accuracy.method == "article":
             return None
-        return replay(self.scene, self.packed, self._solids.tables)
+        return replay(self.scene, self.packed, self.tables)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, NoReturn, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.contract.layout import TILE
-from halfstep.device.adapters import choose_adapter, is_requested
+from halfstep.device.adapters import check_process, choose_adapter, is_requested
 from halfstep.errors import AdapterError, UsageError
 from halfstep.frames.frame import (
     AVERAGED,
@@ -99,7 +101,7 @@ def render(
 
 
 @dataclass(frozen=True)
-class _Solids:
+class Solids:
     """What a frame needs of a scene and does not depend on the camera."""
 
     geometry: Geometry
@@ -109,6 +111,7 @@ class _Solids:
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
+        """What the frames of ``scene`` share."""
         geometry = geometries.build(scene)
         volume = geometries.volume_box(scene, geometry)
         return cls(geometry, volume, surfaces(scene, geometry), scene.solids_sha256)
@@ -126,7 +129,7 @@ class _Prepared(NamedTuple):
     """A frame before it is rendered."""
 
     scene: Scene
-    solids: _Solids
+    solids: Solids
     passes: list[_Pass]
     begin: float  # by time.perf_counter
 
@@ -136,6 +139,9 @@ class Renderer:
 
     Takes what ``render`` takes; ``outputs`` defaults to the image alone.  Use it as a context
     manager or call ``close``.
+
+    Threads may share it, and frames may be asked for while others are on their way: a device
+    renders one after another. It belongs to its process, and cannot be copied or pickled.
 
     Attributes:
         most_steps: halvings that a tolerance gets at most, where the device has no 64-bit
@@ -169,8 +175,9 @@ class Renderer:
         }
         self._scene = with_overrides(as_scene(scene), **self._overrides, camera=camera)
         self._outputs = check_outputs(outputs)
-        self._solids = _Solids.of(self._scene)
-        self._solids_of = self._scene
+        # The last scene that was prepared, and its solids. Threads may share the renderer: what is
+        # kept of one frame for others is taken and replaced whole.
+        self._kept = self._scene, Solids.of(self._scene)
         self._device = _device(backend, adapter, self._scene.accuracy)
         self.most_steps = None if self._device is None else self._device.most_steps
         self._told: set[int] = set()
@@ -186,11 +193,19 @@ class Renderer:
         self.close()
 
     def close(self) -> None:
-        """Give the device back; the renderer cannot be used any more."""
+        """Give the device back; the renderer cannot be used any more.
+
+        A frame that another thread renders at this moment is finished before.
+        """
+        self._closed = True
         if self._device is not None:
             self._device.close()
-            self._device = None
-        self._closed = True
+
+    def __reduce__(self) -> NoReturn:
+        raise UsageError(
+            "a Renderer cannot be copied or pickled, as its device belongs to this process; make "
+            "another one, with the same scene and options"
+        )
 
     def render(
         self,
@@ -222,69 +237,94 @@ class Renderer:
             UsageError: the renderer is closed.
             DeviceError: the device was lost or the driver failed.
         """
-        with ThreadPoolExecutor(1) as device:
-            rendering: Future[Frame] | None = None
+        process = os.getpid()
+        worker = ThreadPoolExecutor(1)
+        rendering: Future[Frame] | None = None
+        try:
             for scene in scenes:
-                following = device.submit(self._finished, self._prepared(scene, None))
+                following = worker.submit(self._finished, self._prepared(scene, None))
                 if rendering is not None:
-                    yield rendering.result()
+                    yield self._collected(rendering, process)
                 rendering = following
             if rendering is not None:
-                yield rendering.result()
+                yield self._collected(rendering, process)
+        finally:
+            # No frame is waited for: Python may close a generator that was left early at any time,
+            # also in the middle of another frame, which has to be finished first.
+            worker.shutdown(wait=False, cancel_futures=True)
+
+    def _collected(self, rendering: Future[Frame], process: int) -> Frame:
+        """A frame that a thread of ``process`` renders."""
+        self._check_usable()
+        if process != os.getpid():
+            raise UsageError("this process was forked in the middle of render_all; call it again")
+        return rendering.result()
+
+    def _check_usable(self) -> None:
+        """See that frames can be had.
+
+        Raises:
+            UsageError: the renderer is closed.
+            DeviceError: its device is that of another process.
+        """
+        if self._closed:
+            raise UsageError("the renderer is closed")
+        if self._device is not None:
+            check_process()
 
     def _prepared(
         self, scene: SceneLike | None, camera: Camera | Mapping[str, Any] | None
     ) -> _Prepared:
         """All that the device needs of a frame."""
-        if self._closed:
-            raise UsageError("the renderer is closed")
+        self._check_usable()
         begin = time.perf_counter()
         shown = self._scene
         if scene is not None:
             shown = with_overrides(as_scene(scene), **self._overrides)
         if camera is not None:
             shown = with_overrides(shown, camera=camera)
-        self._take_solids(shown)
+        solids = self._solids_of(shown)
         samples = shown.image.samples
         averaged = [name for name in self._outputs if name in AVERAGED and samples > 1]
         plain = [name for name in self._outputs if name not in averaged]
         passes = [
-            _Pass(names, factor, self._pack(shown, factor))
+            _Pass(names, factor, self._pack(shown, solids, factor))
             for names, factor in ((plain, 1), (averaged, samples))
             if names
         ]
-        return _Prepared(shown, self._solids, passes, begin)
+        return _Prepared(shown, solids, passes, begin)
 
     def _finished(self, frame: _Prepared) -> Frame:
         """The frame, rendered."""
         arrays: dict[str, Array | Lookup] = {}
         times: list[float] = []
-        for one in frame.passes:
-            bands = []
-            for band, milliseconds in self._bands(frame, one):
-                bands.append(band)
-                if milliseconds is not None:
-                    times.append(milliseconds)
-            arrays |= {name: _joined([band[name] for band in bands]) for name in one.names}
+        with nullcontext() if self._device is None else self._device.turn():
+            for one in frame.passes:
+                bands = []
+                for band, milliseconds in self._bands(frame, one):
+                    bands.append(band)
+                    if milliseconds is not None:
+                        times.append(milliseconds)
+                arrays |= {name: _joined([band[name] for band in bands]) for name in one.names}
         arrays = {name: arrays[name] for name in self._outputs}
         return Frame(arrays, self._info(frame, times))
 
-    def _take_solids(self, scene: Scene) -> None:
-        """Make the solids those of ``scene``; most often they are the same ones as before."""
-        before = self._solids_of
+    def _solids_of(self, scene: Scene) -> Solids:
+        """The solids of ``scene``; most often they are the same ones as before."""
+        before, solids = self._kept
         if (scene.solids, scene.materials, scene.volume) != (
             before.solids,
             before.materials,
             before.volume,
         ):
-            self._solids = _Solids.of(scene)
-        self._solids_of = scene
+            solids = Solids.of(scene)
+        self._kept = scene, solids
+        return solids
 
-    def _pack(self, scene: Scene, samples: int) -> Packed:
+    def _pack(self, scene: Scene, solids: Solids, samples: int) -> Packed:
         """Records of a frame with ``samples`` x ``samples`` pixels for each of the picture."""
         size = scene.image.width * samples, scene.image.height * samples
         view = cameras.view(scene.camera, size)
-        solids = self._solids
         near, far = cameras.base_planes(view, *solids.volume)
         constants = setup(solids.geometry, view, near, far)
         steps = steps_for(scene, constants, samples, self.most_steps)
@@ -346,8 +386,10 @@ class Renderer:
         if times:
             info["device_ms"] = sum(times)
         scene = frame.scene
-        if scene is not self._hashed[0]:
-            self._hashed = scene, scene.sha256_with(frame.solids.sha256)
+        hashed, sha256 = self._hashed
+        if scene is not hashed:
+            sha256 = scene.sha256_with(frame.solids.sha256)
+            self._hashed = scene, sha256
         # Of the pixel centres, which come first: `solid` is always among them.
         steps = steps_by_solid(frame.passes[0].packed, frame.solids.tables)[:-1].tolist()
         return info | {
@@ -356,7 +398,7 @@ class Renderer:
             "steps": steps,
             "wall_ms": (time.perf_counter() - frame.begin) * 1e3,
             "scene_title": scene.title,
-            "scene_sha256": self._hashed[1],
+            "scene_sha256": sha256,
             "version": __version__,
         }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import functools
+import os
 import pickle
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -115,7 +116,7 @@ class _Worker:
 
 
 _worker: _Worker | None = None
-# Workers may be threads of one process, as Dask's are; a device draws one frame at a time.
+# Workers may be threads of one process, as Dask's are: none may close a renderer that another uses.
 _rendering = threading.Lock()
 
 
@@ -126,6 +127,15 @@ def _render_in_worker(pickled: bytes, frame: int) -> Frame:
             _close_worker()
             _worker = _Worker(pickled)
         return _worker.renderer.render(scene_at(_worker.job.scene, frame))
+
+
+def _renew_lock() -> None:
+    """In a forked child, have a lock that no thread of the parent has taken."""
+    global _rendering
+    _rendering = threading.Lock()
+
+
+os.register_at_fork(after_in_child=_renew_lock)
 
 
 @atexit.register

@@ -32,6 +32,7 @@ from halfstep.host.tiles import (
 )
 from halfstep.run import rounds, split
 from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, Planes, pixel_bytes, written_for
+from halfstep.run.turns import Turns
 from halfstep.scene import Scene
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, needs_of
 from halfstep.shader.source import binding_types, compose
@@ -61,8 +62,11 @@ _NAMES = {
 _Binding = tuple[Any, int, int]
 
 
-class Device:
-    """A device with its pipelines and buffers, kept from frame to frame."""
+class Device(Turns):
+    """A device with its pipelines and buffers, kept from frame to frame.
+
+    What a frame is rendered from and to is kept in them: a frame is rendered in one `turn`.
+    """
 
     def __init__(self, adapter: Adapter, number_format: Format = FLOAT32) -> None:
         """Open ``adapter``, with 64-bit integers in shaders where it has them.
@@ -71,13 +75,14 @@ class Device:
             AdapterError: it cannot work in ``number_format``.
             DeviceError: the driver refuses.
         """
+        super().__init__()
         self.adapter = adapter
         self.check_format(number_format)
         self._played = adapter.summary.kind == "cpu"
         # Where a processor plays the device, its memory is the device's.
         shared = {MAPPABLE} if self._played else set()
         wanted = {INT64, SUBGROUP} | shared
-        self._device = open_device(adapter, features=wanted & adapter.handle.features)
+        self._device: Any = open_device(adapter, features=wanted & adapter.handle.features)
         self._mapped = MAPPABLE in self._device.features
         # Where a processor plays the device, a load serves one invocation after another, and no
         # code is jumped over. Both ways round that are worth a factor of 1.3 to 2, measured.
@@ -106,17 +111,22 @@ class Device:
         if self._timed:
             self._queries = self._device.create_query_set(type="timestamp", count=2)
 
-    def close(self) -> None:
-        """Give the device's memory back."""
-        for buffer in self._buffers.values():
-            buffer.destroy()
-        self._buffers.clear()
+    def _give_back(self) -> None:
+        device, self._device = self._device, None
+        if device is None:
+            return
+        self._drop_buffers()
         self._pipelines.clear()
         self._layouts.clear()
+        self._queries = None
+        close_device(device)
+
+    def _drop_buffers(self) -> None:
+        """Let go of all buffers, and of all that is known of what they hold."""
         self._bound = None, None
         self._blank = None, np.zeros(0, bool)
-        self._queries = None
-        close_device(self._device)
+        while self._buffers:
+            self._buffers.popitem()[1].destroy()
 
     def check_format(self, number_format: Format) -> None:
         """See whether the device can work in a number format.
@@ -195,22 +205,26 @@ class Device:
             7: packed.lights,
             8: srgb_quads(),
         }
-        with device_errors(self.adapter):
-            pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
-            bound = {5: (buffer, 0, pixels_at), 6: (buffer, pixels_at, length)}
-            bindings = {
-                number: bound[number]
-                if number in bound
-                else self._upload(number, type_, contents[number])
-                for number, type_ in binding_types(needs).items()
-            }
-            memory = self._dispatch(needs, parts, bindings, buffer, layout)
-            try:
+        try:
+            with device_errors(self.adapter):
+                pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
+                bound = {5: (buffer, 0, pixels_at), 6: (buffer, pixels_at, length)}
+                bindings = {
+                    number: bound[number]
+                    if number in bound
+                    else self._upload(number, type_, contents[number])
+                    for number, type_ in binding_types(needs).items()
+                }
+                memory = self._dispatch(needs, parts, bindings, buffer, layout)
                 content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
                 planes = layout.copies(content, outputs)
                 milliseconds = layout.milliseconds(content) if self._timed else None
-            finally:
                 memory.unmap()
+        except BaseException:
+            # Cut short, by Ctrl-C say, it may leave a buffer mapped or about to be: the next frame
+            # takes others.
+            self._drop_buffers()
+            raise
         self._blank = ground, blank
         return planes, milliseconds
 
