@@ -6,7 +6,7 @@ VENV := .venv
 PYTHON := $(VENV)/bin/python
 INSTALLED := $(VENV)/installed
 
-.PHONY: render test lint bench clean adapter lavapipe
+.PHONY: render test test-swiftshader lint bench clean adapter lavapipe swiftshader
 
 render: adapter
 	$(PYTHON) -m halfstep render gallery -o gallery.png
@@ -14,6 +14,19 @@ render: adapter
 
 test: lavapipe
 	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m pytest
+
+# A second driver: another compiler, without 64-bit integers in shaders. What needs those, and types
+# of floats that it lacks, is skipped here, and here alone.
+SWIFTSHADER := /usr/lib/chromium/vk_swiftshader_icd.json
+ON_SWIFTSHADER := VK_DRIVER_FILES=$(SWIFTSHADER) HALFSTEP_ADAPTER=SwiftShader \
+    HALFSTEP_EXPECT_LAVAPIPE=no
+
+# Tests of the plugin that take whatever driver there is need one that no variable asks for.
+test-swiftshader: lavapipe swiftshader
+	$(ON_SWIFTSHADER) $(PYTHON) -m halfstep check --all
+	$(ON_SWIFTSHADER) $(PYTHON) -m halfstep check --all --method article
+	$(ON_SWIFTSHADER) $(PYTHON) -m pytest --allow-missing-types tests/test_testing_*.py \
+	    tests/test_canary.py tests/test_conformance.py tests/test_subnormals.py
 
 # mypy runs no import hooks, so it cannot see the mapping of an editable installation: the links
 # show it the package as it is when installed.
@@ -44,6 +57,10 @@ lavapipe: $(INSTALLED)
 	    raise SystemExit(not any(map(is_lavapipe, list_adapters())))' \
 	    || { $(call apt_install,mesa-vulkan-drivers); } || true
 	@HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m halfstep doctor
+
+swiftshader: $(INSTALLED)
+	@[ -e $(SWIFTSHADER) ] || { $(call apt_install,libvulkan1 chromium-common); } || true
+	@$(ON_SWIFTSHADER) $(PYTHON) -m halfstep doctor
 
 # Debian and Ubuntu keep ensurepip in a package of its own.
 $(INSTALLED): pyproject.toml

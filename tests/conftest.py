@@ -11,6 +11,7 @@ import pytest
 from halfstep.device.adapters import Adapter
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
+from halfstep.testing.types import FEATURES
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -20,9 +21,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default=1998,
         help="seed of random tests; -1 takes a new one (it is printed)",
     )
+    parser.addoption(
+        "--allow-missing-types",
+        action="store_true",
+        help="skip tests of types of WGSL that the device does not have; else they fail",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line(
+        "markers", "needs(*types): types of WGSL that the device must have: i64, f16, f64"
+    )
     if config.option.halfstep_seed < 0:
         config.option.halfstep_seed = random.SystemRandom().randrange(2**32)
 
@@ -49,6 +58,17 @@ def rng(seed: int) -> np.random.Generator:
 def adapter(halfstep_adapter: Adapter) -> Adapter:
     """The adapter to test on."""
     return halfstep_adapter
+
+
+@pytest.fixture(autouse=True)
+def _types(request: pytest.FixtureRequest) -> None:
+    """Skip a test of types that the device lacks, where that is allowed."""
+    types = {each for marker in request.node.iter_markers("needs") for each in marker.args}
+    if types and request.config.option.allow_missing_types:
+        adapter: Adapter = request.getfixturevalue("halfstep_adapter")
+        missing = {each for each in types if FEATURES[each] not in adapter.handle.features}
+        if missing:
+            pytest.skip(f"{adapter.summary.name} has no {', '.join(sorted(missing))}")
 
 
 @pytest.fixture

@@ -92,6 +92,7 @@ def test_wrong_answers_are_told(device: Any, plant: Plant, old: str, new: str, n
     assert caught.value.exit_code == 4
 
 
+@pytest.mark.needs("i64")
 @pytest.mark.parametrize(
     ("old", "new", "name"),
     [
@@ -114,6 +115,7 @@ def test_wrong_answers_in_64_bits_are_told(
     assert f"\n  {name}: " in str(caught.value)
 
 
+DOUBLES = pytest.mark.needs("f64")
 FUSED = "f32(f64(x.a) * f64(x.b) + f64(x.c))"
 # No compiler knows that the sum is not below -8, so none takes it apart.
 XY = "max(x.v.x * x.w.x + x.v.y * x.w.y, -8.0)"
@@ -122,9 +124,9 @@ XY = "max(x.v.x * x.w.x + x.v.y * x.w.y, -8.0)"
 @pytest.mark.parametrize(
     ("old", "new", "choice"),
     [
-        ("x.a * x.b + x.c", FUSED, {"contraction": "fused"}),
-        ("x.a * x.b + x.c", f"select({FUSED}, x.a * x.b + x.c, x.shift > 7u)",
-         {"contraction": "mixed"}),
+        pytest.param("x.a * x.b + x.c", FUSED, {"contraction": "fused"}, marks=DOUBLES),
+        pytest.param("x.a * x.b + x.c", f"select({FUSED}, x.a * x.b + x.c, x.shift > 7u)",
+                     {"contraction": "mixed"}, marks=DOUBLES),
         ("(x.v.x * x.w.x + x.v.y * x.w.y) + x.c",
          f"{XY} + x.c", {"sums": "as written"}),
         ("(x.v.x * x.w.x + x.v.y * x.w.y) + x.c",
@@ -163,6 +165,7 @@ def test_whether_workgroup_memory_begins_as_zeros_is_told(device: Any, plant: Pl
     assert "workgroup memory not cleared" in str(found)
 
 
+@pytest.mark.needs("i64")
 def test_a_known_fault_is_told_apart(device: Any, plant: Plant) -> None:
     plant("    i64(x.word),", "    i64(x.word) & 0xffffffffli,", "canary_int64")
     assert fingerprint(device).widening == "right"

@@ -478,6 +478,22 @@ def test_doctor_for_machines(adapter: device.Adapter, capsys: pytest.CaptureFixt
     assert {"python", "numpy", "wgpu", "wgpu_native", "adapters", "features"} <= report.keys()
 
 
+@pytest.mark.usefixtures("adapter")
+def test_doctor_tells_of_a_driver_to_be_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "vk_swiftshader_icd.json"
+    file.touch()
+    monkeypatch.setattr(device, "SWIFTSHADER_FILES", (str(file),))
+    monkeypatch.setattr(device, "SWIFTSHADER", "another")
+    assert main(["doctor"]) == 0
+    line = f"not asked for: SwiftShader; VK_DRIVER_FILES={file} chooses it"
+    assert line in capsys.readouterr().out.splitlines()
+    file.unlink()
+    assert main(["doctor"]) == 0
+    assert "SwiftShader;" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_doctor_without_a_driver_tells_how_to_get_one(options: list[str]) -> None:
     environ = dict(os.environ, VK_DRIVER_FILES="none", VK_ICD_FILENAMES="none")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,7 +14,7 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.device.adapters import Adapter
+from halfstep.device.adapters import Adapter, is_lavapipe
 from halfstep.frames.frame import SOURCES, Frame
 from halfstep.run import gpu as run_gpu
 from halfstep.run.gpu import Device
@@ -25,6 +28,12 @@ SMALL = {"crowd": (40, 30)}
 # Bounds of the error have a kernel of their own.
 PLAIN = set(SOURCES) - {"error"}
 METHODS = ("visible", "article")
+INT64 = pytest.mark.needs("i64")
+# One asks for a tolerance that needs more steps than floats of 32 bits have.
+SCENES = [
+    pytest.param(name, marks=INT64) if name == "edge_eye_on_surface" else name
+    for name in bundled_scenes()
+]
 
 # What a slip of the pen would make of the kernel: each must be seen in a frame.
 FAULTS = [
@@ -78,7 +87,7 @@ def differences(frame: Frame, expected: Frame) -> dict[str, int]:
     return counts
 
 
-@pytest.mark.parametrize("scene", bundled_scenes())
+@pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.usefixtures("device")
 def test_a_bundled_scene(scene: str) -> None:
     options = {"size": SMALL.get(scene, SIZE), "outputs": PLAIN}
@@ -87,7 +96,7 @@ def test_a_bundled_scene(scene: str) -> None:
     assert (frame.solid >= 0).any()
 
 
-@pytest.mark.parametrize("scene", bundled_scenes())
+@pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.usefixtures("device")
 def test_a_bundled_scene_by_the_article(scene: str) -> None:
     # Shading is the same code for both methods, and every number of lights compiles anew.
@@ -120,7 +129,7 @@ def test_everything_at_once(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("steps", [1, 2, 17, 24, 30])
+@pytest.mark.parametrize("steps", [1, 2, 16, *(pytest.param(n, marks=INT64) for n in (17, 24, 30))])
 @pytest.mark.parametrize("scene", ["figure", "edge_eye_inside_cylinder", "one_plane"])
 @pytest.mark.usefixtures("device")
 def test_any_number_of_steps(scene: str, steps: int, method: str) -> None:
@@ -210,6 +219,33 @@ def test_shaders_and_buffers_for_a_graphics_card(
         assert differences(frame, expected) == {}
     assert {(needs.together, needs.uniform) for needs in composed} == {(1, False)}
     close()
+
+
+SMALL_CHECK = """
+import sys
+from halfstep.cli import main
+from halfstep.device import choose_adapter
+from halfstep.run_gpu import Device
+device = Device(choose_adapter())
+assert device._together == int(sys.argv[1]), device._together
+device.close()
+sys.exit(main(["check", "gallery", "--size", "64x48"]))
+"""
+
+
+@pytest.mark.parametrize("lanes", [4, 8, 16])
+def test_subgroups_of_any_size(lanes: int, adapter: Adapter) -> None:
+    """Where a processor plays the device, a subgroup is as wide as its vectors."""
+    if not is_lavapipe(adapter.summary):
+        pytest.skip(f"{adapter.summary.name} has vectors of one width")
+    result = subprocess.run(
+        [sys.executable, "-c", SMALL_CHECK, str(lanes)],
+        env=dict(os.environ, LP_NATIVE_VECTOR_WIDTH=str(32 * lanes)),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
 
 
 @pytest.mark.parametrize(("old", "new"), FAULTS)

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -142,6 +144,31 @@ def test_the_adapter_of_this_machine_is_described(adapter: Adapter) -> None:
     assert report["reason"] == adapter.reason
     assert [entry["index"] for entry in report["adapters"]] == list(range(len(report["adapters"])))
     assert {entry["backend"] for entry in report["adapters"]} == {"Vulkan"}
+
+
+def test_swiftshader_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    info = {
+        "device": "SwiftShader Device (Subzero)",
+        "adapter_type": "CPU",
+        "vendor": "SwiftShader driver",
+        "vendor_id": 0x1AE0,
+        "description": "",
+        "backend_type": "Vulkan",
+    }
+    summary = device._summary(0, info)
+    assert (summary.kind, summary.driver) == ("cpu", "SwiftShader driver")
+    assert not device.is_lavapipe(summary)
+    # Its file is told where it lies and the driver is not loaded.
+    here, absent = tmp_path / "here.json", tmp_path / "absent.json"
+    here.touch()
+    monkeypatch.setattr(device, "SWIFTSHADER_FILES", (str(absent), str(here)))
+    for adapters, file in (([summary, LAVAPIPE], None), ([LAVAPIPE], str(here)), ([], str(here))):
+        monkeypatch.setattr(device, "list_adapters", lambda adapters=adapters: adapters)
+        monkeypatch.setattr(device, "_handles", lambda: [SimpleNamespace(features=frozenset())] * 2)
+        monkeypatch.delenv("HALFSTEP_ADAPTER", raising=False)
+        assert device.describe()["swiftshader"] == file
+    here.unlink()
+    assert device.describe()["swiftshader"] is None
 
 
 def test_expecting_lavapipe_gives_lavapipe(

@@ -138,6 +138,7 @@ struct Halves { first: f16, data: array<f16> }
 """
 
 
+@pytest.mark.needs("f16")
 @pytest.mark.parametrize("count", [4, 5, 6, 7, 8, 100])
 def test_an_array_without_a_count_has_as_many_elements_as_it_is_given(
     wgsl: Kit, count: int
@@ -157,6 +158,7 @@ def test_an_array_without_a_count_has_as_many_elements_as_it_is_given(
         assert wgsl.kernel(LENGTHS, "of_plain", plain)["count"] == count
 
 
+@pytest.mark.needs("f16")
 @pytest.mark.parametrize(
     ("entry_point", "bindings", "message"),
     [
@@ -179,6 +181,7 @@ def test_what_cannot_be_bound_exactly_is_refused(
     assert str(caught.value) == message
 
 
+@pytest.mark.needs("f16")
 def test_a_function_is_called_once_for_each_row(wgsl: Kit) -> None:
     text = """
 enable f16;

@@ -6,6 +6,7 @@ here from the names and numbers alone, not from sizes and alignments.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import product
 from typing import Any, NamedTuple
@@ -14,12 +15,21 @@ import numpy as np
 import pytest
 
 from halfstep.testing import Kit, module, types
-from halfstep.testing.types import SCALARS, Array, Matrix, Scalar, Struct, Type, Vector, dtype_of
+from halfstep.testing.types import (
+    FEATURES,
+    SCALARS,
+    Array,
+    Matrix,
+    Scalar,
+    Struct,
+    Type,
+    Vector,
+    dtype_of,
+)
 
 ROWS = 3
 
 STRUCTS = """
-enable f16;
 struct Mixed { a: f32, b: vec3<f32>, c: f32, d: vec2<u32>, e: bool, f: vec3<bool>, g: mat3x3<f32> }
 struct Wide { a: u32, b: i64, c: vec3<f64>, d: f32, e: vec3<i64>, f: f16, g: mat3x2<f64> }
 struct Narrow { a: f16, b: vec3<f16>, c: f16, d: vec2<f16>, e: mat2x3<f16>, f: bool }
@@ -46,6 +56,28 @@ STRUCTS += "".join(
     f"struct Every_{scalar} {{ {', '.join(f'm{k}: {t}' for k, t in enumerate(members))} }}\n"
     for scalar, members in EVERY.items()
 )
+
+
+def declared(text: str) -> str:
+    """What a type stands on: of the structs those that it is made of."""
+    structs = {re.split(r"\W", line)[1]: line for line in STRUCTS.strip().splitlines()}
+    used: dict[str, str] = {}
+    words = [text]
+    while words:
+        names = set(re.findall(r"\w+", words.pop())) & structs.keys() - used.keys()
+        used |= {name: structs[name] for name in names}
+        words += [structs[name].partition("{")[2] for name in names]
+    lines = [line for name, line in structs.items() if name in used]
+    enable = ["enable f16;"] if re.search(r"\bf16\b", "".join([text, *lines])) else []
+    return "\n".join([*enable, *lines, ""])
+
+
+def typed(text: str) -> Any:
+    """A case of a type, with the scalars that not every device has."""
+    scalars = set(re.findall(r"\w+", declared(text) + text)) & FEATURES.keys()
+    return pytest.param(text, marks=pytest.mark.needs(*scalars), id=text)
+
+
 TYPES = [
     *SCALARS,
     *(f"vec3<{scalar}>" for scalar in SCALARS),
@@ -102,7 +134,7 @@ def shaders(text: str, type_: Type) -> tuple[str, int]:
     reads = ", ".join(map(read, scalars))
     writes = "".join(write(k, part) for k, part in enumerate(scalars))
     code = (
-        f"{STRUCTS}alias T = {text};\n"
+        f"{declared(text)}alias T = {text};\n"
         f"fn apart(value: T) -> array<f32, {count}> {{\n"
         f"  return array<f32, {count}>({reads});\n}}\n"
         f"fn together(parts: array<f32, {count}>) -> T {{\n  var value: T;\n{writes}"
@@ -126,9 +158,9 @@ def numbered(type_: Type) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     return values, numbers
 
 
-@pytest.mark.parametrize("text", TYPES)
+@pytest.mark.parametrize("text", [typed(text) for text in TYPES])
 def test_every_part_is_in_its_place(wgsl: Kit, text: str) -> None:
-    type_ = module.Module("types", f"{STRUCTS}var<private> a: {text};").variable("a")
+    type_ = module.Module("types", f"{declared(text)}var<private> a: {text};").variable("a")
     code, _ = shaders(text, type_)
     values, numbers = numbered(type_)
     np.testing.assert_array_equal(wgsl.run(code, "apart", {"value": values}), numbers)
@@ -190,6 +222,7 @@ struct Lens { scale: mat2x3<f32>, shift: vec3<f32> }
     assert not items["at"][4].any()
 
 
+@pytest.mark.needs("f16")
 @pytest.mark.parametrize("rows", [1, 2, 3, 63, 64, 65, 1000])
 def test_any_number_of_rows(wgsl: Kit, rows: int) -> None:
     code = "enable f16; fn half_of(x: f16) -> f16 { return x * 0.5h; }"

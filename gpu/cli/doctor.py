@@ -82,6 +82,9 @@ def _print_report(report: dict[str, Any], found: Fingerprint | None) -> None:
             f"{adapter['backend']}, driver {adapter['driver'] or 'unnamed'}, "
             f"vendor {adapter['vendor']}"
         )
+    if report["swiftshader"] is not None:
+        file = report["swiftshader"]
+        print_text(f"not asked for: SwiftShader; VK_DRIVER_FILES={file} chooses it")
     if report["chosen"] is not None:
         print_text(f"chosen: adapter {report['chosen']}, {report['reason']}")
         print_text(f"features: {', '.join(report['features']) or 'none that Halfstep uses'}")

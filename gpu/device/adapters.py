@@ -22,7 +22,14 @@ from halfstep.errors import AdapterError, DeviceError
 
 # The driver of every development and test machine: Mesa's Vulkan on the processor.
 LAVAPIPE = "llvmpipe"
-SOFTWARE = (LAVAPIPE, "SwiftShader")
+SWIFTSHADER = "SwiftShader"
+SOFTWARE = (LAVAPIPE, SWIFTSHADER)
+# Where browsers bring the latter, which the Vulkan loader takes only if it is told.
+SWIFTSHADER_FILES = (
+    "/usr/lib/chromium/vk_swiftshader_icd.json",  # Debian, Arch
+    "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",  # Fedora
+    "/opt/google/chrome/vk_swiftshader_icd.json",
+)
 
 # wgpu reports a virtual GPU as type CPU, so a software renderer is known by its name.
 PREFERENCE = ("discrete", "integrated", "virtual", "unknown", "cpu")
@@ -251,7 +258,7 @@ def stack_of(device: Any) -> dict[str, str]:
     }
     return {
         "adapter": info["device"],
-        "driver": info["description"],
+        "driver": _driver(info),
         **{name: match[1] for name, match in found.items() if match},
         **versions(),
     }
@@ -272,17 +279,20 @@ def describe() -> dict[str, Any]:
     """Adapters, the choice and its reason, and the variables that decide: `halfstep doctor`.
 
     Keys: ``adapters`` (list of dicts), ``chosen`` (index or None), ``reason``, ``features`` of
-    the chosen adapter (list), ``environment`` (dict), ``wgpu`` and ``wgpu_native`` (versions).
+    the chosen adapter (list), ``environment`` (dict), ``swiftshader`` (the file of a driver that
+    lies here and is not among the adapters, or None), ``wgpu`` and ``wgpu_native`` (versions).
     With no choice ``reason`` is the message of the AdapterError.
 
     Raises:
         AdapterError: wgpu itself cannot be loaded.
     """
+    adapters = list_adapters()
     report: dict[str, Any] = {
-        "adapters": [asdict(adapter) for adapter in list_adapters()],
+        "adapters": [asdict(adapter) for adapter in adapters],
         "chosen": None,
         "features": [],
         "environment": {name: os.environ[name] for name in VARIABLES if name in os.environ},
+        "swiftshader": _swiftshader_file(adapters),
         **versions(),
     }
     try:
@@ -336,6 +346,13 @@ def _expects_lavapipe(environ: Mapping[str, str]) -> bool:
     return _expected(environ) in _YES
 
 
+def _swiftshader_file(adapters: Sequence[AdapterSummary]) -> str | None:
+    """The file of a SwiftShader that is here and none of ``adapters``."""
+    if any(adapter.name.startswith(SWIFTSHADER) for adapter in adapters):
+        return None
+    return next(filter(os.path.exists, SWIFTSHADER_FILES), None)
+
+
 def _request(requested: str | int | None, environ: Mapping[str, str]) -> tuple[str | None, str]:
     """What adapter is asked for, and by what."""
     if requested is not None:
@@ -375,11 +392,17 @@ def _summary(index: int, info: Mapping[str, Any]) -> AdapterSummary:
         index=index,
         name=name,
         kind=kind,
-        driver=info["description"],
+        driver=_driver(info),
         vendor=info["vendor"] or f"0x{info['vendor_id']:04x}",
         backend=info["backend_type"],
         # wgpu-py 0.32 spells the name so.
     )
+
+
+def _driver(info: Mapping[str, Any]) -> str:
+    """Name and version of a driver; SwiftShader tells its name alone, as Vulkan's driverName."""
+    driver: str = info["description"] or info["vendor"]
+    return driver
 
 
 def _handles() -> tuple[Any, ...]:
