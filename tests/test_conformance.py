@@ -224,8 +224,8 @@ def test_shaders_and_buffers_for_a_graphics_card(
 SMALL_CHECK = """
 import sys
 from halfstep.cli import main
-from halfstep.device import choose_adapter
-from halfstep.run_gpu import Device
+from halfstep.device.adapters import choose_adapter
+from halfstep.run.gpu import Device
 device = Device(choose_adapter())
 assert device._together == int(sys.argv[1]), device._together
 device.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import secrets
@@ -18,8 +19,11 @@ _PARTIAL = re.compile(r"\.(.+)\.[0-9a-f]{16}\.partial", re.DOTALL)
 def ask(path: Path) -> None:
     """Ask the system of ``path``, be it there or not: what is wrong with it is an OSError.
 
-    `Path.is_dir` and its like raise that up to Python 3.13 only, and say no from there on.
+    `Path.is_dir` and its like raise that up to Python 3.13 only, and say no from there on; of a NUL
+    every Python says something else.
     """
+    if "\0" in os.fspath(path):
+        raise OSError(errno.EINVAL, "embedded null byte")
     with suppress(FileNotFoundError, NotADirectoryError):
         path.stat()
 
