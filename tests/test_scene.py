@@ -364,6 +364,7 @@ RULES: list[tuple[dict[str, Any], str]] = [
         one(SPHERE, z_min=0, cut=[[1, 0, 0, 1]] * MAX_HALF_SPACES),
         "solid[0].cut: 256 half-spaces with z_min and z_max is not <= 255",
     ),
+    (one(SPHERE, cut=[[1, 0, 0, 1]] * 256), "solid[0].cut: length 256 is not <= 255"),
     (
         one(VALID["solid"][7], coefficients=[0] * 9 + [1]),
         "solid[0].coefficients: [0, 0, 0, 0, 0, 0, 0, 0, 0, 1] is 0 but for the last, which is "
@@ -383,7 +384,7 @@ RULES: list[tuple[dict[str, Any], str]] = [
         "solid[0].half_spaces: no point lies inside all 7 half-spaces",
     ),
     (
-        one(VALID["solid"][9], half_spaces=[*CUBE, [1, 0, 0, -1]]),
+        one(VALID["solid"][9], half_spaces=[*CUBE, [1, 0, 0, -1.000001]]),
         "solid[0].half_spaces: no point lies inside all 7 half-spaces",
     ),
     (one(without(PATCH, "bounds")), "solid[0].bounds: missing"),
@@ -867,6 +868,9 @@ def test_json_schema() -> None:
     assert schema["required"] == ["format", "camera", "solid"]
     solid = schema["properties"]["solid"]["items"]
     assert set(solid["discriminator"]["mapping"]) == set(json.loads(f"[{KINDS}]"))
+    half_spaces = schema["$defs"]["Polyhedron"]["properties"]["half_spaces"]
+    assert (half_spaces["minItems"], half_spaces["maxItems"]) == (4, MAX_HALF_SPACES)
     sphere = schema["$defs"]["Sphere"]
+    assert sphere["properties"]["cut"]["maxItems"] == MAX_HALF_SPACES
     assert sphere["additionalProperties"] is False
     assert sphere["properties"]["radius"]["maximum"] == 1e15

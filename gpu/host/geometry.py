@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from halfstep.errors import SceneError
 from halfstep.host.edges import EDGES
-from halfstep.scene import Scene, Solid, halfspaces
+from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
+from halfstep.scene import Box, PlanePatch, Quadric, Scene, Solid, halfspaces
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -85,6 +86,9 @@ class Geometry:
     plane_solid: Ints  # (M,), the solid of each half-space
     plane_bounds: Bools  # (M,), it bounds a patch, so it is never seen itself
     plane_edge: Ints  # (M,), it stands for this edge of the screen rectangle; -1 for no edge
+    plane_number: Ints  # (M,), number of the surface within the solid
+    plane_blur: Floats  # (M,), what may be off, in distances from the origin; 0 but for some
+    plane_two_sided: Bools  # (M,), it is seen from both sides: a patch, or one with an opposite
     hulls: Hulls
 
     @property
@@ -101,18 +105,31 @@ def build(scene: Scene) -> Geometry:
     origin = np.array([solid.origin for solid in solids], np.float64)
     is_patch = np.array([solid.is_patch for solid in solids])
     is_flat = np.array([solid.is_flat for solid in solids])
-    has_cut = np.array([bool(getattr(solid, "cut", ())) for solid in solids])
-    rows = [solid.half_spaces() for solid in solids]
     quadric = np.array([solid.quadric() for solid in solids])
+    has_quadric, is_nowhere = ~is_flat, np.zeros(count, bool)
+    faces: list[Faces] = []
+    for ix, solid in enumerate(solids):
+        slab = slab_of(solid.coefficients) if isinstance(solid, Quadric) else None
+        if slab is not None:
+            has_quadric[ix], is_nowhere[ix], quadric[ix] = False, slab.is_empty, 0.0
+        faces.append(_faces(solid, slab))
+    # Those of boxes and patches are distinct, and a patch's own plane is no half-space.
+    asked = [ix for ix, solid in enumerate(solids) if not isinstance(solid, Box | PlanePatch)]
+    for ix, found in zip(asked, distinct([faces[ix] for ix in asked]), strict=True):
+        faces[ix] = found
+    has_cut = np.array([_is_cut(solid, own) for solid, own in zip(solids, faces, strict=True)])
 
-    form, hulls = _hulls(solids, rows, quadric, is_flat)
-    plane_count = np.array([len(each) for each in rows], np.int64)
+    form, hulls = _hulls(solids, [own.rows for own in faces], quadric, has_quadric, is_flat)
+    plane_count = np.array([len(own.rows) for own in faces], np.int64)
+    # All of space has no surface: nothing of it is seen, as of a solid without a point.
+    form[is_nowhere | (~has_quadric & (plane_count == 0))] = Form.EMPTY
     is_loose = ~is_flat & _is_loose(form, plane_count, has_cut)
-    slender = np.flatnonzero((form >= Form.ELLIPSOID) & _is_slender(quadric))
+    slender = np.flatnonzero((form >= Form.ELLIPSOID) & has_quadric & _is_slender(quadric))
     for ix in slender.tolist():
-        rows[ix] = np.concatenate([rows[ix], np.repeat([[0.0, 0.0, 0.0, 1.0]], EDGES, axis=0)])
+        faces[ix] = _with_edges(faces[ix])
     plane_count[slender] += EDGES
-    planes = np.concatenate(rows).T * np.array([[1.0], [1.0], [1.0], [-1.0]])
+    planes, number, blur, two_sided = map(np.concatenate, zip(*faces, strict=True))
+    planes = planes.T * np.array([[1.0], [1.0], [1.0], [-1.0]])
     plane_start = np.cumsum(plane_count) - plane_count
     plane_bounds = np.repeat(is_patch, plane_count)
     plane_bounds[plane_start[is_patch]] = False
@@ -122,7 +139,7 @@ def build(scene: Scene) -> Geometry:
     return Geometry(
         origin=_solids_last(origin),
         world_from_local=_solids_last(rotation),
-        has_quadric=~is_flat,
+        has_quadric=has_quadric,
         quadric=_solids_last(quadric),
         is_patch=is_patch,
         is_ellipsoid=(form == Form.ELLIPSOID) & (plane_count == 0),
@@ -135,6 +152,9 @@ def build(scene: Scene) -> Geometry:
         plane_solid=np.repeat(np.arange(count), plane_count),
         plane_bounds=plane_bounds,
         plane_edge=plane_edge,
+        plane_number=number,
+        plane_blur=blur,
+        plane_two_sided=two_sided,
         hulls=hulls,
     )
 
@@ -160,12 +180,45 @@ def _is_slender(matrix: Floats) -> Bools:
     return np.asarray(largest[:, 0] > SLENDER * bend.min(axis=1))
 
 
+def _faces(solid: Solid, slab: Slab | None) -> Faces:
+    """A solid's half-spaces as the file has them; those that a quadric is come first."""
+    rows = solid.half_spaces()
+    number = np.arange(1, len(rows) + 1)
+    blur = np.zeros(len(rows))
+    if slab is not None and slab.rows:
+        rows = np.concatenate([slab.rows, rows])
+        number, blur = np.append([0, 0], number), np.append([slab.blur] * 2, blur)
+    faces = alone(rows, number, blur)
+    faces.two_sided[:1] = solid.is_patch
+    return faces
+
+
+def _is_cut(solid: Solid, faces: Faces) -> bool:
+    """Whether a plane bounds the solid that is not its ``z_min`` or ``z_max``."""
+    ends = sum(getattr(solid, key, None) is not None for key in ("z_min", "z_max"))
+    return bool(faces.number.max(initial=0) > ends)
+
+
+def _with_edges(faces: Faces) -> Faces:
+    """The faces, and what stands for the edges of the screen rectangle."""
+    return Faces(
+        np.concatenate([faces.rows, np.repeat([[0.0, 0.0, 0.0, 1.0]], EDGES, axis=0)]),
+        np.append(faces.number, np.zeros(EDGES, np.int64)),
+        np.append(faces.blur, np.zeros(EDGES)),
+        np.append(faces.two_sided, np.zeros(EDGES, bool)),
+    )
+
+
 def _hulls(
-    solids: Sequence[Solid], rows: Sequence[Floats], quadric: Floats, is_flat: Bools
+    solids: Sequence[Solid],
+    rows: Sequence[Floats],
+    quadric: Floats,
+    has_quadric: Bools,
+    is_flat: Bools,
 ) -> tuple[Ints, Hulls]:
     """Form of every solid (K,), and the hulls."""
     form = np.where(is_flat, Form.POINTS, Form.UNBOUNDED)
-    curved = np.flatnonzero(~is_flat)
+    curved = np.flatnonzero(has_quadric)
     known = [solids[ix].is_ellipsoid for ix in curved.tolist()]
     form[curved], center, axes = _ellipsoids(quadric[curved], np.array(known, np.bool_))
     of_curved = form[curved] == Form.ELLIPSOID
@@ -176,12 +229,10 @@ def _hulls(
 
     for group, planes in _by_length(np.flatnonzero(form == Form.UNBOUNDED).tolist(), rows):
         form[group[halfspaces.are_bounded(planes)]] = Form.POINTS
-    point_ix, points = _corners(form, solids)
+    point_ix, points = _corners(form, solids, rows)
     # Half-spaces of a quadric may leave nothing.
-    hollow = ~is_flat & (np.bincount(point_ix, minlength=len(form)) < 4)
+    hollow = np.bincount(point_ix, minlength=len(form)) == 0
     form[hollow & (form == Form.POINTS)] = Form.EMPTY
-    kept = ~hollow[point_ix]
-    point_ix, points = point_ix[kept], points[kept]
     first = np.flatnonzero(np.diff(point_ix, prepend=-1))
     return form, Hulls(
         ellipsoid_ix=curved[of_curved],
@@ -247,14 +298,17 @@ def _disc_radius(matrix: Floats, z: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
-def _corners(form: Ints, solids: Sequence[Solid]) -> tuple[Ints, Floats]:
+def _corners(form: Ints, solids: Sequence[Solid], rows: Sequence[Floats]) -> tuple[Ints, Floats]:
     """The solid (P,) of each corner and the corners (P, 3) of solids of the form POINTS."""
+    other_side = np.array([[0.0, 0.0, -1.0, 0.0]])
     owners, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
     enclosed: dict[int, Floats] = {}
     for ix in np.flatnonzero(form == Form.POINTS).tolist():
         corners = solids[ix].corners()
-        if corners is None:
-            enclosed[ix] = solids[ix].enclosing()
+        if solids[ix].is_patch:
+            enclosed[ix] = np.concatenate([rows[ix], other_side])
+        elif corners is None:
+            enclosed[ix] = rows[ix]
         else:
             owners.append(np.full(len(corners), ix))
             points.append(corners)

@@ -118,11 +118,14 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
         np.take(geometry.world_from_local, geometry.plane_solid, axis=-1),
         geometry.planes[:3],
     )
+    number = np.zeros(len(owner) + 1, np.int32)
+    number[0] = -1
+    number[np.arange(len(normals)) + 2 + geometry.plane_solid] = geometry.plane_number
     # Edges of the screen rectangle have no normal: they are not seen.
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return Surfaces(
         solid=np.append(-1, owner).astype(np.int32),
-        number=np.append(-1, np.arange(len(owner)) + 1 - first[owner]).astype(np.int32),
+        number=number,
         first=first,
         color=np.array([material.color for material in materials], np.float32),
         specular=np.array([material.specular for material in materials], np.float32),

@@ -318,9 +318,9 @@ def _flat(
     # A plane seen edge on may be this small in its rectangle alone, and would overflow beside it.
     scale = _power_of_two(np.maximum(largest, FAINTEST * _length(slopes) * middle))
     seen = np.flatnonzero(starts_at_eye[owner] & ~geometry.plane_bounds[plane])
-    of_patch = geometry.is_patch[ix[owner[seen]]]
+    two_sided = geometry.plane_two_sided[plane[seen]]
     moved = np.zeros(len(owner))
-    moved[seen] = _eye_clearance(height[seen] * scale[seen], of_patch)
+    moved[seen] = _eye_clearance(height[seen] * scale[seen], two_sided)
 
     np.multiply(slopes, middle * scale, out=lines[0])
     lines[0, 0] = level * scale + moved
@@ -329,6 +329,7 @@ def _flat(
     size = np.abs(lines)
     lines[:, 0] *= size[:, 0] >= NEGLIGIBLE
     lines[:, 1:] *= size[:, 1:] >= NEGLIGIBLE / np.maximum(offsets, 1.0)
+    error *= 1 + geometry.plane_blur[plane] / HOST_ROUNDINGS
     error *= _length(rows[:3]) * scale
     error += 3 * NEGLIGIBLE
     error += np.abs(moved)
@@ -371,7 +372,8 @@ def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
         return np.asarray(np.bincount(owner[~condition], minlength=len(ix)) == 0)
 
     inside = all_of(height <= 0) & (~has_quadric | (value <= 0)) & ~is_patch
-    height_sure = all_of(np.abs(height) > _length(rows[:3]) * rounding[owner])
+    room = rounding[owner] + geometry.plane_blur[plane] * _length(eye)[owner]
+    height_sure = all_of(np.abs(height) > _length(rows[:3]) * room)
     return _Eye(
         inside=inside,
         outside_quadric=value > 0,
@@ -464,12 +466,12 @@ def _power_of_two(largest: Floats) -> Floats:
     return np.asarray(np.ldexp(1.0, (fraction == 0.5) - exponent))
 
 
-def _eye_clearance(height: Floats, of_patch: Bools) -> Floats:
+def _eye_clearance(height: Floats, two_sided: Bools) -> Floats:
     """What takes a plane's value at the eye to ``EYE_CLEARANCE`` if the eye is outside of it.
 
-    A patch has two outsides.  An eye inside needs nothing: there the ray starts in any case.
+    Some have two outsides.  An eye inside needs nothing: there the ray starts in any case.
     """
-    outside = (height > 0) | (of_patch & (height < 0))
+    outside = (height > 0) | (two_sided & (height < 0))
     missing = np.maximum(EYE_CLEARANCE - np.abs(height), 0.0)
     return np.where(outside, np.copysign(missing, height), 0.0)
 

@@ -19,7 +19,7 @@ Bools = NDArray[np.bool_]
 
 _EPS = float(np.finfo(np.float64).eps)
 # Counted roundings of one dot product and one subtraction, with room for the normalisation.
-_ROUNDING = 32.0 * _EPS
+ROUNDING = 32.0 * _EPS
 # Two unit normals whose cross product is shorter than this are taken as parallel.
 _PARALLEL = 1e-12
 # Lines times planes treated at once: bounds the temporaries to a few MiB.
@@ -51,11 +51,11 @@ def vertices_of_each(planes: Array) -> tuple[Array, Indices]:
     Returns:
         (v, 3) vertices as of `vertices`, and (v,) the intersection of each, ascending.
     """
-    normals, offsets = _unit(planes)
+    normals, offsets = unit(planes)
     center = np.zeros((len(planes), 3))
     found, owner = np.empty((0, 3)), np.empty(0, np.intp)
     for _ in range(2):
-        slack = _ROUNDING * (np.abs(offsets) + np.abs(center).max(axis=1)[:, None])
+        slack = ROUNDING * (np.abs(offsets) + np.abs(center).max(axis=1)[:, None])
         room = offsets - np.einsum("kmc,kc->km", normals, center)
         found, owner = _distinct(*_edge_ends(normals, room, slack))
         found = found + center[owner]
@@ -81,7 +81,7 @@ def are_bounded(planes: Array) -> Bools:
     count, most = planes.shape[:2]
     if most < 4:
         return np.zeros(count, bool)
-    normals, _ = _unit(planes)
+    normals, _ = unit(planes)
     bounded = np.linalg.matrix_rank(normals, tol=_PARALLEL) == 3
     # Normals of rank 3 make the cone pointed: if it is more than {0} it has an extreme ray, and
     # that lies on the line in which two of the planes meet.
@@ -89,28 +89,13 @@ def are_bounded(planes: Array) -> Bools:
         slope = np.einsum("lc,lmc->lm", lines.along, normals[lines.owner])
         rows = np.arange(len(slope))
         slope[rows, lines.first] = slope[rows, lines.second] = 0.0
-        tolerance = (_ROUNDING / lines.sine)[:, None]
+        tolerance = (ROUNDING / lines.sine)[:, None]
         free = np.all(slope <= tolerance, axis=1) | np.all(slope >= -tolerance, axis=1)
         bounded[lines.owner[free]] = False
     return np.asarray(bounded)
 
 
-def has_interior(planes: Array) -> bool:
-    """Whether a bounded intersection of half-spaces has a volume that float64 can tell from 0.
-
-    Args:
-        planes: (m, 4) rows n·x <= d of a bounded intersection.
-    """
-    corners = vertices(planes)
-    if len(corners) < 4:
-        return False
-    normals, offsets = _unit(planes)
-    center = corners.mean(axis=0)
-    slack = _ROUNDING * (np.abs(offsets) + np.abs(center).max())
-    return bool(np.all(offsets - normals @ center > slack))
-
-
-def _unit(planes: Array) -> tuple[Array, Array]:
+def unit(planes: Array) -> tuple[Array, Array]:
     """Unit normals (…, 3) and their offsets (…,), each row scaled first so no square overflows."""
     rows = np.asarray(planes, dtype=np.float64)
     rows = rows / np.abs(rows[..., :3]).max(axis=-1, keepdims=True)
@@ -186,7 +171,7 @@ def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Arr
         slope = np.einsum("lc,lmc->lm", along, normals[owner])
         room = offsets[owner] - np.einsum("lc,lmc->lm", foot, normals[owner])
         # Line and foot are known the less exactly the flatter the angle between the two planes.
-        spare = slack[owner] + (_ROUNDING * np.abs(foot).max(axis=1) / sine)[:, None]
+        spare = slack[owner] + (ROUNDING * np.abs(foot).max(axis=1) / sine)[:, None]
         rows = np.arange(len(along))
         for own in (first, second):
             slope[rows, own] = 0.0
@@ -206,7 +191,7 @@ def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Arr
             where = side[rows, nearest]
             ok = alive & np.isfinite(where)
             ends.append(foot[ok] + where[ok, None] * along[ok])
-            errors.append((reach[rows, nearest] + _ROUNDING * np.abs(where) / sine)[ok])
+            errors.append((reach[rows, nearest] + ROUNDING * np.abs(where) / sine)[ok])
             owners.append(owner[ok])
     return np.concatenate(ends), np.concatenate(errors), np.concatenate(owners)
 

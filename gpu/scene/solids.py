@@ -19,7 +19,9 @@ from halfstep.scene.values import (
     Coefficients,
     Color,
     Coordinate,
+    Cuts,
     Direction,
+    Faces,
     HalfSpace,
     Length,
     Lengths,
@@ -116,12 +118,8 @@ class BaseSolid(Table):
         """
         return -math.inf, math.inf
 
-    def enclosing(self) -> Array:
-        """Half-spaces (m, 4), as those of `half_spaces`, that hold nothing but the solid."""
-        return self.half_spaces()
-
     def corners(self) -> Array | None:
-        """Its corners (P, 3) in local coordinates; None where they are found from `enclosing`."""
+        """Its corners (P, 3) in local coordinates; None where they are found from half-spaces."""
         return None
 
 
@@ -132,7 +130,7 @@ class _QuadricSolid(BaseSolid, ABC):
 
     z_min: Coordinate | None = None
     z_max: Coordinate | None = None
-    cut: Sequence[HalfSpace] = ()
+    cut: Cuts = ()
 
     @field_validator("z_max")
     @classmethod
@@ -320,9 +318,7 @@ class Polyhedron(BaseSolid):
     """
 
     kind: Literal["polyhedron"] = "polyhedron"
-    rows: Annotated[Sequence[HalfSpace], Field(min_length=4, max_length=MAX_HALF_SPACES)] = Field(
-        alias="half_spaces"
-    )
+    rows: Faces = Field(alias="half_spaces")
 
     @field_validator("rows")
     @classmethod
@@ -330,7 +326,7 @@ class Polyhedron(BaseSolid):
         planes = np.array(rows)
         if not halfspaces.is_bounded(planes):
             raise fault(f"these {len(rows)} half-spaces do not enclose a bounded solid")
-        if not halfspaces.has_interior(planes):
+        if not len(halfspaces.vertices(planes)):
             raise fault(f"no point lies inside all {len(rows)} half-spaces")
         return rows
 
@@ -389,10 +385,6 @@ class PlanePatch(BaseSolid):
             x, y, z = rotation[axis]
             yield x, y, z, self.bounds.max[axis] - self.origin[axis]
             yield -x, -y, -z, self.origin[axis] - self.bounds.min[axis]
-
-    def enclosing(self) -> Array:
-        """Those of `half_spaces`, and the other side of the plane."""
-        return np.concatenate([self.half_spaces(), [[0.0, 0.0, -1.0, 0.0]]])
 
 
 def box_cuts_area(bounds: Bounds, origin: Array, normal: Array) -> bool:

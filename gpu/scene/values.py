@@ -79,6 +79,15 @@ Name = Annotated[str, Field(min_length=1)]
 Vector = tuple[float, float, float]
 T = TypeVar("T")
 Sequence = Annotated[tuple[T, ...], BeforeValidator(_to_tuple)]
+# The lengths before the validator: after it the JSON Schema would take them for a string's.
+Cuts = Annotated[
+    tuple[HalfSpace, ...], Field(max_length=MAX_HALF_SPACES), BeforeValidator(_to_tuple)
+]
+Faces = Annotated[
+    tuple[HalfSpace, ...],
+    Field(min_length=4, max_length=MAX_HALF_SPACES),
+    BeforeValidator(_to_tuple),
+]
 
 
 class Table(BaseModel):

@@ -100,7 +100,9 @@ def _visit(
     old[nearer] = depth[nearer]
     rounding[window][nearer] = doubt
     answer.solid[window][nearer] = constants.solid[row]
-    answer.surface[window][nearer] = seen.surface[nearer]
+    first = solids.plane_start[constants.solid[row]]
+    numbers = np.append(0, solids.plane_number[first:][: constants.plane_count[row]])
+    answer.surface[window][nearer] = numbers[seen.surface[nearer]]
 
 
 def _sight(solids: Geometry, constants: Setup, row: int, at: Any) -> root.Root:

@@ -1,0 +1,144 @@
+"""The faces of solids, each once: files may give a half-space again, or two planes as one quadric.
+
+Neither could be told apart on the way to a pixel.  Two half-spaces are the same where all their
+numbers, normals taken as unit vectors, agree to `ROUNDING`: such numbers come from the same face,
+multiplied, normalised or written in decimals on the way.  What differs by more is another face.
+Of half-spaces with one normal only the tightest bounds a solid; of equal ones the first is kept.
+Two that face each other with nothing between are made exact opposites, so that in any arithmetic
+a ray enters the one where it leaves the other: solids are closed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.scene.halfspaces import ROUNDING, unit
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+# Pairs of half-spaces compared at once: bounds the temporaries to a few MiB.
+_CHUNK = 1 << 17
+# Planes further away than this, next to their own coordinates, are left to the quadric.
+_FARTHEST = 10**18
+
+
+class Faces(NamedTuple):
+    """Half-spaces n·x <= d of a solid."""
+
+    rows: Floats  # (m, 4)
+    number: Ints  # (m,), of each as the file counts them
+    blur: Floats  # (m,), how far it may be from those it stands for, in distances from the origin
+    two_sided: Bools  # (m,), another one is its exact opposite
+
+
+class Slab(NamedTuple):
+    """What lies between two parallel planes, or all of space where there is none."""
+
+    rows: list[list[float]]
+    blur: float
+    is_empty: bool
+
+
+def alone(rows: Floats, number: Ints, blur: Floats) -> Faces:
+    """Faces as they are given."""
+    return Faces(rows, number, blur, np.zeros(len(rows), bool))
+
+
+def distinct(solids: Sequence[Faces]) -> list[Faces]:
+    """The faces of each solid without those that bound nothing of their own."""
+    found = list(solids)
+    by_count: dict[int, list[int]] = {}
+    for ix, faces in enumerate(solids):
+        by_count.setdefault(len(faces.rows), []).append(ix)
+    for count, group in by_count.items():
+        step = max(_CHUNK // max(count * count, 1), 1)
+        for start in range(0, len(group) if count > 1 else 0, step):
+            chosen = group[start : start + step]
+            normals, _ = unit(np.array([solids[ix].rows for ix in chosen]))
+            size = np.abs(normals)
+            # Parallel, either way; the diagonal is.
+            apart = np.abs(size[:, :, None] - size[:, None]).max(axis=3)
+            parallel = (apart <= ROUNDING).sum(axis=(1, 2)) > count
+            for ix in np.flatnonzero(parallel).tolist():
+                found[chosen[ix]] = _distinct(solids[chosen[ix]])
+    return found
+
+
+def _distinct(faces: Faces) -> Faces:
+    normals, offsets = unit(faces.rows)
+    rows, blur, two_sided = faces.rows.copy(), faces.blur.copy(), faces.two_sided.copy()
+    kept: list[int] = []
+    for j, (normal, offset) in enumerate(zip(normals, offsets, strict=True)):
+        room = ROUNDING * abs(offset)
+        same = [i for i in kept if np.abs(normals[i] - normal).max() <= ROUNDING]
+        if not same:
+            kept.append(j)
+            continue
+        i = same[0]
+        stays, goes = (j, i) if offset < offsets[i] - room else (i, j)
+        kept[kept.index(i)] = stays
+        between = 0.0 if np.array_equal(rows[i], rows[j]) else 2 * ROUNDING
+        blur[stays] = max(blur[stays], blur[goes] + between)
+    kept.sort()
+    for place, j in enumerate(kept):
+        for i in kept[:place]:
+            meets = abs(offsets[i] + offsets[j]) <= ROUNDING * abs(offsets[j])
+            if meets and np.abs(normals[i] + normals[j]).max() <= ROUNDING:
+                if not np.array_equal(rows[i], -rows[j]):
+                    blur[i] = blur[j] = max(blur[i], blur[j]) + 2 * ROUNDING
+                rows[j] = -rows[i]
+                two_sided[[i, j]] = True
+    return Faces(rows[kept], faces.number[kept], blur[kept], two_sided[kept])
+
+
+def slab_of(coefficients: Sequence[float]) -> Slab | None:
+    """The slab F <= 0 of a quadric is, if it is one; in exact arithmetic.
+
+    F is one where it is s (n·x - c)² - s h² with s > 0: two planes, or one where h = 0, or none
+    where h² < 0, and all of space where s < 0 and h² <= 0.  A plane also counts as one where every
+    coefficient is that of a square to `ROUNDING`: the numbers tell no distance between two.
+
+    Args:
+        coefficients: of x², y², z², xy, xz, yz, x, y, z, 1, as a scene has them.
+    """
+    xx, yy, zz, xy, xz, yz, *linear, one = map(Fraction, coefficients)
+    second = [[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, zz]]
+    pivot = max(range(3), key=lambda axis: abs(second[axis][axis]))
+    s = second[pivot][pivot]
+    if s == 0:
+        return None
+    normal = [entry / s for entry in second[pivot]]
+    center = -linear[pivot] / (2 * s)
+    pairs = [(second[i][j], s * normal[i] * normal[j]) for i in range(3) for j in range(i, 3)] + [
+        (given, -2 * s * center * n) for given, n in zip(linear, normal, strict=True)
+    ]
+    if not all(_alike(given, square) for given, square in pairs):
+        return None
+    is_exact = all(given == square for given, square in pairs)
+    square = center * center - one / s
+    if square and s > 0 and _alike(one, s * center * center):
+        square, is_exact = Fraction(0), False
+    if not (is_exact or (s > 0 and square == 0)):
+        return None
+    if square < 0 or (square == 0 and s < 0):
+        return Slab([], 0.0, is_empty=s > 0)
+    if s < 0 or max(abs(center), square / _FARTHEST) > _FARTHEST:
+        return None
+    half = Fraction(math.sqrt(square))
+    ahead = [*map(float, normal), float(center + half)]
+    behind = [-float(n) for n in normal] + [float(half - center)]
+    # Where F is off by a rounding, a plane is by the root of one.
+    return Slab([ahead, behind], 0.0 if is_exact else 2 * math.sqrt(ROUNDING), is_empty=False)
+
+
+def _alike(a: Fraction, b: Fraction) -> bool:
+    """Whether two numbers agree to `ROUNDING`."""
+    return abs(a - b) <= Fraction(ROUNDING) * max(abs(a), abs(b))
