@@ -1,4 +1,4 @@
-"""The README is true: its programs run, and its tables list what there is."""
+"""The READMEs are true: their programs run, and their tables list what there is."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from halfstep import cli
 from halfstep.device import adapters as device
 from halfstep.files import ENDINGS
 from halfstep.files.exr import CHANNELS, EXR
+from halfstep.files.movie import MOVIES
 from halfstep.frames.frame import SOURCES
 from halfstep.scene import (
     SOLID_KINDS,
@@ -31,17 +32,29 @@ from halfstep.scene import (
 from halfstep.scene.animation import scene_at
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+README = "README.md"
+SCENES = "scenes/README.md"
+FILES = "gpu/files/README.md"
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+def text_of(file: str) -> str:
+    return (ROOT / file).read_text(encoding="utf-8")
 
 
-def rows(heading: str) -> list[list[str]]:
-    """Cells of the table below the line ``heading``."""
-    [table] = re.findall(rf"^{re.escape(heading)}\n\|[-|]+\n((?:\|.*\n)+)", README, re.MULTILINE)
+def blocks(file: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", text_of(file), re.MULTILINE | re.DOTALL)
+
+
+def rows(file: str, heading: str) -> list[list[str]]:
+    """Cells of the table of ``file`` below the line ``heading``."""
+    text = text_of(file)
+    [table] = re.findall(rf"^{re.escape(heading)}\n\|[-|]+\n((?:\|.*\n)+)", text, re.MULTILINE)
     return [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()]
+
+
+[VASE] = blocks(README, "toml")
+[ANIMATION] = blocks(SCENES, "toml")
+ANIMATED_VASE = VASE + ANIMATION
 
 
 def quoted(text: str) -> list[str]:
@@ -50,10 +63,9 @@ def quoted(text: str) -> list[str]:
 
 @pytest.fixture
 def vase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The scene of the README, in the folder where its commands run."""
-    text, _ = blocks("toml")
+    """The scene of the README and its animation, in the folder where the commands run."""
     path = tmp_path / "vase.toml"
-    path.write_text(text)
+    path.write_text(ANIMATED_VASE)
     monkeypatch.chdir(tmp_path)
     return path
 
@@ -61,10 +73,10 @@ def vase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.usefixtures("vase", "adapter")
 def test_python_programs_run() -> None:
     names: dict[str, Any] = {}
-    programs = blocks("python")
-    assert len(programs) >= 2
-    for program in programs:
-        exec(compile(program, "README.md", "exec"), names)
+    programs = [(file, program) for file in (README, SCENES) for program in blocks(file, "python")]
+    assert [file for file, _ in programs] == [README, README, README, SCENES]
+    for file, program in programs:
+        exec(compile(program, file, "exec"), names)
     assert names["frame"].image.any()
     assert 0 < names["nearest"] < 13
 
@@ -73,7 +85,8 @@ def test_python_programs_run() -> None:
 def test_commands_run(vase: Path) -> None:
     commands = [
         shlex.split(line, comments=True)
-        for block in blocks("sh")
+        for file in (README, SCENES)
+        for block in blocks(file, "sh")
         for line in block.splitlines()
         if line.startswith("halfstep ")
     ]
@@ -87,13 +100,13 @@ def test_commands_run(vase: Path) -> None:
 def test_make_has_the_targets() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z]+):", makefile, re.MULTILINE))
-    named = set(re.findall(r"(?:^|`)make ([a-z]+)", README, re.MULTILINE))
+    named = set(re.findall(r"(?:^|`)make ([a-z]+)", text_of(README), re.MULTILINE))
     assert named == {"render", "test", "lint", "bench"}
     assert named <= targets
 
 
 def test_all_options_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    [usage] = blocks("text")
+    [usage] = blocks(README, "text")
     names = [command.__name__.rpartition(".")[2] for command in cli.COMMANDS]
     assert sorted(re.findall(r"^halfstep (\w+)", usage, re.MULTILINE)) == sorted(names)
     for command in names:
@@ -115,13 +128,15 @@ def test_all_kinds_are_listed_with_their_parameters() -> None:
         expected[kind] = {field.alias or name for name, field in fields} - common
     listed = {
         quoted(kind)[0]: {name.partition(".")[0] for name in quoted(parameters)}
-        for kind, parameters, _ in rows("| kind | parameters | solid |")
+        for kind, parameters, _ in rows(SCENES, "| kind | parameters | solid |")
     }
     assert listed == expected
 
 
 def test_all_tables_are_listed_with_their_defaults() -> None:
-    listed = {table.strip("`[]"): keys for table, keys in rows("| table | keys and defaults |")}
+    listed = {
+        table.strip("`[]"): keys for table, keys in rows(SCENES, "| table | keys and defaults |")
+    }
     assert set(listed) == {
         "top level", "camera", "animation", "animation.key", "image", "accuracy", "volume",
         "ambient", "light", "material", "solid", "solid.key",
@@ -149,7 +164,7 @@ def test_all_tables_are_listed_with_their_defaults() -> None:
 
 
 def test_the_example_of_an_animation_can_be_added_to_that_of_a_scene() -> None:
-    scene = Scene.from_dict(tomllib.loads("".join(blocks("toml"))))
+    scene = Scene.from_dict(tomllib.loads(ANIMATED_VASE))
     assert scene.animation is not None
     first, middle = scene_at(scene, 0), scene_at(scene, 50)
     assert first.camera.center == scene.camera.center != middle.camera.center
@@ -159,29 +174,35 @@ def test_the_example_of_an_animation_can_be_added_to_that_of_a_scene() -> None:
 
 
 def test_the_default_accuracy_is_the_one_listed() -> None:
-    text, _ = blocks("toml")
-    accuracy = Scene.from_dict(tomllib.loads(text)).accuracy
-    [keys] = [keys for table, keys in rows("| table | keys and defaults |") if "accuracy" in table]
+    accuracy = Scene.from_dict(tomllib.loads(VASE)).accuracy
+    [keys] = [
+        keys for table, keys in rows(SCENES, "| table | keys and defaults |") if "accuracy" in table
+    ]
     assert f"`tolerance_pixels = {accuracy.tolerance_pixels}`" in keys
 
 
 def test_all_outputs_are_listed() -> None:
-    assert [quoted(row[0])[0] for row in rows("| name | type | meaning | nothing hit |")] == list(
-        SOURCES
-    )
+    assert [
+        quoted(row[0])[0] for row in rows(README, "| name | type | meaning | nothing hit |")
+    ] == list(SOURCES)
 
 
 def test_all_files_are_listed() -> None:
     listed: dict[str, tuple[bool, tuple[str, ...]]] = {}
-    for endings, outputs, usual, _ in rows("| ending | outputs | usual | numbers |"):
+    for endings, outputs, usual, _ in rows(FILES, "| ending | outputs | usual | numbers |"):
         names = tuple(SOURCES) if usual == "all" else tuple(quoted(usual))
         listed |= dict.fromkeys(quoted(endings), (outputs == "one", names))
     assert listed == {ending: (type_.single, type_.default) for ending, type_ in ENDINGS.items()}
 
 
+def test_all_animated_files_are_listed() -> None:
+    endings = [quoted(row[0])[0] for row in rows(FILES, "| `-o` | what is written | limits |")]
+    assert set(endings[:-1]) == set(MOVIES)
+
+
 def test_all_channels_are_listed() -> None:
     listed = {}
-    for name, _, channels in rows("| output | in a PNG | in an EXR |"):
+    for name, _, channels in rows(FILES, "| output | in a PNG | in an EXR |"):
         listed[quoted(name)[0]] = tuple(quoted(channels))
         assert ("always there" in channels) == (quoted(name)[0] in EXR.always)
     assert listed == CHANNELS
@@ -189,7 +210,9 @@ def test_all_channels_are_listed() -> None:
 
 def test_the_variables_are_those_the_device_reads() -> None:
     listed = {
-        name.partition("=")[0] for row in rows("| variable | effect |") for name in quoted(row[0])
+        name.partition("=")[0]
+        for row in rows(README, "| variable | effect |")
+        for name in quoted(row[0])
     }
     # Other back ends of wgpu are refused, so there is nothing to choose.
     assert listed == set(device.VARIABLES) - {"WGPU_BACKEND_TYPE"}
