@@ -74,7 +74,7 @@ def vase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_python_programs_run() -> None:
     names: dict[str, Any] = {}
     programs = [(file, program) for file in (README, SCENES) for program in blocks(file, "python")]
-    assert [file for file, _ in programs] == [README, README, README, SCENES]
+    assert [file for file, _ in programs] == [README, README, SCENES]
     for file, program in programs:
         exec(compile(program, file, "exec"), names)
     assert names["frame"].image.any()

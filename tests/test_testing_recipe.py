@@ -1,4 +1,4 @@
-"""What the README says of testing shaders is so: its example, its calls, and the recipe for CI."""
+"""What is said of testing shaders is so: its example, its calls, and the recipe for CI."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from halfstep import testing
 from halfstep.testing import Kit, MismatchError
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-SECTION = README[README.index("\n## Testing shaders\n") :].split("\n## ")[1]
+README = "gpu/testing/README.md"
+TEXT = (ROOT / README).read_text(encoding="utf-8")
 WORKFLOW = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
 
 
 def example() -> dict[str, Any]:
-    """The names that the program of the section defines."""
-    [program] = re.findall(r"^```python\n(.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)
+    """The names that the program of the README defines."""
+    [program] = re.findall(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
     names: dict[str, Any] = {}
-    exec(compile(program, "README.md", "exec"), names)
+    exec(compile(program, README, "exec"), names)
     return names
 
 
@@ -33,7 +33,7 @@ def test_the_example_passes(wgsl: Kit) -> None:
 
 
 def test_over_more_decades_it_fails_as_shown(wgsl: Kit) -> None:
-    [shown] = re.findall(r"^```\n(hypot: .*?)^  …\n```$", SECTION, re.MULTILINE | re.DOTALL)
+    [shown] = re.findall(r"^```\n(hypot: .*?)^  …\n```$", TEXT, re.MULTILINE | re.DOTALL)
     names = example()
     names["decades"] = partial(testing.decades, high=1e30)
     with pytest.raises(MismatchError) as excinfo:
@@ -44,7 +44,7 @@ def test_over_more_decades_it_fails_as_shown(wgsl: Kit) -> None:
 
 
 def test_the_calls_are_there_as_listed() -> None:
-    calls = re.findall(r"^\| `([\w.]+)\((.*?)\)` \|", SECTION, re.MULTILINE)
+    calls = re.findall(r"^\| `([\w.]+)\((.*?)\)` \|", TEXT, re.MULTILINE)
     assert len(calls) == 6
     for name, arguments in calls:
         owner, _, last = name.rpartition(".")
@@ -61,7 +61,7 @@ def test_the_calls_are_there_as_listed() -> None:
 
 
 def test_the_recipe_has_what_the_readme_explains() -> None:
-    rows = SECTION[SECTION.index("| | |") :].split("\n\n")[0]
+    rows = TEXT[TEXT.index("| | |") :].split("\n\n")[0]
     explained = [
         name for row in rows.splitlines() for name in re.findall(r"`(.+?)`", row.split("|")[1])
     ]
