@@ -35,6 +35,7 @@ ROOT = Path(__file__).parents[1]
 README = "README.md"
 SCENES = "scenes/README.md"
 FILES = "gpu/files/README.md"
+WGSL = "wgsl/README.md"
 
 
 def text_of(file: str) -> str:
@@ -46,10 +47,18 @@ def blocks(file: str, language: str) -> list[str]:
 
 
 def rows(file: str, heading: str) -> list[list[str]]:
-    """Cells of the table of ``file`` below the line ``heading``."""
-    text = text_of(file)
-    [table] = re.findall(rf"^{re.escape(heading)}\n\|[-|]+\n((?:\|.*\n)+)", text, re.MULTILINE)
-    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()]
+    """Cells of the table of ``file`` below the line ``heading``, which stands there once."""
+    [table] = tables(file, heading)
+    return table
+
+
+def tables(file: str, heading: str) -> list[list[list[str]]]:
+    """Cells of all tables of ``file`` below a line ``heading``."""
+    pattern = rf"^{re.escape(heading)}\n\|[-|]+\n((?:\|.*\n)+)"
+    return [
+        [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()]
+        for table in re.findall(pattern, text_of(file), re.MULTILINE)
+    ]
 
 
 [VASE] = blocks(README, "toml")
@@ -206,6 +215,16 @@ def test_all_channels_are_listed() -> None:
         listed[quoted(name)[0]] = tuple(quoted(channels))
         assert ("always there" in channels) == (quoted(name)[0] in EXR.always)
     assert listed == CHANNELS
+
+
+def test_all_shader_files_are_listed() -> None:
+    listed = [
+        name
+        for table in tables(WGSL, "| file | what it does |")
+        for row in table
+        for name in quoted(row[0])
+    ]
+    assert sorted(listed) == sorted(path.name for path in (ROOT / "wgsl").glob("*.wgsl"))
 
 
 def test_the_variables_are_those_the_device_reads() -> None:

@@ -3,7 +3,7 @@
 P1 and P2 follow F, (16)–(19); I and O follow the half-spaces, (13).  A result is a cell of the
 grid of 2^n: grid points up to an entry cell are outside, grid points after an exit cell are
 outside.  A piece of the ray is in the solid if a grid point is; (20)–(22) become the order of the
-cells.  The rules differ from the printed ones only where the README says why.
+cells.  The rules differ from the printed ones only where wgsl/README.md says why.
 """
 
 from __future__ import annotations
