@@ -1,4 +1,4 @@
-"""Scenes at the ends of every range, and what is wrong in them: the table of the README.
+"""Scenes at the ends of every range, and what is wrong in them: the table of tests/README.md.
 
     python -m tests.extremes
 
