@@ -1,4 +1,4 @@
-"""Every kind of solid is shown as it is, and the README's recipe for another one works."""
+"""Every kind of solid is shown as it is, and the recipe for another one works."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ class Hunk(NamedTuple):
 
 
 def recipe() -> list[Hunk]:
-    """The steps of the README's section, in their order."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    [text] = re.findall(r"^```diff\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)
+    """The steps of the recipe for contributors, in their order."""
+    page = (ROOT / ".github" / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    [text] = re.findall(r"^```diff\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     hunks = []
     for part in re.split(r"^--- ", text, flags=re.MULTILINE)[1:]:
         header, _, body = part.partition("\n")
@@ -79,8 +79,8 @@ STEPS_OF_RECIPE = recipe()
 
 
 def copy_with(folder: Path, steps: Iterable[Hunk]) -> None:
-    """A copy of what the repository installs and of its tests, changed by steps of the recipe."""
-    for name in ("gpu", "wgsl", "scenes", "tests"):
+    """A copy of what the repository installs and tests, changed by steps of the recipe."""
+    for name in (".github", "gpu", "wgsl", "scenes", "tests"):
         shutil.copytree(ROOT / name, folder / name)
     for name in ("README.md", "pyproject.toml"):
         shutil.copy(ROOT / name, folder)

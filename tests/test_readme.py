@@ -36,6 +36,7 @@ README = "README.md"
 SCENES = "scenes/README.md"
 FILES = "gpu/files/README.md"
 WGSL = "wgsl/README.md"
+CONTRIBUTING = ".github/CONTRIBUTING.md"
 
 
 def text_of(file: str) -> str:
@@ -109,9 +110,12 @@ def test_commands_run(vase: Path) -> None:
 def test_make_has_the_targets() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z]+):", makefile, re.MULTILINE))
-    named = set(re.findall(r"(?:^|`)make ([a-z]+)", text_of(README), re.MULTILINE))
-    assert named == {"render", "test", "lint", "bench"}
-    assert named <= targets
+    for file, names in (
+        (README, {"render", "test", "lint", "bench"}),
+        (CONTRIBUTING, {"render", "test", "lint", "bench", "clean"}),
+    ):
+        assert set(re.findall(r"(?:^|`)make ([a-z]+)", text_of(file), re.MULTILINE)) == names
+        assert names <= targets
 
 
 def test_all_options_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
