@@ -30,6 +30,7 @@ from halfstep.scene import (
     SolidKey,
 )
 from halfstep.scene.animation import scene_at
+from tests.test_layering import ROOMS, imports, modules, room
 
 ROOT = Path(__file__).parents[1]
 README = "README.md"
@@ -37,6 +38,15 @@ SCENES = "scenes/README.md"
 FILES = "gpu/files/README.md"
 WGSL = "wgsl/README.md"
 CONTRIBUTING = ".github/CONTRIBUTING.md"
+# All that people read, but for the changelog.
+PAGES = [
+    CONTRIBUTING,
+    *(
+        path.relative_to(ROOT).as_posix()
+        for pattern in ("README.md", "[!.]*/README.md", "gpu/*/README.md")
+        for path in sorted(ROOT.glob(pattern))
+    ),
+]
 
 
 def text_of(file: str) -> str:
@@ -80,11 +90,52 @@ def vase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+def test_the_readme_is_short() -> None:
+    assert len(text_of(README).splitlines()) <= 200
+
+
+def test_links_lead_somewhere() -> None:
+    for file in PAGES:
+        for target in re.findall(r"\]\(([^)]+)\)", text_of(file)):
+            assert not target.startswith("http"), f"{file}: {target} is not looked up"
+            name, _, section = target.partition("#")
+            path = (ROOT / file).parent / name if name else ROOT / file
+            assert path.is_file(), f"{file}: {target}"
+            if section:
+                headings = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+                anchors = [re.sub(r"[^\w -]", "", heading).lower() for heading in headings]
+                assert section.replace("-", " ") in anchors, f"{file}: {target}"
+
+
+def test_paths_that_are_named_are_there() -> None:
+    pattern = r"`((?:gpu|wgsl|scenes|tests|\.github|\.ci)/[^`\s]*)`"
+    found = 0
+    for file in PAGES:
+        for name in re.findall(pattern, text_of(file)):
+            assert (ROOT / name).exists(), f"{file}: {name}"
+            found += 1
+    assert found > 10
+
+
+def test_every_page_is_found_from_the_readme() -> None:
+    linked = set(re.findall(r"\]\(([^)#]+\.md)\)", text_of(README)))
+    assert linked == {*PAGES, "CHANGELOG.md"} - {README}
+
+
+def test_the_map_has_all_rooms_each_below_those_it_rests_on() -> None:
+    listed = [quoted(row[0])[0] for row in rows(README, "| room of `gpu/` | what it is for |")]
+    assert sorted(listed) == ROOMS
+    for module in modules():
+        for target, _ in imports(module):
+            if room(module) in listed and room(target) in listed:
+                assert listed.index(room(target)) <= listed.index(room(module)), (module, target)
+
+
 @pytest.mark.usefixtures("vase", "adapter")
 def test_python_programs_run() -> None:
     names: dict[str, Any] = {}
     programs = [(file, program) for file in (README, SCENES) for program in blocks(file, "python")]
-    assert [file for file, _ in programs] == [README, README, SCENES]
+    assert [file for file, _ in programs] == [README, SCENES]
     for file, program in programs:
         exec(compile(program, file, "exec"), names)
     assert names["frame"].image.any()

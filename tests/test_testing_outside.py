@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,15 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     paths = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
     (own / "dependencies.pth").write_text("\n".join(sorted(paths)))
     return fresh
+
+
+def test_the_wheel_has_the_shaders_and_scenes_but_not_their_readmes(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        packed = {name for name in archive.namelist() if ".dist-info/" not in name}
+    for folder, ending in (("wgsl", ".wgsl"), ("scenes", ".toml")):
+        files = {f"halfstep/{folder}/{path.name}" for path in (ROOT / folder).glob(f"*{ending}")}
+        assert files == {name for name in packed if name.endswith(ending)}
+    assert not [name for name in packed if name.endswith(".md")]
 
 
 @pytest.mark.usefixtures("adapter")
