@@ -59,15 +59,21 @@ def distinct(solids: Sequence[Faces]) -> list[Faces]:
     for ix, faces in enumerate(solids):
         by_count.setdefault(len(faces.rows), []).append(ix)
     for count, group in by_count.items():
-        step = max(_CHUNK // max(count * count, 1), 1)
+        step = max(2 * _CHUNK // max(count * count, 1), 1)
         for start in range(0, len(group) if count > 1 else 0, step):
             chosen = group[start : start + step]
-            normals, _ = unit(np.array([solids[ix].rows for ix in chosen]))
-            size = np.abs(normals)
-            # Parallel, either way; the diagonal is.
-            apart = np.abs(size[:, :, None] - size[:, None]).max(axis=3)
-            parallel = (apart <= ROUNDING).sum(axis=(1, 2)) > count
-            for ix in np.flatnonzero(parallel).tolist():
+            normals, offsets = unit(np.array([solids[ix].rows for ix in chosen]))
+            first, second = np.triu_indices(count, 1)
+            a, b, c, d = (
+                normals[:, first],
+                normals[:, second],
+                offsets[:, first],
+                offsets[:, second],
+            )
+            same = np.abs(a - b).max(axis=2) <= ROUNDING
+            opposite = np.abs(a + b).max(axis=2) <= ROUNDING
+            same |= opposite & (np.abs(c + d) <= ROUNDING * np.abs(d))
+            for ix in np.flatnonzero(same.any(axis=1)).tolist():
                 found[chosen[ix]] = _distinct(solids[chosen[ix]])
     return found
 
@@ -109,6 +115,8 @@ def slab_of(coefficients: Sequence[float]) -> Slab | None:
     Args:
         coefficients: of x², y², z², xy, xz, yz, x, y, z, 1, as a scene has them.
     """
+    if not _may_be_square(*coefficients[:6]):
+        return None
     xx, yy, zz, xy, xz, yz, *linear, one = map(Fraction, coefficients)
     second = [[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, zz]]
     pivot = max(range(3), key=lambda axis: abs(second[axis][axis]))
@@ -137,6 +145,12 @@ def slab_of(coefficients: Sequence[float]) -> Slab | None:
     behind = [-float(n) for n in normal] + [float(half - center)]
     # Where F is off by a rounding, a plane is by the root of one.
     return Slab([ahead, behind], 0.0 if is_exact else 2 * math.sqrt(ROUNDING), is_empty=False)
+
+
+def _may_be_square(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> bool:
+    """Whether quadratic terms are about those of one square, in floating point: few are."""
+    pairs = ((4 * xx * yy, xy * xy), (4 * xx * zz, xz * xz), (4 * yy * zz, yz * yz))
+    return all(abs(a - b) <= 1e-9 * (abs(a) + b) for a, b in pairs)
 
 
 def _alike(a: Fraction, b: Fraction) -> bool:

@@ -195,6 +195,8 @@ def _faces(solid: Solid, slab: Slab | None) -> Faces:
 
 def _is_cut(solid: Solid, faces: Faces) -> bool:
     """Whether a plane bounds the solid that is not its ``z_min`` or ``z_max``."""
+    if solid.is_flat or not getattr(solid, "cut", ()):
+        return False
     ends = sum(getattr(solid, key, None) is not None for key in ("z_min", "z_max"))
     return bool(faces.number.max(initial=0) > ends)
 
