@@ -233,9 +233,12 @@ sys.exit(main(["check", "gallery", "--size", "64x48"]))
 """
 
 
-@pytest.mark.parametrize("lanes", [4, 8, 16])
+@pytest.mark.parametrize("lanes", [4, 8])
 def test_subgroups_of_any_size(lanes: int, adapter: Adapter) -> None:
-    """Where a processor plays the device, a subgroup is as wide as its vectors."""
+    """Where a processor plays the device, a subgroup is as wide as its vectors.
+
+    Mesa takes 128 bits without AVX, 256 with it, and 512 only if told, with which 26.2 crashes.
+    """
     if not is_lavapipe(adapter.summary):
         pytest.skip(f"{adapter.summary.name} has vectors of one width")
     result = subprocess.run(
