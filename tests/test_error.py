@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from halfstep.contract import formats
 from halfstep.device.adapters import Adapter
 from halfstep.host import camera as cameras
 from halfstep.host import geometry
 from halfstep.host import setup as setups
+from halfstep.host import steps as steps_of_solids
 from halfstep.run.gpu import Device
 from halfstep.scene import Camera, Scene
 from halfstep.twin import certify, forms, forms_fixed, lanes
@@ -224,7 +224,7 @@ def test_a_forgotten_term_is_a_violation(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # In float32 at any number of steps, where the forms' rounding is the larger part of an error.
-    monkeypatch.setattr(formats, "FLOAT_STEPS", 30)
+    monkeypatch.setattr(steps_of_solids, "FLOAT_STEPS", 30)
     faults = []
     for planted in (False, True):
         if planted:
