@@ -4,6 +4,8 @@
 // logic asks for signs of homogeneous expressions, which no common factor disturbs.
 
 const VALUE_BITS: u32 = 29u;
+// Errors of more units than this exceed all values; their products stay within float32.
+const LARGEST_ERROR: f32 = 0x1p40;
 
 // How far a number of such size is shifted down to have `VALUE_BITS` bits.
 fn excess_bits(size: vec4<i64>) -> u4 {
@@ -22,7 +24,8 @@ fn shifted(number: vec4<i64>, excess: u4) -> v4 {
 // An error shifted down, and half a unit for the rounding; of 16 bits, rounded up, so that sums of
 // a few are exact in whichever order a driver takes them.
 fn shifted_error(error: f4, excess: u4) -> f4 {
-  let whole = error * bitcast<f4>((u4(127u) - excess) << u4(23u)) + 0.5;
+  let down = error * bitcast<f4>((u4(127u) - excess) << u4(23u));
+  let whole = min(down, f4(LARGEST_ERROR)) + 0.5;
   return bitcast<f4>((bitcast<u4>(whole) + u4(255u)) & u4(0xFFFFFF00u));
 }
 

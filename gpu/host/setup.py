@@ -40,6 +40,10 @@ EYE_CLEARANCE = 2.0**-20
 # Terms below this, next to 1, count as rounding; without them products of values are not
 # subnormal, which devices may flush.
 NEGLIGIBLE = 2.0**-40
+# Errors of more than this, in units of the largest value, all mean that nothing is certain.
+LARGEST_ERROR = 4.0
+# Scales beyond 2 to this overflow, or what they scale does.
+LARGEST_EXPONENT = 1000
 # No form is scaled up from less than this part of what it is elsewhere.
 FAINTEST = 2.0**-64
 # Points of rays are known to this many roundings of float64 of their distance from the eye.
@@ -260,8 +264,9 @@ def _curved(geometry: Geometry, ix: Ints, rotation: Floats, sight: _Sight) -> _C
     np.multiply(world[2:], middle * unit, out=gradient[0, 1:])
     np.multiply(world[1:], half * unit, out=gradient[1])
     gradient *= np.abs(gradient) >= least[:3, None]
+    gradient[:, 1:] *= (sight.offsets > 0)[:, None]
     a, g, c = forms
-    return _Curved(a, g, c, scale * error + 6 * NEGLIGIBLE, gradient)
+    return _Curved(a, g, c, _scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
 
 
 def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: _Sight) -> Floats:
@@ -330,7 +335,7 @@ def _flat(
     lines[:, 0] *= size[:, 0] >= NEGLIGIBLE
     lines[:, 1:] *= size[:, 1:] >= NEGLIGIBLE / np.maximum(offsets, 1.0)
     error *= 1 + geometry.plane_blur[plane] / HOST_ROUNDINGS
-    error *= _length(rows[:3]) * scale
+    error = _scaled_error(error * _length(rows[:3]), scale)
     error += 3 * NEGLIGIBLE
     error += np.abs(moved)
     edge = geometry.plane_edge[plane]
@@ -363,7 +368,7 @@ def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
     rows = geometry.planes.take(plane, axis=-1)
     height, slopes = _heights(rows, sight.rays[..., owner])
     steepest = np.einsum("in,in->n", np.abs(slopes), reach[:, owner])
-    reached = np.abs(height) / np.maximum(steepest, np.finfo(float).tiny)
+    reached = _depth_of(np.abs(height), steepest)
     nearest_flat = np.full(len(ix), np.inf)
     seen = ~geometry.plane_bounds[plane]
     np.minimum.at(nearest_flat, owner[seen], reached[seen])
@@ -463,7 +468,13 @@ def _power_of_two(largest: Floats) -> Floats:
     """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
     fraction, exponent = np.frexp(largest)
     # A power of two itself has the fraction 1/2.
-    return np.asarray(np.ldexp(1.0, (fraction == 0.5) - exponent))
+    exponent = np.clip((fraction == 0.5) - exponent, -LARGEST_EXPONENT, LARGEST_EXPONENT)
+    return np.asarray(np.ldexp(1.0, exponent))
+
+
+def _scaled_error(error: Floats, scale: Floats) -> Floats:
+    """Errors of values that were multiplied by powers of two."""
+    return np.asarray(np.minimum(error, LARGEST_ERROR / scale) * scale)
 
 
 def _eye_clearance(height: Floats, two_sided: Bools) -> Floats:
@@ -504,4 +515,11 @@ def _nearest_root(level: Floats, slope: Floats, curvature: Floats) -> Floats:
     with the largest |A| and |B|.
     """
     root = slope + np.sqrt(slope * slope + 4 * curvature * level)
-    return np.asarray(2 * level / np.maximum(root, np.finfo(float).tiny))
+    return _depth_of(2 * level, root)
+
+
+def _depth_of(height: Floats, slope: Floats) -> Floats:
+    """The depth at which ``slope`` takes ``height``, both >= 0, away; infinite if it never does."""
+    never = np.where(height > 0, np.inf, 0.0)
+    reached = slope > height * 2.0**-LARGEST_EXPONENT
+    return np.asarray(np.divide(height, slope, out=never, where=reached))

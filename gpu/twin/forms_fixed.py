@@ -14,6 +14,8 @@ from halfstep.twin.piece import Line
 from halfstep.twin.polynomial_exact import Offset, linear, linear_error, quadratic, quadratic_error
 
 VALUE_BITS = 29
+# Errors of more units than this exceed all values; their products stay within float32.
+LARGEST_ERROR = np.float32(2.0**40)
 
 
 def excess_bits(size: I64) -> U32:
@@ -38,7 +40,8 @@ def shifted_error(error: F32, excess: U32) -> F32:
     It has 16 bits, rounded up, so that sums of a few are exact in whichever order a driver takes
     them.
     """
-    whole = error * np.exp2(-excess.astype(np.float32)) + np.float32(0.5)
+    down = error * np.exp2(-excess.astype(np.float32))
+    whole = np.minimum(down, LARGEST_ERROR) + np.float32(0.5)
     bits: U32 = (whole.view(np.uint32) + np.uint32(255)) & np.uint32(0xFFFFFF00)
     return bits.view(np.float32)
 
