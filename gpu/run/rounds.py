@@ -23,8 +23,8 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
     planes = packed.solids["plane_count"].astype(np.int64) + 1
     rounds = steps + planes
     if needs.method == "article":
-        # Planes are read first, and their normals last. In between a patch tries its bounds at one
-        # point, and sequences I and O all planes of another solid at every halving and six points.
+        # A patch tries its bounds at one point. Sequences I and O try all planes of another solid
+        # at every halving, and at six points more. The normals of planes are read last.
         is_patch = packed.classes == Class.PATCH
         rounds += planes * np.where(is_patch, 2, 2 * steps + 7)
     if needs.certified:

@@ -29,7 +29,7 @@ from halfstep.shader.statements import FETCHED, each_quad, fetch, loop, quads, v
 from halfstep.shader.visits import declare_keep, declare_lines, declare_nearest, try_solid
 
 # Half-spaces that a function of the article method takes when it is run alone. More would take
-# long to compile: llvmpipe needs ten minutes for 256.
+# long to compile: llvmpipe needs minutes for 128.
 MAX_LINES = 8
 
 
