@@ -1,0 +1,110 @@
+"""WGSL files as a shader needs them: two marks in comments, and loops that are left at their end.
+
+A file as it lies is WGSL, the text for a block of one quad. Both marks are comments:
+
+- ``//? fact`` at the end of a line keeps the line only where the fact holds. ``!fact`` asks that it
+  does not, and ``&`` joins facts that must all hold. On a line that opens a bracket, the mark
+  decides on all lines up to the one that closes it.
+- ``// each quad`` above a statement repeats the statement for each quad of a block, with the number
+  of the quad for the 0 at the end of names, as in ``root_0``.
+
+The quads are written out because arrays that a loop indexes cost a compiler more and the device
+most.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+
+EACH_QUAD = "// each quad"
+_MARKED = re.compile(r"(.*?)\s*//\? (.+)")
+_FOR = re.compile(r"( *)for \(var (\w+) = ([^;]+); \2 < ([^;]+); \2\+\+\) \{")
+
+
+def expand(text: str, facts: Collection[str], quads: int) -> str:
+    """``text`` without what ``facts`` leave out, for a block of ``quads`` quads."""
+    lines = _ended_late(_repeated(_kept(text.splitlines(), facts), quads))
+    return "".join(f"{line}\n" for line in lines)
+
+
+def marks(text: str) -> set[str]:
+    """The facts that the marks of ``text`` ask for."""
+    matches = filter(None, map(_MARKED.fullmatch, text.splitlines()))
+    return {fact.removeprefix("!") for match in matches for fact in match[2].split(" & ")}
+
+
+def _holds(condition: str, facts: Collection[str]) -> bool:
+    return all(
+        fact[1:] not in facts if fact.startswith("!") else fact in facts
+        for fact in condition.split(" & ")
+    )
+
+
+def _depth(line: str) -> int:
+    """How many brackets a line opens more than it closes."""
+    code = line.partition("//")[0]
+    return sum(map(code.count, "{(")) - sum(map(code.count, "})"))
+
+
+def _kept(lines: list[str], facts: Collection[str]) -> list[str]:
+    """The lines whose facts hold, without their marks."""
+    kept: list[str] = []
+    depth = 0  # of brackets in what is left out
+    for line in lines:
+        match = _MARKED.fullmatch(line)
+        if depth:
+            depth += _depth(line)
+        elif match is None:
+            kept.append(line)
+        elif _holds(match[2], facts):
+            kept.append(match[1])
+        else:
+            depth = _depth(line)
+            if kept and kept[-1].strip() == EACH_QUAD:
+                kept.pop()
+    return kept
+
+
+def _repeated(lines: list[str], quads: int) -> Iterator[str]:
+    """The lines with statements for each quad written out."""
+    rest = iter(lines)
+    for line in rest:
+        if line.strip() != EACH_QUAD:
+            yield line
+            continue
+        statement = [next(rest)]
+        depth = _depth(statement[0])
+        while depth:
+            statement.append(next(rest))
+            depth += _depth(statement[-1])
+        for quad in range(quads):
+            yield from (re.sub(r"_0\b", f"_{quad}", part) for part in statement)
+
+
+def _ended_late(lines: Iterator[str]) -> Iterator[str]:
+    """The lines with each ``for`` as a loop that is left at the end of its body.
+
+    llvmpipe runs a loop that is tested first once more, with every invocation masked.
+    """
+    loops: list[tuple[str, str, str]] = []  # indentation, counter and end of those that are open
+    for line in lines:
+        indent = "  " * len(loops)
+        match = _FOR.fullmatch(line)
+        if match is not None:
+            own, counter, first, end = match.groups()
+            yield f"{indent}{own}if {first} < {end} {{"
+            yield f"{indent}{own}  var {counter} = {first};"
+            yield f"{indent}{own}  loop {{"
+            loops.append((own, counter, end))
+        elif loops and line == f"{loops[-1][0]}}}":
+            own, counter, end = loops.pop()
+            outer = f"{indent[2:]}{own}"
+            yield f"{outer}    {counter}++;"
+            yield f"{outer}    if {counter} >= {end} {{"
+            yield f"{outer}      break;"
+            yield f"{outer}    }}"
+            yield f"{outer}  }}"
+            yield f"{outer}}}"
+        else:
+            yield f"{indent}{line}" if line else line
