@@ -17,10 +17,11 @@ from halfstep.bench import closed_form, machine, native, parts, plot, povray, re
 from halfstep.bench.measure import measure
 from halfstep.cli import bench as command
 from halfstep.cli import main
+from halfstep.contract.classes import Class
 from halfstep.device.adapters import Adapter
 from halfstep.errors import UsageError
-from halfstep.host.pack import Class
 from halfstep.scene import with_overrides
+from halfstep.shader.source import compose
 from tests.test_source import NEEDS
 
 SIZE = (256, 128)
@@ -89,8 +90,9 @@ def test_closed_forms_find_the_same_cells() -> None:
     scene = with_overrides(scenes.overlapping(), size=SIZE, steps=9)
     outputs = ("solid", "depth")
     halved = halfstep.render(scene, outputs=outputs, backend="gpu")
-    with closed_form.closed_form():
-        closed = halfstep.render(scene, outputs=outputs, backend="gpu")
+    with halfstep.Renderer(scene, outputs=outputs, backend="gpu") as renderer:
+        closed_form.use_closed_form(renderer)
+        closed = renderer.render()
     same = halved.solid == closed.solid
     assert same.mean() > 0.999
     hit = same & (halved.solid >= 0)
@@ -101,12 +103,11 @@ def test_closed_forms_find_the_same_cells() -> None:
 
 def test_closed_forms_are_in_the_benchmark_only() -> None:
     needs = replace(NEEDS, classes=(Class.ELLIPSOID,), outputs=frozenset({"surface"}))
-    assert "sqrt(" not in halfstep.shader.source.compose(needs)
-    with closed_form.closed_form():
-        closed = halfstep.shader.source.compose(needs)
+    assert "sqrt(" not in compose(needs)
+    closed = compose(replace(needs, conveyor="closed"))
     assert "sqrt(" in closed
     assert "halved(" not in closed
-    assert "halved(" in halfstep.shader.source.compose(needs)
+    assert "halved(" in compose(needs)
 
 
 @pytest.mark.usefixtures("small")

@@ -31,6 +31,8 @@ from tests.test_pack import packed_frame
 from tests.test_rounds import barrels
 
 SIZE = (96, 72)
+# What the slip in the stage `nearest` is in.
+FAULTY = ["nearest.depth_key"]
 
 
 def small(name: str, **overrides: Any) -> Scene:
@@ -82,7 +84,7 @@ def slip(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_fault_in_a_stage_is_found_there(checker: Checker) -> None:
     report = checker.check(small("one_box"))
     assert not report.agrees
-    assert report.faulty == ["nearest.depth_key"]
+    assert report.faulty == FAULTY
     assert report.frame.failed.any()
     text = str(report)
     census = report.stages["nearest.depth_key"]
@@ -97,7 +99,7 @@ def broken_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def faulty(needs: Needs) -> str:
         text = source.compose(needs)
-        return text.replace("hit & before(", "before(")
+        return text.replace("sight_0 = Sight(\n    root_0.hit,", "sight_0 = Sight(\n    b4(true),")
 
     monkeypatch.setattr(run_gpu, "compose", faulty)
 
@@ -154,8 +156,8 @@ def test_a_fault_in_the_shaders_of_second_frames_is_found(
     classes = len(packed_frame(scene).present)
     plant(
         monkeypatch,
-        "let position = root_position_0;",
-        "let position = root_position_0 + i4(512);",
+        "reached(search_0, root_0, steps)",
+        "reached(search_0, root_0, steps) + i4(512)",
         lambda needs: 0 < len(needs.classes) < classes,
     )
     report = checker.check(scene)
@@ -195,7 +197,7 @@ def test_where_bits_are_not_promised_stages_only_inform(
     monkeypatch.setattr(checker, "_exact", False)
     monkeypatch.setattr(check, "compare_frames", lambda found, *_, **__: compare(found, found))
     report = checker.check(small("one_box"))
-    assert report.faulty == ["nearest.depth_key"]
+    assert report.faulty == FAULTY
     assert report.agrees
 
 

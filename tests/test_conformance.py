@@ -38,20 +38,20 @@ SCENES = [
 # What a slip of the pen would make of the kernel: each must be seen in a frame.
 FAULTS = [
     ("offset(x_1, y)", "offset(x_0, y)"),
-    ("i4(1) * i4(i32(LANES))", "i4(1) * i4(1)"),
+    ("column + QUAD_1 * LANES", "column + QUAD_1"),
     ("i4(solid.center_x)", "i4(solid.center_y)"),
     ("j - solid.center_y", "j - solid.center_x"),
-    ("solid.surface) + u4(number)", "solid.surface)"),
-    ("hit & before(", "before("),
-    ("old.slope.y, slope.y", "old.slope.y, slope.x"),
-    ("(tile >> 16u) * TILE", "(tile >> 17u) * TILE"),
-    ("entry >= end_0", "entry + 1u >= end_0"),
-    ("k >= solid.steps", "k + 1u >= solid.steps"),
+    ("solid.surface) + u4(sight.surface)", "solid.surface)"),
+    ("sight.hit & is_nearer(", "is_nearer("),
+    ("either(nearer, slope,", "either(!nearer, slope,"),
+    ("(tile.place >> 16u) * TILE", "(tile.place >> 17u) * TILE"),
+    ("entry >= end", "entry + 1u >= end"),
+    ("k >= steps", "k + 1u >= steps"),
     ("finish(nearest_1,", "finish(nearest_0,"),
-    ("place + 1u)", "place)"),
-    ("packed_1.x", "packed_0.x"),
+    ("place + QUAD_1", "place"),
+    ("image_1.x", "image_0.x"),
     ("packed_tags(nearest_1", "packed_tags(nearest_0"),
-    ("depth_key(exit_position,", "depth_key(position,"),
+    ("reached(exit_search_0, leaving_0,", "reached(search_0, leaving_0,"),
 ]
 
 

@@ -37,7 +37,9 @@ fn visit(
 
 
 def test_without_facts_marked_lines_go() -> None:
-    assert expand(TEXT, (), 1) == """\
+    assert (
+        expand(TEXT, (), 1)
+        == """\
 struct Sight {
   hit: b4,
 }
@@ -60,10 +62,13 @@ fn visit(
   }
 }
 """
+    )
 
 
 def test_statements_are_repeated_for_each_quad() -> None:
-    assert expand(TEXT, ("exit", "normal"), 2) == """\
+    assert (
+        expand(TEXT, ("exit", "normal"), 2)
+        == """\
 struct Sight {
   hit: b4,
   left: b4,  // through a surface
@@ -101,6 +106,7 @@ fn visit(
   }
 }
 """
+    )
 
 
 @pytest.mark.parametrize(

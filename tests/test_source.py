@@ -11,13 +11,17 @@ from typing import Any
 
 import pytest
 
+from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
+from halfstep.contract.stages import FACTS, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.frame import SOURCES, device_outputs
-from halfstep.host.pack import Class
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
+from halfstep.shader.expand import marks
+from halfstep.shader.fetch import fetches
+from halfstep.shader.library import definitions, joined, reached, stage
 from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, needs_of
-from halfstep.shader.source import compose, stage_names
+from halfstep.shader.source import bindings, compose, constants, stage_files
 from tests.test_pack import SIZE, packed_frame
 
 METHODS = ("visible", "article")
@@ -44,6 +48,7 @@ CALLED = {
         "article_quadric": QUADRICS,
         "article_polyhedron": POLYHEDRA,
         "article_patch": {Class.PATCH},
+        "facing": {Class.PATCH},
         "form_at": QUADRICS,
     },
 }
@@ -76,16 +81,16 @@ def code(text: str) -> str:
     return re.sub(r"//.*", "", text)
 
 
-def calls(text: str) -> list[str]:
-    """The functions that the entry point calls."""
-    return re.findall(r"\b(\w+)\(", text[text.index("@compute") :])
+def functions(text: str) -> set[str]:
+    """The functions that a shader has."""
+    return set(re.findall(r"^fn (\w+)\(", text, re.MULTILINE))
 
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", bundled_scenes())
 def test_a_kernel_calls_what_its_solids_need(name: str, method: str) -> None:
     need = needs(with_overrides(load(name), method=method), ALL - {"error"})
-    called = calls(compose(need))
+    called = functions(compose(need))
     for function, classes in CALLED[method].items():
         assert (function in called) == bool(classes & set(need.classes)), function
     other = CALLED[METHODS[method == "visible"]].keys() - CALLED[method].keys()
@@ -121,20 +126,21 @@ def test_code_of_an_output_is_there_for_it_alone(name: str) -> None:
     assert ("fn ray_direction(" in text) == oriented
     assert ("certify_quadric(" in text) == (name == "error")
     exits = name == "depth_exit"
-    rows = calls(text).count("finish")
-    assert calls(text).count("begun") == rows * (2 if exits else 1)
-    assert ("quadric_exit" in calls(text)) == exits
+    assert text.count("= begun(") == need.quads * (2 if exits else 1)
+    assert ("quadric_exit" in functions(text)) == exits
 
 
 @pytest.mark.parametrize("number_format", FORMATS, ids=lambda form: form.forms)
 @pytest.mark.parametrize("klass", Class)
 def test_code_of_a_number_format_is_there_for_it_alone(klass: Class, number_format: Format) -> None:
     for method in METHODS:
+        if (method, klass) not in VISITS:
+            continue
         need = replace(NEEDS, classes=(klass,), method=method, format=number_format)
         assert ("i64" in compose(need)) == number_format.integer
-        assert set(number_format.stages) <= set(stage_names(need))
+        assert set(number_format.stages) <= set(stage_files(need))
         for other in FORMATS:
-            assert not set(other.stages) - set(number_format.stages) & set(stage_names(need))
+            assert not set(other.stages) - set(number_format.stages) & set(stage_files(need))
 
 
 def test_no_built_in_leaves_the_device_a_choice() -> None:
@@ -157,13 +163,15 @@ def test_no_built_in_leaves_the_device_a_choice() -> None:
 def test_from_pixel_to_key_fixed32_has_no_float(method: str) -> None:
     """Every operation that decides what a ray shows, and where, is one of integers."""
     for klass in Class:
+        if (method, klass) not in VISITS:
+            continue
         outputs = frozenset({"surface", "key", "exit"})
         need = replace(NEEDS, classes=(klass,), method=method, format=FIXED32, outputs=outputs)
         text = code(compose(need))
         # Members of records and 2^-n, which only float32 reads, are handed on.
         text = re.sub(r"struct \w+ \{.*?\n\}", "", text, flags=re.DOTALL)
         text = re.sub(r"last_step: f32|alias f4 = vec4<f32>;|const \w+: f32 = [^;]*;", "", text)
-        kernel = text.index("@compute")
+        kernel = text.index("fn solid_at(")
         assert not re.findall(r"\bf4\b|\bf32\b", text[:kernel]), klass
         assert not re.findall(r"\bf4\b|\bf32\(", text[kernel:]), klass
 
@@ -224,3 +232,64 @@ def test_every_combination_compiles(device: Any) -> None:
         device.create_shader_module(code=compose(need))
         count += 1
     assert count > 1000
+
+
+FILES = sorted(path.stem for path in Path(__file__).parents[1].joinpath("wgsl").glob("*.wgsl"))
+# Files whose memory is that of another device, and outputs for which its blocks are as large.
+WIDE = {
+    "wide": ALL,
+    "store_words_wide": ALL,
+    "store_bytes_two": frozenset({"image", "tag"}),
+    "store_bytes_four": frozenset({"image", "tag"}),
+}
+EXACT = {"polynomial_exact", "forms_exact", "halve_incremental"}
+
+
+def as_it_lies(name: str) -> str:
+    """A file with what it needs of others and of Python, all unexpanded."""
+    form = FIXED32 if name.endswith("_fixed") else FLOAT32_EXACT if name in EXACT else FLOAT32
+    classes = (Class.QUADRIC,) if name == "store_bytes_four" else tuple(Class)
+    need = replace(NEEDS, classes=classes, format=form)
+    if name in WIDE:
+        need = replace(need, outputs=WIDE[name], together=4)
+    method = "article" if name == "visit_article" else "visible"
+    texts = [constants(need), fetches(need)]
+    for klass in Class:
+        if (method, klass) in VISITS:
+            file = VISITS[method, klass].file
+            texts.append(stage(file).replace(f"fn {file}(", f"fn visit_{klass.name.lower()}("))
+    texts += [stage(file) for file in files_of(form, {name}) if file != name]
+    own = f"{bindings(need)}const MAX_LINES: u32 = 8u;\n{stage(name)}"
+    own_names = {item.name for item in definitions(own)}
+    items = (item for text in texts for item in definitions(text))
+    library = [item for item in items if item.name not in own_names]
+    return joined(reached(library, own)) + own
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_as_they_lie_are_wgsl(name: str, device: Any) -> None:
+    whole = name.startswith(("canary", "probe"))
+    text = stage(name) if whole else as_it_lies(name)
+    device.create_shader_module(code=text)
+    slip = text.replace("fn ", "fn fn ", 1) if "fn " in text else f"{text}}}"
+    with pytest.raises(Exception, match="parsing error"):
+        device.create_shader_module(code=slip)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_have_short_lines_and_marks_that_mean_something(name: str) -> None:
+    text = stage(name)
+    assert max(map(len, text.splitlines())) <= 100
+    assert marks(text) <= set(FACTS)
+    # Each mark is in the form that is looked for.
+    assert text.count("//?") == len(re.findall(r"  //\? !?\w+(?: & !?\w+)*$", text, re.MULTILINE))
+    assert text.count("each quad") == len(re.findall(r"^ *// each quad$", text, re.MULTILINE))
+
+
+def test_every_fact_decides_on_something() -> None:
+    assert {mark for name in FILES for mark in marks(stage(name))} == set(FACTS)
+
+
+def test_every_file_is_in_the_readme() -> None:
+    text = Path(__file__).parents[1].joinpath("wgsl", "README.md").read_text()
+    assert set(re.findall(r"`(\w+)\.wgsl`", text)) == set(FILES)

@@ -15,6 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
+from halfstep.contract.layout import Flag
+from halfstep.contract.stages import FACTS, STAGES, VISITS, Kind, files_of
 from halfstep.host.pack import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.shader.library import stage
 from halfstep.testing import Kit, MismatchError, near_ties
@@ -22,8 +24,11 @@ from halfstep.testing.census import leaves
 from halfstep.testing.module import Module
 from halfstep.testing.parse import declarations
 from halfstep.testing.types import Pointer, dtype_of
+from halfstep.twin import keys
+from halfstep.twin.chosen import Chosen, chosen_for
 from halfstep.twin.nearest import Key
 from halfstep.twin.piece import Line
+from halfstep.twin.polynomial import Offset
 from halfstep.twin.shade import Light
 from halfstep.twin.values import Value
 
@@ -41,6 +46,7 @@ STEPS = 1 + BLOCK % 30
 
 # Colours and weights of light are never negative; zeros without a sign are what Mesa keeps.
 LIT = ("ambient", "specular")
+SHADERS = ("shade", "finish")
 
 # Values that make products, sums and roots coincide exactly.
 DYADIC = np.array([0, -0.0, 1, -1, 0.5, -0.5, 0.25, -0.25, 2, -2, 0.75, 2**-20, -(2**-20)])
@@ -49,14 +55,27 @@ SMALLEST = -36
 # Bits of 64-bit numbers, of 32-bit values, and of those that have other bits than most.
 WIDE_BITS, VALUE_BITS, BITS = 61, 29, {"a": 26, "g": 28, "u": 30, "near_u": 30, "far_u": 30}
 
-# What works on values is tested in either number format.
-VALUES = ("piece", "root", "patch", "lines", "article", "certify")
-SHADING = ("normal", "ray", "shade", "encode")
-FILES = {
-    FLOAT32: (*FLOAT32.stages, *VALUES, "nearest", *SHADING),
+# What differs between formats, and is tested in each; the rest is tested once.
+OF_FORMAT = {
+    FLOAT32: ("arithmetic", "polynomial", "forms", "halve"),
     FLOAT32_EXACT: ("polynomial_exact", "forms_exact", "halve_incremental"),
-    FIXED32: ("arithmetic_fixed", "forms_fixed", "halve_fixed", *VALUES),
+    FIXED32: ("arithmetic_fixed", "forms_fixed", "halve_fixed"),
 }
+ON_VALUES = tuple(stage.file for stage in STAGES if stage.kind is Kind.VALUES)
+ALIKE = tuple(stage.file for stage in STAGES if stage.kind is Kind.NUMBERS)
+
+
+def _files(number_format: Format) -> list[str]:
+    """The files whose functions are tested in a number format."""
+    files = files_of(number_format, {"lines"})
+    own = [name for name in files if name in OF_FORMAT[number_format]]
+    if number_format is not FLOAT32_EXACT:
+        differs = {name for names in OF_FORMAT.values() for name in names}
+        own += [n for n in files if n in {*ON_VALUES, "lines"} - differs]
+    return own + [*ALIKE, "keys_short"] * (number_format is FLOAT32)
+
+
+FILES = {number_format: _files(number_format) for number_format in OF_FORMAT}
 
 
 class Function(NamedTuple):
@@ -79,23 +98,34 @@ FUNCTIONS = [
 ]
 
 
-def _module(number_format: Format) -> Module:
+def _module(number_format: Format, *chosen: str) -> Module:
     """The stage files of a number format, with the declarations that they rely on."""
-    shared = """
+    shared = f"""
 const MAX_LINES: u32 = 8u;
 const LIGHTS: u32 = 2u;
 const SHININESS_BITS: u32 = 11u;
-const POINT_LIGHTS: bool = true;
+const HALVINGS: Run = {number_format.run};
 var<private> frame: Frame;
 var<private> lights: array<Light, LIGHTS>;
 """
     table = f"@group(0) @binding(0) var<uniform> srgb_table: array<vec4<u32>, {SRGB_ENTRIES}>;"
-    files = ("lanes", "layout", *number_format.stages, *VALUES, "nearest", *SHADING)
+    alone = {name for item in STAGES if item.kind in ALONE for name in (item.file, *item.others)}
+    # Short keys are never kept together with what needs long ones.
+    alone -= {"keep", "finish"} if chosen else set()
+    files = [name for name in files_of(number_format, {"lines", *chosen}) if name in alone]
     return Module("the stages", "\n".join([shared, table, *map(stage, files)]))
 
 
+ALONE = (Kind.VALUES, Kind.NUMBERS)
 MODULES = {number_format: _module(number_format) for number_format in FILES}
+SHORT_KEYS = _module(FLOAT32, "keys_short")
 BINDINGS = {"srgb_table": srgb_quads()}
+
+
+def module_of(function: Function) -> Module:
+    """The stages that a function is tested with."""
+    return SHORT_KEYS if function.file == "keys_short" else MODULES[function.format]
+
 
 # A word or sign of a function, and what a slip would make of it.
 FAULTS = [
@@ -190,8 +220,39 @@ FAULTS = [
     ("article.article_quadric", "form.a >= v4(0)", "form.a > v4(0)"),
     ("article.article_patch", "j = 1u", "j = 2u"),
     ("nearest.depth_key", "1i << steps", "2i << steps"),
-    ("nearest.short_key", "+ u4(start_low)", ""),
-    ("nearest.short_before", "key < other)", "key <= other)"),
+    ("nearest.either_key", "other.low, chosen.low", "chosen.low, other.low"),
+    ("nearest.lesser_key", "some & before", "some | before"),
+    ("keys.key_at", "solid.key_high, solid.key_low", "solid.key_low, solid.key_high"),
+    ("keys.is_nearer", "other_surface)", "surface)"),
+    ("keys.either_nearest", "chosen, other", "other, chosen"),
+    ("keys_short.key_at", "+ u4(solid.key_low)", ""),
+    ("keys_short.is_nearer", "key < other)", "key <= other)"),
+    ("keys_short.either_nearest", "other, chosen, some", "chosen, other, some"),
+    ("solid.eye_inside", "FLAG_EYE_INSIDE", "FLAG_NEAR_CUT"),
+    ("solid.near_cut", "FLAG_NEAR_CUT", "FLAG_EYE_INSIDE"),
+    ("solid.starts_at_eye", "!= 0u", "== 0u"),
+    ("solid.eye_outside", "!= 0u", "== 0u"),
+    ("solid.eye_sure", "FLAG_EYE_SURE", "FLAG_NEAR_CUT"),
+    ("solid.starts_outside", "== i4(0)", "!= i4(0)"),
+    ("solid.starts_outside", "eye_outside(solid)", "!eye_outside(solid)"),
+    ("solid.starts_inside", "near_cut(solid)) &", "near_cut(solid)) |"),
+    ("solid.normal_of", "normal[2]", "normal[1]"),
+    ("solid.slope_at", "* solid.last_step", ""),
+    ("certificate.ends_from_eye", "eye_inside", "near_cut"),
+    ("certificate.form_with_errors", "solid.host_error", "0.0"),
+    ("certificate.ellipsoid_certificate", "solid.last_step", "2.0 * solid.last_step"),
+    ("certificate.quadric_certificate", "eye_inside(solid) | near_cut(solid)", "eye_inside(solid)"),
+    ("certificate.quadric_certificate", "b4(starts_at_eye(solid))", "b4(true)"),
+    ("certificate.polyhedron_certificate", "eye_sure(solid)", "eye_inside(solid)"),
+    ("keep.keep", "sight.hit & is_nearer", "is_nearer"),
+    ("keep.keep", "confirmed & sight.hit", "confirmed"),
+    ("keep.keep", "!confirmed", "confirmed"),
+    ("keep.keep", "sight.left, left_at", "sight.hit, left_at"),
+    ("keep.keep", "old.shininess", "u4(0u)"),
+    ("keep.keep", "+ u * solid.depth_half", "- u * solid.depth_half"),
+    ("finish.finish", "> u4(0u)", ">= u4(0u)"),
+    ("finish.finish", "-direction.y", "direction.y"),
+    ("finish.finish", "nearest.depth", "f4(1.0)"),
     ("nearest.count_key", "+ carry", ""),
     ("nearest.count_key", "shift >= 32u", "shift > 32u"),
     ("nearest.before", "surface < other_surface", "surface <= other_surface"),
@@ -216,7 +277,9 @@ FAULTS = [
     ("certify.least_key", "key.low < off.low", "key.low <= off.low"),
     ("normal.dot_product", "a.y * b.y", "a.y * b.x"),
     ("normal.scaled", "a.z * s", "a.z"),
-    ("normal.or_else", "select(other.x, a.x, some)", "a.x"),
+    ("normal.or_else", "a, other)", "other, a)"),
+    ("normal.either", "other.y, chosen.y", "other.y, chosen.x"),
+    ("normal.turned", "-a.z", "a.z"),
     ("normal.normalized", "f4(1.0) /", "f4(2.0) /"),
     ("normal.gradient", "k[13]", "k[12]"),
     ("ray.ray_direction", "frame.down.z", "frame.down.y"),
@@ -231,7 +294,7 @@ FAULTS = [
 
 def inputs_of(function: Function, rng: np.random.Generator) -> dict[str, Array]:
     """``ROWS`` rows of the arguments of a function, and of the variables that it reads."""
-    module = MODULES[function.format]
+    module = module_of(function)
     types = dict(module.signature(function.name).parameters)
     reached = module.reached(function.name)
     types |= {name: module.variable(name) for name in module.private() if name in reached}
@@ -261,8 +324,10 @@ class Draw:
         values = self._special(place, name, leaf)
         if values is None:
             values = self._usual(name, leaf)
-        # Pixels have places of their own; whatever else is one number belongs to a solid.
-        return values if leaf.ndim > 1 or name in ("y", "j") else values[::BLOCK_ROWS][BLOCK]
+        # Pixels have places of their own; what else is one number or a record's is of a solid.
+        is_record = place.startswith(("solid.", "half_space."))
+        own = name in ("y", "j") or (leaf.ndim > 1 and not is_record)
+        return values if own else values[::BLOCK_ROWS][BLOCK]
 
     def _usual(self, name: str, leaf: Array) -> Array:
         """Values by their type."""
@@ -305,15 +370,17 @@ class Draw:
                 return (2 * rng.integers(0, cells, shape) + 1 - cells) / cells
             case "last_step":
                 return 0.5**STEPS
-            case "shift":
+            case "shift" | "key_shift":
                 return BLOCK
+            case "flags":
+                return rng.integers(0, 2 * max(Flag), shape)
             case "spare":
                 return np.minimum(np.minimum(BLOCK, 8), 30 - STEPS)
             case "count" | "number" if leaf.ndim == 1:
                 return rng.integers(1, 8, shape, endpoint=True)
             case "number" | "surface" | "id_in" | "id_out" if leaf.itemsize == 4:
                 return rng.integers(0, 4, shape)
-            case "position":
+            case "position" | "exit_position":
                 return 2 * rng.integers(0, cells, shape) + 1 - cells
             case "cell" | "first" | "last":
                 ends = np.where(rng.random(shape) < 0.5, -1, cells)
@@ -337,7 +404,9 @@ class Draw:
                 return BLOCK % 8
             case "i" | "j":
                 return rng.integers(0, 2**17, shape)
-            case _ if self._function.name == "shade" and ("color" in place or name in LIT):
+            case _ if self._function.name in SHADERS and (
+                "color" in place or name in LIT or "background" in place
+            ):
                 return np.abs(self._usual(name, leaf))
             case "exponent" | "shininess":
                 return rng.choice([1, 2, 3, 40, 1023, 1024, *range(1, 1025)], shape)
@@ -398,6 +467,15 @@ class Draw:
             self._make_unit(inputs["normal"])
             self._make_unit(inputs["direction"])
             inputs["lights"]["vector"][..., 3] = rng.integers(0, 2, (ROWS, 2))
+        elif self._function.name == "finish":
+            self._make_unit(inputs["nearest"]["slope"])
+            nothing = rng.random((ROWS, 4)) < 0.1
+            for axis in "xyz":
+                inputs["nearest"]["slope"][axis][nothing] = 0
+            frame = inputs["frame"]
+            for name, scale in (("first_ray", 1.0), ("right", 2e-5), ("down", 2e-5)):
+                frame[name] = scale * rng.uniform(0.2, 1, frame[name].shape)
+            inputs["lights"]["vector"][..., 3] = rng.integers(0, 2, (ROWS, 2))
 
     def _make_unit(self, vectors: Array, length: Array | float = 1) -> None:
         """Make (ROWS,) structs of x, y and z vectors of a length."""
@@ -411,24 +489,33 @@ def twin_of(function: Function, inputs: Mapping[str, Array]) -> Array:
     """What the twin's function of the same name makes of the inputs, block by block."""
     call = getattr(import_module(f"halfstep.twin.{function.file}"), function.name)
     hints = hints_of(call)
-    results = np.zeros(ROWS, dtype_of(MODULES[function.format].signature(function.name).result))
+    results = np.zeros(ROWS, dtype_of(module_of(function).signature(function.name).result))
     for first in range(0, ROWS, BLOCK_ROWS):
         block = slice(first, first + BLOCK_ROWS)
         given = {name: values[block] for name, values in inputs.items()}
         like = np.zeros((BLOCK_ROWS, 4), function.format.value)
         arguments = [
-            _argument(name, hints[name], given, like) for name in signature(call).parameters
+            _argument(name, hints[name], given, like, function)
+            for name in signature(call).parameters
         ]
         found = zip(leaves(results[block]), _parts(call(*arguments)), strict=True)
         for (place, target), part in found:
             assert part.dtype == target.dtype, f"{function}{place}: {part.dtype}"
-            target[...] = part if target.ndim > 1 else part[:, 0]
+            target[...] = part[:, 0] if part.ndim > target.ndim else part
     return results
 
 
-def _argument(name: str, hint: Any, given: Mapping[str, Array], like: Array) -> Any:
+def _argument(
+    name: str, hint: Any, given: Mapping[str, Array], like: Array, function: Function
+) -> Any:
     """An argument of a function of the twin, from those of the shader's; they differ in these."""
     match name:
+        case "chosen" if hint is Chosen:
+            return chosen_for(function.format, "visible")
+        case "keys":
+            return keys
+        case "facts":
+            return FACTS
         case "like":
             return like
         case "start":
@@ -440,7 +527,7 @@ def _argument(name: str, hint: Any, given: Mapping[str, Array], like: Array) -> 
             lines = lines[:, : given["count"][0] if "count" in given else lines.shape[1]]
             return [Line(lines["c"][:, k], lines["b"][:, k]) for k in range(lines.shape[1])]
         case "frame":
-            return {key: _columns(given["frame"][key]) for key in ("first_ray", "right", "down")}
+            return {key: _columns(given["frame"][key]) for key in given["frame"].dtype.fields or ()}
         case "ambient":
             return _columns(given["frame"]["ambient"])
         case "lights":
@@ -452,6 +539,10 @@ def _argument(name: str, hint: Any, given: Mapping[str, Array], like: Array) -> 
 
 def _as_twin(values: Array, hint: Any) -> Any:
     """Rows as what the twin's annotation says: a struct, a plain number or an array of pixels."""
+    if hint is np.void:
+        return values[0]
+    if hint is Any:
+        hint = next(one for one in (Key, Offset) if one._fields == values.dtype.names)
     if isinstance(hint, type) and issubclass(hint, tuple):
         members = hints_of(hint).items()
         return hint(*(_as_twin(values[name], member) for name, member in members))
@@ -475,7 +566,7 @@ def _parts(result: Any) -> Iterator[Array]:
         for part in result:
             yield from _parts(part)
     else:
-        yield result
+        yield np.asarray(result)
 
 
 def check(
@@ -496,16 +587,21 @@ def test_the_device_gives_the_bits_of_the_twin(
     expected = twin_of(function, inputs)
     # Arguments that always give the same result test nothing.
     assert len({row.tobytes() for row in expected}) > 1
-    check(wgsl, function, inputs, expected, MODULES[function.format].text)
+    check(wgsl, function, inputs, expected, module_of(function).text)
 
 
 def test_no_stage_is_left_out() -> None:
     tested = {file for files in FILES.values() for file in files}
     there = {path.stem for path in (Path(__file__).parents[1] / "wgsl").glob("*.wgsl")}
-    # Types, records, and what is no stage.
-    assert there - tested == {
-        "lanes",
-        "layout",
+    visits = {visit.file for visit in VISITS.values()}
+    assert visits <= there
+    joining = {
+        name for item in STAGES if item.kind not in ALONE for name in (item.file, *item.others)
+    }
+    assert joining <= there
+    # What fetches the half-spaces, and what is no stage.
+    assert there - tested - visits - joining == {
+        "lines_fetched",
         "canary",
         "canary_int64",
         "probe_rounds",
@@ -522,7 +618,7 @@ def test_a_fault_is_seen(
     name: str, old: str, new: str, wgsl: Kit, rng: np.random.Generator
 ) -> None:
     function = next(function for function in FUNCTIONS if str(function) == name)
-    text = MODULES[function.format].text
+    text = module_of(function).text
     pattern = rf"^fn {function.name}\(.*?^}}"
     body = re.search(pattern, text, re.MULTILINE | re.DOTALL)
     assert body is not None

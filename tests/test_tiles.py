@@ -11,11 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
+from halfstep.contract.classes import Class
 from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.errors import DeviceError
 from halfstep.host import pack as packing
 from halfstep.host import tiles
-from halfstep.host.pack import Class, Packed
+from halfstep.host.pack import Packed
 from halfstep.host.tiles import frequent_sets, tile_groups, tile_lists
 from halfstep.run import gpu as run_gpu
 from halfstep.run.framebuffer import FrameBuffer

@@ -30,8 +30,8 @@ fn steps_from_middle(position: i4, steps: u32, last_step: f32) -> v4 {
   return position << u4(30u - steps);
 }
 
-// How far errors of its coefficients, all the same, take G² - 4 A C; with room.  Summed in integers,
-// and written so that there is only one way for a driver to compute it.
+// How far errors of its coefficients, all the same, take G² - 4 A C; with room.  Summed in
+// integers, and written so that there is only one way for a driver to compute it.
 fn discriminant_error(form: Form, errors: FormErrors) -> f4 {
   let sizes = abs(w4(form.g)) + w4(2) * (abs(w4(form.a)) + abs(w4(form.c)));
   return (1.03 * errors.g) * (2.0 * f4(sizes) + 5.0 * errors.g);

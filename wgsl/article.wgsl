@@ -100,7 +100,14 @@ fn grid_point(cell: i4, steps: u32, last_step: f32) -> v4 {
 }
 
 // Entry cell of all half-spaces together from the end of sequence I.
-fn planes_in(lines: ptr<function, Lines>, count: u32, near_u: Value, eye_inside: bool, position: i4, steps: u32) -> i4 {
+fn planes_in(
+  lines: ptr<function, Lines>,
+  count: u32,
+  near_u: Value,
+  eye_inside: bool,
+  position: i4,
+  steps: u32,
+) -> i4 {
   let cells = 1i << steps;
   let cell = select(
     cell_of(position, cells),
@@ -112,7 +119,13 @@ fn planes_in(lines: ptr<function, Lines>, count: u32, near_u: Value, eye_inside:
 }
 
 // Exit cell of all half-spaces together from the end of sequence O.
-fn planes_out(lines: ptr<function, Lines>, count: u32, far_u: Value, position: i4, steps: u32) -> i4 {
+fn planes_out(
+  lines: ptr<function, Lines>,
+  count: u32,
+  far_u: Value,
+  position: i4,
+  steps: u32,
+) -> i4 {
   let cells = 1i << steps;
   let cell = select(
     i4(cells),
@@ -139,7 +152,14 @@ fn further_than(form: Form, u: v4, plane: Blocker) -> b4 {
 }
 
 // The extra step (20)-(22): what the ray shows of the piece, and where it leaves it.
-fn visible_point(piece: Cells, entered_f: b4, left_f: b4, entered: Blocker, left: Blocker, steps: u32) -> Found {
+fn visible_point(
+  piece: Cells,
+  entered_f: b4,
+  left_f: b4,
+  entered: Blocker,
+  left: Blocker,
+  steps: u32,
+) -> Found {
   let cells = i4(1i << steps);
   let starts_inside = (piece.first == i4(START)) | (!entered_f & (entered.number == i4(0)));
   let leaves = (piece.last < cells) & (left_f | (left.number > i4(0)));
@@ -158,7 +178,15 @@ fn visible_point(piece: Cells, entered_f: b4, left_f: b4, entered: Blocker, left
 }
 
 // A polyhedron, system (5): sequences I and O.
-fn article_polyhedron(lines: ptr<function, Lines>, count: u32, near_u: Value, far_u: Value, eye_inside: bool, steps: u32, last_step: f32) -> Found {
+fn article_polyhedron(
+  lines: ptr<function, Lines>,
+  count: u32,
+  near_u: Value,
+  far_u: Value,
+  eye_inside: bool,
+  steps: u32,
+  last_step: f32,
+) -> Found {
   var in_u = v4(0);
   var out_u = v4(0);
   var in_at = i4(0);
@@ -189,7 +217,17 @@ fn article_polyhedron(lines: ptr<function, Lines>, count: u32, near_u: Value, fa
 
 // A quadric cut by planes, system (4): sequences P1, P2, I and O.  `outside` is the indicator
 // (9): F > 0 where the interval starts.
-fn article_quadric(form: Form, outside: b4, lines: ptr<function, Lines>, count: u32, near_u: Value, far_u: Value, eye_inside: bool, steps: u32, last_step: f32) -> Found {
+fn article_quadric(
+  form: Form,
+  outside: b4,
+  lines: ptr<function, Lines>,
+  count: u32,
+  near_u: Value,
+  far_u: Value,
+  eye_inside: bool,
+  steps: u32,
+  last_step: f32,
+) -> Found {
   let convex = select(form.a <= v4(0), form.a >= v4(0), outside);
   let ends_outside = (form.a + form.g) + form.c > v4(0);
   var found = ends_outside != outside;
@@ -262,7 +300,13 @@ fn article_quadric(form: Form, outside: b4, lines: ptr<function, Lines>, count: 
 
 // A bounded plane: (13) and (15), then the extra step (14) at the point that was found.  The
 // first line is the plane, the others are its bounds.
-fn article_patch(lines: ptr<function, Lines>, count: u32, near_u: Value, far_u: Value, steps: u32) -> Found {
+fn article_patch(
+  lines: ptr<function, Lines>,
+  count: u32,
+  near_u: Value,
+  far_u: Value,
+  steps: u32,
+) -> Found {
   let plane = facing(line_of(lines, 0u), near_u, far_u);
   var u = v4(0);
   var position = i4(0);

@@ -219,7 +219,12 @@ fn certify_ellipsoid(bounded: BoundedForm, run: Run, last_step: f32) -> Certific
 }
 
 // A polyhedron; `inside`: the ray starts in it, which is certain where it is the eye if `eye_sure`.
-fn certify_polyhedron(ends: BoundedPiece, inside: b4, eye_sure: bool, last_step: f32) -> Certificate {
+fn certify_polyhedron(
+  ends: BoundedPiece,
+  inside: b4,
+  eye_sure: bool,
+  last_step: f32,
+) -> Certificate {
   let piece = ends.piece;
   let number = select(piece.id_in, piece.id_out, inside);
   let some = remains(piece);
@@ -240,7 +245,16 @@ fn certify_polyhedron(ends: BoundedPiece, inside: b4, eye_sure: bool, last_step:
 // A quadric.  At the eye, where `from_eye`, the host knows the sign of F: `eye_outside`, and
 // whether it is certain: `eye_sure`.  `may_start_inside`: the eye or the near base plane may be
 // inside the solid.
-fn certify_quadric(bounded: BoundedForm, ends: BoundedPiece, from_eye: b4, eye_outside: bool, eye_sure: bool, may_start_inside: bool, run: Run, last_step: f32) -> Certificate {
+fn certify_quadric(
+  bounded: BoundedForm,
+  ends: BoundedPiece,
+  from_eye: b4,
+  eye_outside: bool,
+  eye_sure: bool,
+  may_start_inside: bool,
+  run: Run,
+  last_step: f32,
+) -> Certificate {
   let piece = ends.piece;
   let entry = end_signs(bounded, piece.c_in, piece.b_in, ends.error_in);
   let last = end_signs(bounded, piece.c_out, piece.b_out, ends.error_out);
@@ -304,7 +318,13 @@ struct BoundedPatch {
 }
 
 // As `facing`; base planes that cut the patch are only as exact as their slack.
-fn bounded_facing(line: Line, errors: LineErrors, near_u: Value, far_u: Value, near_cut: bool) -> BoundedPatch {
+fn bounded_facing(
+  line: Line,
+  errors: LineErrors,
+  near_u: Value,
+  far_u: Value,
+  near_cut: bool,
+) -> BoundedPatch {
   let away = line.b > v4(0);
   let size = size_of(line.b);
   let scaled_c = product(line.c, v4(ONE));

@@ -6,17 +6,33 @@ fn line_at(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset) -> Li
 }
 
 // Its errors; that of the set-up is known.
-fn line_errors(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset, host_error: f32) -> LineErrors {
+fn line_errors(
+  c: array<Coefficient, 3>,
+  b: array<Coefficient, 3>,
+  at: Offset,
+  host_error: f32,
+) -> LineErrors {
   return LineErrors(linear_error(c, at) + host_error, linear_error(b, at) + host_error);
 }
 
 // F along the ray.
-fn form_at(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coefficient, 6>, at: Offset) -> Form {
+fn form_at(
+  a: array<Coefficient, 6>,
+  g: array<Coefficient, 6>,
+  c: array<Coefficient, 6>,
+  at: Offset,
+) -> Form {
   return Form(quadratic(a, at), quadratic(g, at), quadratic(c, at));
 }
 
 // Its errors; that of the set-up is known.
-fn form_errors(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coefficient, 6>, at: Offset, host_error: f32) -> FormErrors {
+fn form_errors(
+  a: array<Coefficient, 6>,
+  g: array<Coefficient, 6>,
+  c: array<Coefficient, 6>,
+  at: Offset,
+  host_error: f32,
+) -> FormErrors {
   return FormErrors(
     quadratic_error(a, at) + host_error,
     quadratic_error(g, at) + host_error,

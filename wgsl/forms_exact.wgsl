@@ -11,14 +11,24 @@ fn line_at(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset) -> Li
 }
 
 // Its errors; that of the set-up is known.
-fn line_errors(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset, host_error: f32) -> LineErrors {
+fn line_errors(
+  c: array<Coefficient, 3>,
+  b: array<Coefficient, 3>,
+  at: Offset,
+  host_error: f32,
+) -> LineErrors {
   let line = line_at(c, b, at);
   let given = UNIT * (linear_error(at) + host_error);
   return LineErrors(ONCE * abs(line.c) + given, ONCE * abs(line.b) + given);
 }
 
 // F along the ray.
-fn form_at(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coefficient, 6>, at: Offset) -> Form {
+fn form_at(
+  a: array<Coefficient, 6>,
+  g: array<Coefficient, 6>,
+  c: array<Coefficient, 6>,
+  at: Offset,
+) -> Form {
   return Form(
     f4(quadratic(a, at)) * UNIT,
     f4(quadratic(g, at)) * UNIT,
@@ -27,7 +37,13 @@ fn form_at(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coeffici
 }
 
 // Its errors; that of the set-up is known.
-fn form_errors(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coefficient, 6>, at: Offset, host_error: f32) -> FormErrors {
+fn form_errors(
+  a: array<Coefficient, 6>,
+  g: array<Coefficient, 6>,
+  c: array<Coefficient, 6>,
+  at: Offset,
+  host_error: f32,
+) -> FormErrors {
   let form = form_at(a, g, c, at);
   let given = UNIT * (quadratic_error(at) + host_error);
   return FormErrors(

@@ -41,20 +41,35 @@ fn line_at(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset) -> Li
 }
 
 // Its errors; that of the set-up is known.
-fn line_errors(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset, host_error: f32) -> LineErrors {
+fn line_errors(
+  c: array<Coefficient, 3>,
+  b: array<Coefficient, 3>,
+  at: Offset,
+  host_error: f32,
+) -> LineErrors {
   let error = shifted_error(linear_error(at) + host_error, line_excess(c, b, at));
   return LineErrors(error, error);
 }
 
 // What F is shifted by: |C| fits, and |G| + 3 |A|, which bounds all that the halvings meet.
-fn form_excess(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coefficient, 6>, at: Offset) -> u4 {
+fn form_excess(
+  a: array<Coefficient, 6>,
+  g: array<Coefficient, 6>,
+  c: array<Coefficient, 6>,
+  at: Offset,
+) -> u4 {
   let bend = abs(quadratic(a, at));
   let slope = abs(quadratic(g, at)) + (bend + bend + bend);
   return excess_bits(max(abs(quadratic(c, at)), slope));
 }
 
 // F along the ray.
-fn form_at(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coefficient, 6>, at: Offset) -> Form {
+fn form_at(
+  a: array<Coefficient, 6>,
+  g: array<Coefficient, 6>,
+  c: array<Coefficient, 6>,
+  at: Offset,
+) -> Form {
   let excess = form_excess(a, g, c, at);
   return Form(
     shifted(quadratic(a, at), excess),
@@ -64,7 +79,13 @@ fn form_at(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coeffici
 }
 
 // Its errors; that of the set-up is known.
-fn form_errors(a: array<Coefficient, 6>, g: array<Coefficient, 6>, c: array<Coefficient, 6>, at: Offset, host_error: f32) -> FormErrors {
+fn form_errors(
+  a: array<Coefficient, 6>,
+  g: array<Coefficient, 6>,
+  c: array<Coefficient, 6>,
+  at: Offset,
+  host_error: f32,
+) -> FormErrors {
   let error = shifted_error(quadratic_error(at) + host_error, form_excess(a, g, c, at));
   return FormErrors(error, error, error);
 }

@@ -11,6 +11,8 @@ struct Vector {
   z: f4,
 }
 
+const NO_VECTOR: Vector = Vector(f4(0.0), f4(0.0), f4(0.0));
+
 // Scalar product, summed from left to right.
 fn dot_product(a: Vector, b: Vector) -> f4 {
   return (a.x * b.x + a.y * b.y) + a.z * b.z;
@@ -23,8 +25,21 @@ fn scaled(a: Vector, s: f4) -> Vector {
 
 // The vector, or the other one where it vanishes (the gradient at the apex of a cone).
 fn or_else(a: Vector, other: Vector) -> Vector {
-  let some = dot_product(a, a) > f4(VANISHING);
-  return Vector(select(other.x, a.x, some), select(other.y, a.y, some), select(other.z, a.z, some));
+  return either(dot_product(a, a) > f4(VANISHING), a, other);
+}
+
+// `chosen` in some pixels, else `other`.
+fn either(some: b4, chosen: Vector, other: Vector) -> Vector {
+  return Vector(
+    select(other.x, chosen.x, some),
+    select(other.y, chosen.y, some),
+    select(other.z, chosen.z, some),
+  );
+}
+
+// The opposite vector in some pixels.
+fn turned(some: b4, a: Vector) -> Vector {
+  return Vector(select(a.x, -a.x, some), select(a.y, -a.y, some), select(a.z, -a.z, some));
 }
 
 // Unit vector along one that does not vanish.

@@ -33,47 +33,35 @@ fn seen(light: f4) -> f4 {
 fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish) -> Vector {
   let away = dot_product(normal, direction) > f4(FAINT);
   let toward = scaled(normal, select(f4(1.0), f4(-1.0), away));
+  let forward = normalized(direction);  //? gloss
   var diffuse = Vector(f4(frame.ambient.x), f4(frame.ambient.y), f4(frame.ambient.z));
-  var glossy = Vector(f4(0.0), f4(0.0), f4(0.0));
-  var forward = direction;
-  if SHININESS_BITS > 0u {
-    forward = normalized(direction);
-  }
-  var ix = 0u;
-  if LIGHTS > 0u {
-    loop {
-      let light = lights[ix];
-      var to_light = Vector(f4(light.vector.x), f4(light.vector.y), f4(light.vector.z));
-      if POINT_LIGHTS {
-        let from_point = Vector(
-          light.vector.x - light.vector.w * point.x,
-          light.vector.y - light.vector.w * point.y,
-          light.vector.z - light.vector.w * point.z,
-        );
-        to_light = normalized(or_else(from_point, toward));
-      }
-      let lambert = max(dot_product(toward, to_light), f4(0.0));
-      diffuse = Vector(
-        diffuse.x + light.color.x * lambert,
-        diffuse.y + light.color.y * lambert,
-        diffuse.z + light.color.z * lambert,
+  var glossy = NO_VECTOR;
+  for (var ix = 0u; ix < LIGHTS; ix++) {
+    let light = lights[ix];
+    var to_light = Vector(f4(light.vector.x), f4(light.vector.y), f4(light.vector.z));
+    let from_point = Vector(  //? point_lights
+      light.vector.x - light.vector.w * point.x,
+      light.vector.y - light.vector.w * point.y,
+      light.vector.z - light.vector.w * point.z,
+    );
+    to_light = normalized(or_else(from_point, toward));  //? point_lights
+    let lambert = max(dot_product(toward, to_light), f4(0.0));
+    diffuse = Vector(
+      diffuse.x + light.color.x * lambert,
+      diffuse.y + light.color.y * lambert,
+      diffuse.z + light.color.z * lambert,
+    );
+    {  //? gloss
+      let between = Vector(to_light.x - forward.x, to_light.y - forward.y, to_light.z - forward.z);
+      let halfway = normalized(or_else(between, toward));
+      let cosine = min(max(dot_product(toward, halfway), f4(0.0)), f4(1.0));
+      let shine = finish.specular * power(cosine, finish.shininess);
+      let gloss = select(f4(0.0), shine, lambert > f4(FAINT));
+      glossy = Vector(
+        glossy.x + light.color.x * gloss,
+        glossy.y + light.color.y * gloss,
+        glossy.z + light.color.z * gloss,
       );
-      if SHININESS_BITS > 0u {
-        let between = Vector(to_light.x - forward.x, to_light.y - forward.y, to_light.z - forward.z);
-        let halfway = normalized(or_else(between, toward));
-        let cosine = min(max(dot_product(toward, halfway), f4(0.0)), f4(1.0));
-        let shine = finish.specular * power(cosine, finish.shininess);
-        let gloss = select(f4(0.0), shine, lambert > f4(FAINT));
-        glossy = Vector(
-          glossy.x + light.color.x * gloss,
-          glossy.y + light.color.y * gloss,
-          glossy.z + light.color.z * gloss,
-        );
-      }
-      ix++;
-      if ix >= LIGHTS {
-        break;
-      }
     }
   }
   return Vector(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from halfstep.bench import machine, povray, scenes
-from halfstep.bench.closed_form import closed_form
+from halfstep.bench.closed_form import use_closed_form
 from halfstep.bench.native import FLAGS, LANES, Native, NoCompilerError
 from halfstep.bench.report import Part, Value
 from halfstep.bench.timing import Case, Times, interleaved, line
@@ -152,9 +152,10 @@ def closed(bench: Bench) -> Part:
             for roots in ("halvings", "closed form"):
                 renderer = stack.enter_context(bench.renderer(scene))
                 shown = with_overrides(scene, size=_SIZE)
-                with closed_form() if roots == "closed form" else ExitStack():
-                    for _ in range(WARM_UP):
-                        _frame(renderer, shown)
+                if roots == "closed form":
+                    use_closed_form(renderer)
+                for _ in range(WARM_UP):
+                    _frame(renderer, shown)
                 cases[len(scene.solids), roots] = partial(_frame, renderer, shown)
         times = bench.times(cases, times=4)
     for count in dict.fromkeys(count for count, _ in cases):

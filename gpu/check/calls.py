@@ -174,7 +174,7 @@ def _value(value: Any, type_: Type | Pointer, rows: int) -> Any:
         case Pointer(_, target):
             return _value(value, target, rows)
         case Struct(_, members):
-            return {m.name: _value(getattr(value, m.name, 0), m.type, rows) for m in members}
+            return {m.name: _value(_member(value, m.name), m.type, rows) for m in members}
         case ArrayType(element, int(count)) if isinstance(value, list):
             # The shader has room for more than there are.
             filled = [*value, *[None] * (count - len(value))]
@@ -187,6 +187,11 @@ def _value(value: Any, type_: Type | Pointer, rows: int) -> Any:
             return value[:, 0]
         case _:
             return np.broadcast_to(value, rows)
+
+
+def _member(value: Any, name: str) -> Any:
+    """A member of a struct of the twin: a record of the layout, or a named tuple."""
+    return value[name] if isinstance(value, np.void) else getattr(value, name, 0)
 
 
 def _stacked(parts: list[Any]) -> Any:

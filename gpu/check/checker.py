@@ -27,7 +27,7 @@ from halfstep.frames.renderer import Renderer, Solids
 from halfstep.host.pack import Packed, frame_record, srgb_quads
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.needs import needs_of
-from halfstep.shader.source import MAX_LINES, compose_stages, stage_names
+from halfstep.shader.source import MAX_LINES, compose_stages, stage_files
 from halfstep.testing.census import Census, MismatchError
 from halfstep.testing.frames import FrameCensus, Replay, compare_frames, picture_file
 from halfstep.testing.kit import Kit
@@ -193,7 +193,7 @@ class Checker:
                 continue
             if too_many and "lines" in shader.signature(name).parameters:
                 continue
-            if file in [*stage_names(needs), "lines"]:
+            if file in stage_files(needs):
                 yield f"{file}.{name}", self._stage(shader, name, noted_calls, bindings)
 
     def _stage(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.contract import layout
+from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import Flag
 from halfstep.host.edges import monomials_of
@@ -31,18 +31,6 @@ FRACTION_BITS = 60
 FAINT = 2.0**-63
 # Entries of the sRGB table: 128 for each of 13 powers of two, and one for 1.
 SRGB_ENTRIES = 13 * 128 + 1
-
-
-class Class(IntEnum):
-    """Solids that run the same code; a shader has one loop for each class of its frame."""
-
-    ELLIPSOID = 0  # uncut, between the base planes, seen from outside
-    QUADRIC = 1
-    QUADRIC_INSIDE = 2  # some rays start inside
-    POLYHEDRON = 3
-    POLYHEDRON_INSIDE = 4
-    PATCH = 5
-
 
 # By the class of a solid seen whole and from outside: what it is so, cut, and from inside.
 _CLASS_SEEN = np.array(

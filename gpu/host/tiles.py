@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.classes import Class
 from halfstep.contract.layout import TILE, TILE_WORDS
-from halfstep.host.pack import Class, Packed
+from halfstep.host.pack import Packed
 from halfstep.host.reach import Blocks, Reach
 
 Classes = tuple[Class, ...]

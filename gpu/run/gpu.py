@@ -98,6 +98,7 @@ class Device(Turns):
         self.largest_binding: int = min(
             limits["max-storage-buffer-binding-size"], limits["max-buffer-size"]
         )
+        self.conveyor = "conveyor"  # the stage that finds roots: the benchmark has another
         self._pipelines: dict[Needs, Any] = {}
         self._layouts: dict[tuple[tuple[int, str], ...], Any] = {}
         # The layout and the bindings of the last frame, and the bind group made of them.
@@ -177,6 +178,7 @@ class Device(Turns):
             together=self._together,
             uniform=self._uniform,
         )
+        needs = replace(needs, conveyor=self.conveyor)
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
         too_long = rounds.exceed(needs, packed, starts, members, self.loop_rounds)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.resources import files
 
@@ -16,7 +17,7 @@ def stage(name: str) -> str:
 
 @dataclass(frozen=True)
 class Definition:
-    """A function, struct, constant or alias of a stage file, with the comment above it."""
+    """What a stage file defines for all functions, with the comment above it."""
 
     name: str  # of a function with a bracket, so that no member is taken for it
     text: str
@@ -24,7 +25,9 @@ class Definition:
 
 
 _DEFINITION = re.compile(
-    r"^(?://.*\n)*(?:(fn|struct) (\w+)[\s\S]*?^\}|(?:const|alias) (\w+)[^;]*;)\n", re.MULTILINE
+    r"^(?://.*\n)*(?:@.*\n)*"
+    r"(?:(fn|struct) (\w+)[\s\S]*?^\}|(?:const|alias|var<private>) (\w+)[^;]*;.*)\n",
+    re.MULTILINE,
 )
 
 
@@ -43,13 +46,23 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(words) | {word.rstrip("(") for word in words}
 
 
-def reached(library: list[Definition], kernel: str) -> list[str]:
-    """The texts of the definitions that the kernel needs, directly or not, in order."""
+def reached(library: Iterable[Definition], kernel: str) -> list[Definition]:
+    """The definitions that the text ``kernel`` needs, directly or not, in order."""
     by_name = {item.name: item for item in library}
     found: set[str] = set()
     wanted = by_name.keys() & _words(kernel)
     while wanted:
         found |= wanted
-        words = {word for name in wanted for word in by_name[name].words}
+        words = {word for one in wanted for word in by_name[one].words}
         wanted = (by_name.keys() & words) - found
-    return [item.text for item in library if item.name in found]
+    return [item for item in by_name.values() if item.name in found]
+
+
+def joined(items: Iterable[Definition]) -> str:
+    """Definitions as a text, with a line between those that have more than one line."""
+    text, short = "", True
+    for item in items:
+        is_short = item.text.count("\n") == 1
+        text += item.text if short and is_short else f"\n{item.text}"
+        short = is_short
+    return text

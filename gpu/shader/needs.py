@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from functools import cached_property
 
+from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
-from halfstep.host.pack import Class, Packed
+from halfstep.host.pack import Packed
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
 # of bytes, with how many a pixel has.
@@ -39,21 +41,39 @@ class Needs:
     # Solids and half-spaces are few enough for uniform memory, of which such a device has less, but
     # where a load takes a third of the time; for records fetched together only.
     uniform: bool = False
+    conveyor: str = "conveyor"  # the stage that finds where roots are
+
+    @cached_property
+    def facts(self) -> frozenset[str]:
+        """What the marks of WGSL files may ask for, but for what holds of a class of solids."""
+        wanted = {f"store_{name}" for name in self.outputs}
+        wanted |= {f"list_{klass.name.lower()}" for klass in self.classes}
+        if self.outputs & OUTPUT_WORDS.keys():
+            wanted.add("store_words")
+        wanted |= self.outputs & {"error"}
+        if "exit" in self.outputs:
+            wanted |= {"exit", "leaving"}
+        if self.outputs & {"image", "color", "normal"}:
+            wanted.add("normal")
+        if self.outputs & {"image", "color"}:
+            wanted.add("color")
+            wanted |= {"gloss"} if self.shininess_bits else set()
+            wanted |= {"point_lights"} if self.point_lights else set()
+        if self.together > 1:
+            wanted.add("broadcast")
+        return frozenset(wanted)
 
     @property
-    def shaded(self) -> bool:
-        """Whether colours are needed."""
-        return bool(self.outputs & {"image", "color"})
-
-    @property
-    def oriented(self) -> bool:
-        """Whether normals are needed."""
-        return self.shaded or "normal" in self.outputs
-
-    @property
-    def leaving(self) -> bool:
-        """Whether it is needed where a ray leaves the solid it hit."""
-        return "exit" in self.outputs
+    def choices(self) -> frozenset[str]:
+        """The files that stand for those that a shader takes else."""
+        chosen = {self.conveyor}
+        if self.short_keys:
+            chosen.add("keys_short")
+        if self.together > 1:
+            chosen.add("store_words_wide")
+        if self.stored > 1:
+            chosen.add({2: "store_bytes_two", 4: "store_bytes_four"}[self.stored])
+        return frozenset(chosen)
 
     @property
     def quads(self) -> int:
@@ -61,24 +81,20 @@ class Needs:
 
         That is worth while for the code of one class, on devices where a fetch costs most.
         """
-        if self.method == "article" or self.certified or self.light_rounds > MOST_LIGHT_ROUNDS:
+        shades_long = self.light_rounds > MOST_LIGHT_ROUNDS
+        if self.method == "article" or "error" in self.facts or shades_long:
             return 1
         return 4 if self.together > 1 and len(self.classes) <= 1 else 2
 
     @property
     def light_rounds(self) -> int:
         """The most rounds of loops that shading a quad takes."""
-        return (self.lights + 1) * (self.shininess_bits + 2) if self.shaded else 0
+        return (self.lights + 1) * (self.shininess_bits + 2) if "color" in self.facts else 0
 
     @property
     def stored(self) -> int:
         """Words of 32 bits that are stored at once of outputs of bytes."""
         return self.quads if self.together > 1 else 1
-
-    @property
-    def certified(self) -> bool:
-        """Whether bounds of the error are needed."""
-        return "error" in self.outputs
 
 
 @functools.cache

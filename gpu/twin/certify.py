@@ -97,6 +97,15 @@ class Certificate(NamedTuple):
     bound: F32
 
 
+NO_CERTIFICATE = Certificate(
+    sure=np.zeros((), bool),
+    hit=np.zeros((), bool),
+    surface=np.zeros((), np.int32),
+    inside=np.zeros((), bool),
+    bound=np.zeros((), np.float32),
+)
+
+
 class BoundedPiece(NamedTuple):
     """A piece, the errors of the pairs at its ends, and what is certain of its planes."""
 

@@ -1,4 +1,4 @@
-"""Twin of ``nearest.wgsl``: depths as exact integers, and the nearest visible point."""
+"""Twin of ``nearest.wgsl``: depths as exact integers, and which point is nearer."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ class Key(NamedTuple):
 
     high: U32
     low: U32
+
+
+# Behind all points.
+FAR = Key(*(np.array(0xFFFFFFFF, np.uint32) for _ in range(2)))
 
 
 def depth_key(position: I32, steps: int, start: Key, shift: int) -> Key:
@@ -41,12 +45,12 @@ def before(key: Key, surface: U32, other: Key, other_surface: U32) -> Bools:
     )
 
 
-def short_key(position: I32, steps: int, start_low: np.uint32, shift: int) -> U32:
-    """`depth_key` where the whole key fits a word."""
-    count = (position + np.int32(1 << steps)).astype(np.uint32)
-    return (count << np.uint32(shift & 31)) + start_low
+def either_key(some: Bools, chosen: Key, other: Key) -> Key:
+    """``chosen`` in some pixels, else ``other``."""
+    return Key(np.where(some, chosen.high, other.high), np.where(some, chosen.low, other.low))
 
 
-def short_before(key: U32, surface: U32, other: U32, other_surface: U32) -> Bools:
-    """`before` for short keys."""
-    return (key < other) | ((key == other) & (surface < other_surface))
+def lesser_key(some: Bools, key: Key, old: Key) -> Key:
+    """The lesser of two keys in some pixels, else the old one."""
+    same = np.zeros(old.low.shape, np.uint32)
+    return either_key(some & before(key, same, old, same), key, old)

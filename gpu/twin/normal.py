@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.twin.lanes import F32
+from halfstep.twin.lanes import F32, Bools
 
 # A vector whose square is below this is none: in a greater square, subnormal terms, which devices
 # may flush, change no bit.
@@ -21,6 +21,9 @@ class Vector(NamedTuple):
     z: F32
 
 
+NO_VECTOR = Vector(*(np.zeros((), np.float32) for _ in range(3)))
+
+
 def dot_product(a: Vector, b: Vector) -> F32:
     """Scalar product, summed from left to right."""
     return (a.x * b.x + a.y * b.y) + a.z * b.z
@@ -33,8 +36,17 @@ def scaled(a: Vector, s: F32) -> Vector:
 
 def or_else(a: Vector, other: Vector) -> Vector:
     """``a``, or ``other`` where it vanishes (the gradient at the apex of a cone)."""
-    some = dot_product(a, a) > VANISHING
-    return Vector(*(np.where(some, x, y) for x, y in zip(a, other, strict=True)))
+    return either(dot_product(a, a) > VANISHING, a, other)
+
+
+def either(some: Bools, chosen: Vector, other: Vector) -> Vector:
+    """``chosen`` in some pixels, else ``other``."""
+    return Vector(*(np.where(some, x, y) for x, y in zip(chosen, other, strict=True)))
+
+
+def turned(some: Bools, a: Vector) -> Vector:
+    """The opposite vector in some pixels."""
+    return Vector(*(np.where(some, -x, x) for x in a))
 
 
 def normalized(a: Vector) -> Vector:

@@ -1,0 +1,124 @@
+"""The stages of a frame: which files they are in, and what of them a frame needs.
+
+A stage is a file in ``wgsl/``.  Its twin is a module of the same name in ``twin/``.  What shaders,
+twin, check and tests know of the order and the choice of stages stands here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import Enum
+
+from halfstep.contract.classes import Class
+from halfstep.contract.formats import Format
+
+
+class Kind(Enum):
+    """What the functions of a stage work on."""
+
+    VALUES = "values"  # numbers alone, in each number format
+    NUMBERS = "numbers"  # numbers alone, the same in each number format
+    BLOCK = "block"  # what an invocation holds of its block
+    DEVICE = "device"  # memory of a device: there is no twin
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage: files that define the same names, of which a shader takes one."""
+
+    kind: Kind
+    file: str  # unless another is chosen
+    others: tuple[str, ...] = ()
+
+
+# In the order in which a shader may take code from them.
+STAGES = (
+    Stage(Kind.NUMBERS, "lanes"),
+    Stage(Kind.VALUES, "arithmetic", ("arithmetic_fixed",)),
+    Stage(Kind.VALUES, "polynomial", ("polynomial_exact",)),
+    Stage(Kind.VALUES, "forms", ("forms_exact", "forms_fixed")),
+    Stage(Kind.VALUES, "halve", ("halve_incremental", "halve_fixed")),
+    Stage(Kind.NUMBERS, "layout"),
+    Stage(Kind.VALUES, "piece"),
+    Stage(Kind.VALUES, "root"),
+    Stage(Kind.VALUES, "patch"),
+    Stage(Kind.VALUES, "lines_fetched", ("lines",)),
+    Stage(Kind.VALUES, "article"),
+    Stage(Kind.NUMBERS, "nearest"),
+    Stage(Kind.NUMBERS, "keys", ("keys_short",)),
+    Stage(Kind.VALUES, "certify"),
+    Stage(Kind.NUMBERS, "normal"),
+    Stage(Kind.VALUES, "solid"),
+    Stage(Kind.VALUES, "certificate"),
+    Stage(Kind.NUMBERS, "sight"),
+    Stage(Kind.VALUES, "keep"),
+    Stage(Kind.NUMBERS, "ray"),
+    Stage(Kind.NUMBERS, "shade"),
+    Stage(Kind.NUMBERS, "finish"),
+    Stage(Kind.NUMBERS, "encode"),
+    Stage(Kind.BLOCK, "block"),
+    Stage(Kind.BLOCK, "conveyor", ("closed",)),
+    Stage(Kind.DEVICE, "pack"),
+    Stage(Kind.DEVICE, "wide"),
+    Stage(Kind.DEVICE, "store_words", ("store_words_wide",)),
+    Stage(Kind.DEVICE, "store_bytes", ("store_bytes_two", "store_bytes_four")),
+    Stage(Kind.DEVICE, "render"),
+)
+
+
+@dataclass(frozen=True)
+class Visit:
+    """How a solid of a class is tried on a block: a stage, and what holds of the class."""
+
+    file: str
+    facts: frozenset[str]
+
+
+def _visit(file: str, *facts: str) -> Visit:
+    return Visit(file, frozenset(facts))
+
+
+# By method and class. In a shader a visit has the name of its class.
+VISITS = {
+    ("visible", Class.ELLIPSOID): _visit("visit_ellipsoid"),
+    ("visible", Class.QUADRIC): _visit("visit_cut", "curved"),
+    ("visible", Class.QUADRIC_INSIDE): _visit("visit_cut", "curved", "opened", "leaving"),
+    ("visible", Class.POLYHEDRON): _visit("visit_cut", "flat"),
+    ("visible", Class.POLYHEDRON_INSIDE): _visit("visit_cut", "flat", "opened", "leaving"),
+    ("visible", Class.PATCH): _visit("visit_patch"),
+    ("article", Class.QUADRIC): _visit("visit_article", "curved"),
+    ("article", Class.POLYHEDRON): _visit("visit_article", "flat"),
+    ("article", Class.PATCH): _visit("visit_article", "patch"),
+}
+
+# What the marks of WGSL files ask for. A twin asks the same.
+FACTS = {
+    "exit": "it is asked where a ray leaves the solid that it hit",
+    "leaving": "the root where a ray leaves a solid is needed, for that or to be seen from inside",
+    "normal": "normals are needed, for themselves or for colours",
+    "color": "colours are needed, for themselves or for an image",
+    "gloss": "colours are needed, and a material shines",
+    "point_lights": "colours are needed, and a light has a place",
+    "error": "it is asked how far a depth may be off",
+    "curved": "the solid has a quadric",
+    "flat": "the solid is a polyhedron",
+    "patch": "the solid is a bounded plane",
+    "opened": "rays may start inside the solid",
+    "broadcast": "invocations of a subgroup fetch records together",
+    **{f"list_{klass.name.lower()}": f"tiles may see a solid of {klass.name}" for klass in Class},
+    "store_words": "the device writes outputs of words",
+    **{
+        f"store_{name}": f"the device writes the output {name}"
+        for name in ("surface", "key", "exit", "color", "normal", "error", "image", "tag")
+    },
+}
+
+
+def files_of(number_format: Format, chosen: Collection[str] = ()) -> list[str]:
+    """The files of the stages but for visits, in order: those of the format and the chosen."""
+    wanted = {*number_format.stages, *chosen}
+    return [
+        next((name for name in (stage.file, *stage.others) if name in wanted), stage.file)
+        for stage in STAGES
+    ]

@@ -1,0 +1,103 @@
+"""Functions that fetch records, as the layout, the number format and the device want it.
+
+Where invocations fetch together, each loads some words of a record, as 64 bits, and gives them to
+all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from halfstep.contract.formats import Format
+from halfstep.contract.layout import HALF_SPACE, SOLID, TILE_WORDS, Record
+from halfstep.shader.needs import Needs
+
+# Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
+FETCHED = 32
+
+
+def fetches(needs: Needs) -> str:
+    """The functions ``solid_at``, ``half_space_at`` and ``tile_at``, with the struct of a tile."""
+    functions = [
+        _record_at(needs, SOLID, "solids", "solid"),
+        _record_at(needs, HALF_SPACE, "half_spaces", "half_space"),
+        _tile_at(needs),
+    ]
+    return "\n".join(functions)
+
+
+def _tile_at(needs: Needs) -> str:
+    """The function that fetches a tile: its place, and where its lists begin and the last ends."""
+    count = len(needs.classes) + 1
+    words = [f"tiles[first + {k}u]" for k in range(count + 1)]
+    body = f"  let first = number * {TILE_WORDS}u;\n"
+    if needs.together > 1:
+        loaded = range(0, count + 1, needs.together)
+        body += "".join(f"  let words_{k} = tiles[first + {k}u + lane];\n" for k in loaded)
+        lanes = [k % needs.together for k in range(count + 1)]
+        words = [f"subgroupBroadcast(words_{k - n}, {n}u)" for k, n in enumerate(lanes)]
+    starts = "".join(f"      {word},\n" for word in words[1:])
+    return (
+        f"// A tile of the picture.\nstruct Tile {{\n"
+        "  place: u32,  // column, and row times 2^16, among the tiles\n"
+        f"  starts: array<u32, {count}>,  // of the lists, and where the last one ends\n}}\n\n"
+        f"fn tile_at(number: u32) -> Tile {{\n{body}"
+        f"  return Tile(\n    {words[0]},\n    array<u32, {count}>(\n{starts}    ),\n  );\n}}\n"
+    )
+
+
+def _record_at(needs: Needs, record: Record, array: str, name: str) -> str:
+    """The function that fetches a record of an array."""
+    body = f"  return {array}[number];\n" if needs.together == 1 else _shared(needs, record, array)
+    return f"fn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
+
+
+def _shared(needs: Needs, record: Record, array: str) -> str:
+    """Statements that return a record that invocations fetch together."""
+    dtype = record.dtype(needs.format)
+    places = dict(dtype.fields or {})
+    pieces = dtype.itemsize // FETCHED
+    text = f"  let place = number * {pieces}u + lane;\n"
+    for first in range(0, pieces, needs.together):
+        piece = f"piece_{first}"
+        load = f"{piece} = {array}[place + {first}u];\n"
+        # A load serves one invocation after another, so it pays to leave out most, not a few.
+        if pieces - first > needs.together // 2:
+            text += f"  let {load}"
+        else:
+            text += f"  var {piece}: vec4<u64>;\n"
+            text += f"  if lane < {pieces - first}u {{\n    {load}  }}\n"
+        text += f"  let low_{first} = vec4<u32>({piece});\n"
+        text += f"  let high_{first} = vec4<u32>({piece} >> vec4<u32>(32u));\n"
+
+    def word(k: int) -> str:
+        lane = k // 8 % needs.together
+        half = "high" if k % 2 else "low"
+        return f"subgroupBroadcast({half}_{k // 8 - lane}.{'xyzw'[k % 8 // 2]}, {lane}u)"
+
+    def scalar(type_: str, k: int) -> str:
+        if type_ == "i64":
+            # The mask: Mesa 22.3's lavapipe extends the sign of i64(u32).
+            return f"((i64(bitcast<i32>({word(k + 1)})) << 32u) | (i64({word(k)}) & 0xFFFFFFFFli))"
+        return word(k) if type_ == "u32" else f"bitcast<{type_}>({word(k)})"
+
+    members = ""
+    for field in record.fields:
+        place = places[field.name][1] // 4
+        type_, size = _scalar(needs.format, field.type), 1
+        if type_ == "i64":
+            size = 2
+        values = [scalar(type_, place + size * k) for k in range(field.count)]
+        if field.count == 1:
+            members += f"    {values[0]},\n"
+        else:
+            elements = "".join(f"      {value},\n" for value in values)
+            members += f"    array<{field.type}, {field.count}>(\n{elements}    ),\n"
+    return text + f"  return {record.name}(\n{members}  );\n"
+
+
+def _scalar(number_format: Format, type_: str) -> str:
+    """The WGSL type of a member of a record."""
+    names = {np.float32: "f32", np.int32: "i32", np.int64: "i64"}
+    numbers = {"Coefficient": number_format.coefficient, "Value": number_format.value}
+    return names[numbers[type_]] if type_ in numbers else type_

@@ -1,0 +1,46 @@
+"""Twin of ``finish.wgsl``: the normal and the colour that pixels show."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.twin.keep import Nearest
+from halfstep.twin.lanes import I32
+from halfstep.twin.normal import NO_VECTOR, Vector, either, normalized, or_else, scaled
+from halfstep.twin.ray import ray_direction
+from halfstep.twin.shade import Finish, Light, shade
+
+
+class Shown(NamedTuple):
+    """What pixels show; what no fact asks for is empty."""
+
+    normal: Vector  # unit, or 0 where nothing is hit
+    color: Vector  # linear
+
+
+def finish(
+    nearest: Nearest,
+    i: I32,
+    j: I32,
+    frame: np.void,
+    lights: Sequence[Light],
+    facts: Collection[str],
+) -> Shown:
+    """What the pixels (i, j) of the picture show."""
+    some = nearest.surface > 0
+    direction = ray_direction(frame, i.astype(np.float32), j.astype(np.float32))
+    to_eye = Vector(-direction.x, -direction.y, -direction.z)
+    normal = normalized(or_else(nearest.slope, to_eye))
+    shown = Shown(NO_VECTOR, NO_VECTOR)
+    if "store_normal" in facts:
+        shown = shown._replace(normal=either(some, normal, NO_VECTOR))
+    if "color" in facts:
+        material = Finish(nearest.color, nearest.specular, nearest.shininess)
+        point = scaled(direction, nearest.depth) if "point_lights" in facts else direction
+        background = Vector(*(np.asarray(frame["background"][axis]) for axis in range(3)))
+        lit = shade(normal, direction, point, material, frame["ambient"], lights)
+        shown = shown._replace(color=either(some, lit, background))
+    return shown

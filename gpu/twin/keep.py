@@ -1,0 +1,116 @@
+"""Twin of ``keep.wgsl``: the nearest visible point so far."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from halfstep.twin.certify import Certificate, confirms, least_key
+from halfstep.twin.lanes import F32, I32, U32, Bools
+from halfstep.twin.nearest import FAR, Key, depth_key, either_key, lesser_key
+from halfstep.twin.normal import NO_VECTOR, Vector, either
+from halfstep.twin.sight import Sight
+
+# Of one of the modules of keys.
+NearestKey = Any
+
+
+class Keys(Protocol):
+    """How depths are compared."""
+
+    NO_KEY: NearestKey
+
+    def key_at(self, position: I32, solid: np.void) -> NearestKey:
+        """The key of a position on a solid."""
+
+    def is_nearer(
+        self, key: NearestKey, surface: U32, other: NearestKey, other_surface: U32
+    ) -> Bools:
+        """Whether a point is nearer than another."""
+
+    def either_nearest(self, some: Bools, chosen: NearestKey, other: NearestKey) -> NearestKey:
+        """``chosen`` in some pixels, else ``other``."""
+
+
+class Nearest(NamedTuple):
+    """The nearest visible point so far; what no fact asks for stays as it is in `nothing`."""
+
+    key: NearestKey  # its depth
+    surface: U32  # its number in the scene, from 1; 0 is none
+    leaves: Key  # depth where the ray leaves the solid
+    low: Key  # the least depth of what is certain
+    doubt: Key  # where begins what is not certain
+    bound: F32  # how far the root may be from the position, in u
+    slope: Vector  # along the normal
+    color: Vector  # of the material
+    specular: F32  # weight of its highlight
+    shininess: U32  # exponent of its highlight
+    depth: F32  # along the view axis
+
+
+def nothing(keys: Keys) -> Nearest:
+    """No point yet."""
+    none, zero = np.zeros((), np.uint32), np.zeros((), np.float32)
+    return Nearest(
+        key=keys.NO_KEY,
+        surface=none,
+        leaves=FAR,
+        low=FAR,
+        doubt=FAR,
+        bound=zero,
+        slope=NO_VECTOR,
+        color=NO_VECTOR,
+        specular=zero,
+        shininess=none,
+        depth=zero,
+    )
+
+
+def keep(
+    old: Nearest,
+    solid: np.void,
+    sight: Sight,
+    slope: Vector,
+    certificate: Certificate,
+    keys: Keys,
+    facts: Collection[str],
+) -> Nearest:
+    """The sight if it is nearer than the nearest point so far, else that."""
+    steps, shift = int(solid["steps"]), int(solid["key_shift"])
+    key = keys.key_at(sight.position, solid)
+    surface = solid["surface"] + sight.surface.astype(np.uint32)
+    nearer = sight.hit & keys.is_nearer(key, surface, old.key, old.surface)
+    new = old._replace(
+        key=keys.either_nearest(nearer, key, old.key),
+        surface=np.where(nearer, surface, old.surface),
+    )
+    start = Key(*(np.asarray(solid[name]) for name in ("key_high", "key_low")))
+    if "exit" in facts:
+        left_at = depth_key(sight.exit_position, steps, start, shift)
+        leaves = either_key(sight.left, left_at, FAR)
+        new = new._replace(leaves=either_key(nearer, leaves, old.leaves))
+    if "error" in facts:
+        confirmed = confirms(certificate, sight.hit, sight.surface)
+        low = least_key(key, certificate.bound, steps, int(solid["spare"]), shift)
+        new = new._replace(
+            low=lesser_key(confirmed & sight.hit, low, old.low),
+            doubt=lesser_key(~confirmed, start, old.doubt),
+            bound=np.where(nearer, certificate.bound, old.bound),
+        )
+    if "normal" in facts:
+        new = new._replace(slope=either(nearer, slope, old.slope))
+    if "color" in facts:
+        color = Vector(*(np.asarray(component) for component in solid["color"]))
+        new = new._replace(color=either(nearer, color, old.color))
+    if "gloss" in facts:
+        new = new._replace(
+            specular=np.where(nearer, solid["specular"], old.specular),
+            shininess=np.where(nearer, solid["shininess"], old.shininess),
+        )
+    if "point_lights" in facts:
+        u = sight.position.astype(np.float32) * solid["last_step"]
+        depth = solid["depth_middle"] + u * solid["depth_half"]
+        new = new._replace(depth=np.where(nearer, depth, old.depth))
+    return new

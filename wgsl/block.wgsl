@@ -1,0 +1,28 @@
+// What an invocation holds of its block: quads of four pixels of a row, side by side.
+//
+// The code for the quads shares these variables, so that functions can work on all quads at once.
+
+// Places of the quads in the block.
+const QUAD_0: u32 = 0u;
+const QUAD_1: u32 = 1u;
+const QUAD_2: u32 = 2u;
+const QUAD_3: u32 = 3u;
+
+// The place of the invocation among those that fetch records together.
+var<private> lane: u32;
+// each quad
+var<private> i_0: i4;  // columns of the picture
+// each quad
+var<private> x_0: i4;  // the same from the middle of the solid's rectangle
+// each quad
+var<private> root_0: Root;  // what the solid shows
+// each quad
+var<private> leaving_0: Root;  // where the ray leaves the solid
+// each quad
+var<private> sight_0: Sight;  // what was found of the solid
+// each quad
+var<private> slope_0: Vector;  // along the normal of the solid at the sight
+// each quad
+var<private> certificate_0: Certificate;  // what is certain of the solid
+// each quad
+var<private> nearest_0: Nearest;  // of all solids so far

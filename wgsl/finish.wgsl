@@ -1,0 +1,28 @@
+// The nearest visible point -> the normal and the colour that four pixels show.
+
+struct Shown {
+  normal: Vector,  // unit, or 0 where nothing is hit  //? store_normal
+  color: Vector,  // linear  //? color
+}
+
+// The pixels (i, j) of the picture.
+fn finish(nearest: Nearest, i: i4, j: i32) -> Shown {
+  let some = nearest.surface > u4(0u);
+  let direction = ray_direction(f4(i), f32(j));
+  let to_eye = Vector(-direction.x, -direction.y, -direction.z);
+  let normal = normalized(or_else(nearest.slope, to_eye));
+  var material = Finish(nearest.color, f4(0.0), u4(0u));  //? color
+  material = Finish(nearest.color, nearest.specular, nearest.shininess);  //? gloss
+  var point = direction;  //? color
+  point = scaled(direction, nearest.depth);  //? point_lights
+  let background = Vector(  //? color
+    f4(frame.background.x),
+    f4(frame.background.y),
+    f4(frame.background.z),
+  );
+  let lit = shade(normal, direction, point, material);  //? color
+  return Shown(
+    either(some, normal, NO_VECTOR),  //? store_normal
+    either(some, lit, background),  //? color
+  );
+}

@@ -1,0 +1,134 @@
+// The entry point: tries the solids of a tile's lists on a block, and writes what it shows.
+//
+// There is a list for each class of solids, and a loop for each list, so that a solid is fetched
+// once and tried by code of its class alone.
+
+// Keeps what was seen of a solid.
+fn keep_block(solid: Solid) {
+  // each quad
+  nearest_0 = keep(
+    nearest_0,
+    solid,
+    sight_0,
+    slope_0,  //? normal
+    certificate_0,  //? error
+  );
+}
+
+// One workgroup renders one tile, one invocation a block of it.
+@compute @workgroup_size(WORKGROUP)
+fn render(
+  @builtin(workgroup_id) group: vec3<u32>,
+  @builtin(local_invocation_index) local: u32,
+  @builtin(subgroup_invocation_id) invocation: u32,  //? broadcast
+) {
+  lane = invocation % BROADCAST;  //? broadcast
+  let tile = tile_at(group.x);
+  let column = (tile.place & 0xFFFFu) * TILE + local % BLOCKS * BLOCK;
+  let row = (tile.place >> 16u) * TILE + local / BLOCKS;
+  let place = row * frame.row_quads + column / LANES;
+  let j = frame.first_row + i32(row);
+  // each quad
+  {
+    i_0 = i4(i32(column + QUAD_0 * LANES)) + i4(0, 1, 2, 3);
+    nearest_0 = NOTHING;
+  }
+  {  //? list_ellipsoid
+    let first = tile.starts[LIST_ELLIPSOID];
+    let end = tile.starts[LIST_ELLIPSOID + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_ellipsoid(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_quadric
+    let first = tile.starts[LIST_QUADRIC];
+    let end = tile.starts[LIST_QUADRIC + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_quadric(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_quadric_inside
+    let first = tile.starts[LIST_QUADRIC_INSIDE];
+    let end = tile.starts[LIST_QUADRIC_INSIDE + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_quadric_inside(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_polyhedron
+    let first = tile.starts[LIST_POLYHEDRON];
+    let end = tile.starts[LIST_POLYHEDRON + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_polyhedron(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_polyhedron_inside
+    let first = tile.starts[LIST_POLYHEDRON_INSIDE];
+    let end = tile.starts[LIST_POLYHEDRON_INSIDE + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_polyhedron_inside(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_patch
+    let first = tile.starts[LIST_PATCH];
+    let end = tile.starts[LIST_PATCH + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_patch(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  // each quad
+  let shown_0 = finish(nearest_0, i_0, j);  //? normal
+  // each quad
+  {  //? store_words
+    let at = place + QUAD_0;
+    store(PLANE_SURFACE, at, nearest_0.surface);  //? store_surface
+    store(PLANE_KEY, at, nearest_0.key.high);  //? store_key
+    store(PLANE_KEY + 1u, at, nearest_0.key.low);  //? store_key
+    store(PLANE_EXIT, at, nearest_0.leaves.high);  //? store_exit
+    store(PLANE_EXIT + 1u, at, nearest_0.leaves.low);  //? store_exit
+    store(PLANE_COLOR, at, bitcast<u4>(shown_0.color.x));  //? store_color
+    store(PLANE_COLOR + 1u, at, bitcast<u4>(shown_0.color.y));  //? store_color
+    store(PLANE_COLOR + 2u, at, bitcast<u4>(shown_0.color.z));  //? store_color
+    store(PLANE_NORMAL, at, bitcast<u4>(shown_0.normal.x));  //? store_normal
+    store(PLANE_NORMAL + 1u, at, bitcast<u4>(shown_0.normal.y));  //? store_normal
+    store(PLANE_NORMAL + 2u, at, bitcast<u4>(shown_0.normal.z));  //? store_normal
+    store(PLANE_ERROR, at, nearest_0.low.high);  //? store_error
+    store(PLANE_ERROR + 1u, at, nearest_0.low.low);  //? store_error
+    store(PLANE_ERROR + 2u, at, nearest_0.doubt.high);  //? store_error
+    store(PLANE_ERROR + 3u, at, nearest_0.doubt.low);  //? store_error
+    store(PLANE_ERROR + 4u, at, bitcast<u4>(nearest_0.bound));  //? store_error
+  }
+  store_image(  //? store_image
+    place,
+    // each quad
+    packed_image(encode(shown_0.color)),
+  );
+  store_tag(  //? store_tag
+    place,
+    // each quad
+    packed_tags(nearest_0.surface),
+  );
+}

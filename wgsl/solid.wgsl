@@ -1,0 +1,51 @@
+// A solid and its half-spaces -> what holds of them along rays.
+
+// Rays start at the eye, which the solid contains.
+fn eye_inside(solid: Solid) -> bool {
+  return (solid.flags & FLAG_EYE_INSIDE) != 0u;
+}
+
+// The near base plane, not the eye, cuts the solid.
+fn near_cut(solid: Solid) -> bool {
+  return (solid.flags & FLAG_NEAR_CUT) != 0u;
+}
+
+// Rays start at the eye.
+fn starts_at_eye(solid: Solid) -> bool {
+  return (solid.flags & FLAG_STARTS_AT_EYE) != 0u;
+}
+
+// F > 0 at the eye.
+fn eye_outside(solid: Solid) -> bool {
+  return (solid.flags & FLAG_EYE_OUTSIDE_QUADRIC) != 0u;
+}
+
+// Rounding did not decide what the host says of the eye.
+fn eye_sure(solid: Solid) -> bool {
+  return (solid.flags & FLAG_EYE_SURE) != 0u;
+}
+
+// F > 0 where the piece begins. At the eye the host knows it, elsewhere F decides.
+fn starts_outside(solid: Solid, form: Form, piece: Piece) -> b4 {
+  let from_eye = (piece.id_in == i4(0)) & b4(starts_at_eye(solid));
+  return select(outside_at_entry(form, piece), b4(eye_outside(solid)), from_eye);
+}
+
+// The ray starts inside all half-spaces: at the eye, or at a near base plane that cuts the solid.
+fn starts_inside(solid: Solid, piece: Piece) -> b4 {
+  return b4(eye_inside(solid)) | (b4(near_cut(solid)) & (piece.id_in == i4(0)));
+}
+
+// The unit normal of a half-space.
+fn normal_of(half_space: HalfSpace) -> Vector {
+  return Vector(
+    f4(half_space.normal[0]),
+    f4(half_space.normal[1]),
+    f4(half_space.normal[2]),
+  );
+}
+
+// Half the gradient of F at a position.
+fn slope_at(solid: Solid, x: i4, y: i32, position: i4) -> Vector {
+  return gradient(solid.gradient, f4(x), f32(y), f4(position) * solid.last_step);
+}
