@@ -31,8 +31,8 @@ from tests.test_pack import packed_frame
 from tests.test_rounds import barrels
 
 SIZE = (96, 72)
-# What the slip in the stage `nearest` is in.
-FAULTY = ["nearest.depth_key"]
+# What the slip in the stage `nearest` is in, and what calls it.
+FAULTY = ["keep.keep", "keys.key_at", "nearest.depth_key"]
 
 
 def small(name: str, **overrides: Any) -> Scene:

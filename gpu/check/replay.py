@@ -10,7 +10,6 @@ finds it, within the bound of its error.
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -22,9 +21,11 @@ from halfstep.host.pack import FRACTION_BITS, Packed, Surfaces
 from halfstep.run.twin import Band
 from halfstep.scene import Scene
 from halfstep.testing.frames import Replay
+from halfstep.twin import polynomial
+from halfstep.twin.chosen import Coefficients, Forms, Offset, chosen_for
 from halfstep.twin.lanes import Form
 from halfstep.twin.piece import Line
-from halfstep.twin.polynomial import Offset, linear, quadratic
+from halfstep.twin.polynomial import linear, quadratic
 
 Floats = NDArray[np.float64]
 
@@ -36,46 +37,37 @@ def replay(scene: Scene, packed: Packed, tables: Surfaces) -> Replay:
     """Replay a frame in the number format float32 by the method ``visible``."""
     view = packed.setup.view
     outputs = ("depth", "error")
+    chosen = chosen_for(packed.format, scene.accuracy.method)
+    wide = chosen._replace(forms=_WideForms(chosen.forms))
     bands = []
     height = max(PIXELS // view.width // TILE, 1) * TILE
     for first in range(0, view.height, height):
         rows = min(height, view.height - first)
-        band = _WideBand(scene, packed, first, rows, device_outputs(outputs))
+        band = Band(scene, packed, first, rows, device_outputs(outputs), wide)
         for row in range(len(packed.solids)):
             band.visit(row)
         bands.append(arrays_of(outputs, band.finish(), packed, tables, first))
     return Replay(*(np.concatenate([np.asarray(band[name]) for band in bands]) for name in outputs))
 
 
-class _WideBand(Band):
-    """A band whose forms have values in float64."""
+class _WideForms:
+    """Forms with values in float64 and the errors that they have in float32."""
 
-    def __init__(self, *frame: Any) -> None:
-        super().__init__(*frame)
-        self.forms = _WideForms(self.forms)
-
-
-class _WideForms(ModuleType):
-    """A twin's module of forms with values in float64 and the errors that they have in float32."""
-
-    def __init__(self, forms: ModuleType) -> None:
-        super().__init__(forms.__name__)
+    def __init__(self, forms: Forms) -> None:
         self.line_errors, self.form_errors = forms.line_errors, forms.form_errors
 
-    @staticmethod
-    def line_at(c: Any, b: Any, at: Offset) -> Line:
+    def line_at(self, c: Coefficients, b: Coefficients, at: Offset) -> Line:
         """A half-space along the ray."""
         return Line(*(_wide(linear, k, at) for k in (c, b)))
 
-    @staticmethod
-    def form_at(a: Any, g: Any, c: Any, at: Offset) -> Form:
+    def form_at(self, a: Coefficients, g: Coefficients, c: Coefficients, at: Offset) -> Form:
         """F along the ray."""
         return Form(*(_wide(quadratic, k, at) for k in (a, g, c)))
 
 
-def _wide(polynomial: Callable[..., Any], k: NDArray[Any], at: Offset) -> Floats:
+def _wide(value: Callable[..., Any], k: Coefficients, at: Offset) -> Floats:
     """The value of a polynomial in float64."""
     if k.dtype.kind == "i":  # it is exact, and rounded once
-        return np.asarray(polynomial(k, at) * 2.0**-FRACTION_BITS)
-    wide = Offset(at.x.astype(np.float64), at.y.astype(np.float64))
-    return np.asarray(polynomial(k.astype(np.float64), wide))
+        return np.asarray(value(k, at) * 2.0**-FRACTION_BITS)
+    wide = polynomial.Offset(at.x.astype(np.float64), at.y.astype(np.float64))
+    return np.asarray(value(k.astype(np.float64), wide))

@@ -19,8 +19,8 @@ class Format:
     """Types of numbers and the stages that work on them."""
 
     name: str  # of the scene's ``number_format``
-    coefficient: type[np.float32] | type[np.int64]
-    value: type[np.float32] | type[np.int32]
+    coefficient: type[np.float32] | type[np.float64] | type[np.int64]
+    value: type[np.float32] | type[np.float64] | type[np.int32]
     one: int  # u = 1 as a value
     useful_steps: int  # halvings beyond this no longer pay: rounding is as large as the cell
     arithmetic: str  # stage files

@@ -1,6 +1,6 @@
 """The exact answer: every pixel's solid, surface and depth in closed form, in float64.
 
-The joint logic is that of the twin, whose functions take numbers of any width.  It is given the
+The visits are those of the twin, whose functions take numbers of any width.  They are given the
 forms of ``setup`` before they are rounded, and where the conveyor would halve a step towards the
 root of a convex quadratic, the root is computed.  What is left is the rounding of float64.
 """
@@ -8,17 +8,23 @@ root of a convex quadratic, the root is computed.  What is left is the rounding 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.classes import Class
+from halfstep.contract.formats import FLOAT32
+from halfstep.contract.layout import HALF_SPACE, SOLID, Flag
+from halfstep.contract.stages import VISITS
 from halfstep.host import camera, geometry
 from halfstep.host.geometry import Geometry
 from halfstep.host.setup import NEGLIGIBLE, Setup, setup
 from halfstep.scene import Scene
-from halfstep.twin import lanes, patch, piece, polynomial, root
+from halfstep.twin import certify, forms, polynomial, root
+from halfstep.twin.chosen import Chosen, module
+from halfstep.twin.sight import Sight
 
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
@@ -27,6 +33,9 @@ Values = NDArray[Any]
 
 # Pixels of a window: its temporaries, some 40 arrays, stay near the processor at any picture size.
 WINDOW = 1 << 15
+
+# Records of float64.
+WIDE = replace(FLOAT32, coefficient=np.float64, value=np.float64)
 
 
 @dataclass(frozen=True)
@@ -64,9 +73,10 @@ def exact(scene: Scene) -> Exact:
         view, np.full(shape, -1, np.int32), np.full(shape, -1, np.int32), np.full(shape, np.nan)
     )
     rounding = np.zeros(shape)
+    records = _records(constants)
     for row in range(constants.count):
         for window in _windows(constants.rectangle[row]):
-            _visit(answer, rounding, solids, constants, row, window)
+            _visit(answer, rounding, solids, constants, records, row, window)
     return answer
 
 
@@ -83,6 +93,7 @@ def _visit(
     rounding: Floats,
     solids: Geometry,
     constants: Setup,
+    records: tuple[NDArray[np.void], NDArray[np.void]],
     row: int,
     window: tuple[slice, slice],
 ) -> None:
@@ -90,9 +101,11 @@ def _visit(
     y, x = np.mgrid[window].astype(np.float64)
     x -= constants.center[row, 0]
     y -= constants.center[row, 1]
-    seen = _sight(solids, constants, row, polynomial.Offset(x, y))
+    visit = VISITS["visible", _class_of(solids, int(constants.solid[row]))]
+    run = getattr(module(visit.file), visit.file)
+    seen = run(records[0][row], records[1], x, y, CHOSEN, visit.facts).sight
     half = constants.depth_half[row]
-    depth = constants.depth_middle[row] + crossing(seen) * half
+    depth = constants.depth_middle[row] + seen.position * half
     # Each coefficient lacks at most what ``setup`` left out as negligible.
     doubt = constants.depth_error[row] + 4 * NEGLIGIBLE * half
     old = answer.depth[window]
@@ -105,45 +118,33 @@ def _visit(
     answer.surface[window][nearer] = numbers[seen.surface[nearer]]
 
 
-def _sight(solids: Geometry, constants: Setup, row: int, at: Any) -> root.Root:
-    """What the rays at the offsets ``at`` see of one solid, as ``run_twin`` decides it."""
-    ix = constants.solid[row]
-    base_planes = constants.near_u[row], constants.far_u[row]
-    first = constants.plane_start[row]
-    numbers = range(first, first + constants.plane_count[row])
-    lines = [
-        piece.Line(
-            polynomial.linear(constants.plane_c[n], at),
-            polynomial.linear(constants.plane_b[n], at),
-        )
-        for n in numbers
-    ]
+def _records(constants: Setup) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Solids and half-spaces as visits take them, with the members that they read here."""
+    records = np.zeros(constants.count, SOLID.dtype(WIDE))
+    for name in ("a", "g", "c", "near_u", "far_u", "plane_start", "plane_count"):
+        records[name] = getattr(constants, name)
+    records["flags"] = (
+        Flag.EYE_INSIDE * constants.eye_inside
+        + Flag.STARTS_AT_EYE * constants.starts_at_eye
+        + Flag.EYE_OUTSIDE_QUADRIC * constants.eye_outside_quadric
+        + Flag.NEAR_CUT * constants.near_cut
+    )
+    half_spaces = np.zeros(len(constants.plane), HALF_SPACE.dtype(WIDE))
+    half_spaces["c"], half_spaces["b"] = constants.plane_c, constants.plane_b
+    return records, half_spaces
+
+
+def _class_of(solids: Geometry, ix: int) -> Class:
+    """The class that has the code for all that rays may do with a solid."""
     if solids.is_patch[ix]:
-        plane = patch.facing(lines[0], *base_planes)
-        for line in lines[1:]:
-            plane = patch.bound(plane, line)
-        return root.patch_entry(plane)
-    part = piece.whole_interval(at.x, *base_planes)
-    for number, line in enumerate(lines, start=1):
-        part = piece.clip(part, line, number)
-    eye_inside = bool(constants.eye_inside[row])
-    if eye_inside:
-        part = piece.from_the_eye(part, base_planes[0])
-    begins = part.id_in == 0
-    inside = np.full(begins.shape, eye_inside)
-    if constants.near_cut[row]:
-        inside |= begins
-    if not solids.has_quadric[ix]:
-        return root.choose(inside, root.polyhedron_entry(part), root.polyhedron_exit(part))
-    coefficients: list[Values] = [constants.a[row], constants.g[row], constants.c[row]]
-    form = lanes.Form(*(polynomial.quadratic(k, at) for k in coefficients))
-    outside = root.outside_at_entry(form, part)
-    if constants.starts_at_eye[row]:
-        outside = np.where(begins, constants.eye_outside_quadric[row], outside)
-    if not eye_inside:
-        inside &= ~outside
-    entry = root.quadric_entry(form, part, outside)
-    return root.choose(inside, entry, root.quadric_exit(form, part, ~outside))
+        return Class.PATCH
+    return Class.QUADRIC_INSIDE if solids.has_quadric[ix] else Class.POLYHEDRON_INSIDE
+
+
+def _computed(seen: root.Root, *_: object) -> Sight:
+    """In place of the conveyor: the u of the root."""
+    u: Values = crossing(seen)
+    return Sight(seen.hit, seen.surface, u, seen.hit, u)
 
 
 def crossing(seen: root.Root) -> Floats:
@@ -158,3 +159,6 @@ def crossing(seen: root.Root) -> Floats:
     under = np.where(falls, width - g, 2 * a)
     v = np.divide(over, under, out=np.full(a.shape, np.nan), where=seen.hit & (under != 0))
     return np.where(seen.flipped, -v, v)
+
+
+CHOSEN = Chosen(polynomial.Offset, forms, _computed, certify.DIRECT)
