@@ -524,6 +524,26 @@ def test_scenes_lists_names_and_titles(capsys: pytest.CaptureFixture[str]) -> No
         assert line == f"{entry['name']:{max(map(len, names))}}  {entry['title']}".rstrip()
 
 
+def test_shader_prints_what_renders_the_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["shader", "figure", "--outputs", "depth, normal", "--method", "article"]) == 0
+    text = capsys.readouterr().out
+    assert "fn render(" in text
+    assert "fn article_quadric(" in text
+    assert "fn shade(" not in text
+    assert main(["shader", "figure", "--format", "fixed32"]) == 0
+    text = capsys.readouterr().out
+    assert "fn shade(" in text
+    assert "alias Value = i32;" in text
+    assert text.count("fn visit_") == 3
+    assert "//?" not in text
+    assert "// each quad" not in text
+
+
+def test_shader_knows_the_outputs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["shader", "figure", "--outputs", "deph"]) == 2
+    assert "'deph' unknown; known are image, " in capsys.readouterr().err
+
+
 def test_schema_is_a_json_schema(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema"]) == 0
     schema = json.loads(capsys.readouterr().out)
@@ -550,6 +570,7 @@ PRINTING = {
     "scenes": "",
     "scenes --json": "",
     "schema": "",
+    "shader sphere.toml": "",
     "doctor": "",
     "doctor --json": "",
     "info before.png": "",

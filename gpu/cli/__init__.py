@@ -11,14 +11,25 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from halfstep.cli import animate, bench, check, doctor, info, render, scenes, schema, tune
+from halfstep.cli import (
+    animate,
+    bench,
+    check,
+    doctor,
+    info,
+    render,
+    scenes,
+    schema,
+    shader,
+    tune,
+)
 from halfstep.cli.output import open_closed_streams, say, writing_stdout
 from halfstep.errors import HalfstepError
 from halfstep.version import __version__
 
 EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
 # In the order of the help; each module adds its command to a parser.
-COMMANDS = (render, animate, info, tune, check, bench, doctor, scenes, schema)
+COMMANDS = (render, animate, info, tune, check, bench, doctor, scenes, schema, shader)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -99,3 +99,8 @@ def size(text: str) -> tuple[int, int]:
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not WxH, as 640x480")
     return int(match[1]), int(match[2])
+
+
+def names(text: str) -> list[str]:
+    """Names between commas; whether they are outputs is the file's or the frame's to say."""
+    return [name.strip() for name in text.split(",")]

@@ -7,7 +7,7 @@ import sys
 from io import BytesIO
 from typing import Any
 
-from halfstep.cli.options import STDOUT, add_output, add_rendering, add_scene, overrides
+from halfstep.cli.options import STDOUT, add_output, add_rendering, add_scene, names, overrides
 from halfstep.cli.output import print_bytes, print_json, say
 from halfstep.errors import UsageError
 
@@ -26,16 +26,11 @@ def add(commands: Any) -> None:
     render.add_argument(
         "--outputs",
         metavar="NAMES",
-        type=_names,
+        type=names,
         help="what to write, as depth,normal; by default what such a file usually has",
     )
     add_rendering(render)
     render.add_argument("--json", action="store_true", help="describe the result on stdout")
-
-
-def _names(text: str) -> list[str]:
-    """Names between commas; whether they are outputs is the file's to say."""
-    return [name.strip() for name in text.split(",")]
 
 
 def _check_stdout(arguments: argparse.Namespace) -> None:
