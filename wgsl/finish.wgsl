@@ -1,11 +1,12 @@
 // The nearest visible point -> the normal and the colour that four pixels show.
 
+// What four pixels show.
 struct Shown {
   normal: Vector,  // unit, or 0 where nothing is hit  //? store_normal
   color: Vector,  // linear  //? color
 }
 
-// The pixels (i, j) of the picture.
+// What the pixels (i, j) of the picture show.
 fn finish(nearest: Nearest, i: i4, j: i32) -> Shown {
   let some = nearest.surface > u4(0u);
   let direction = ray_direction(f4(i), f32(j));

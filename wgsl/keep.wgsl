@@ -1,5 +1,6 @@
 // What was seen of a solid -> the nearest visible point so far.
 
+// The nearest visible point so far.
 struct Nearest {
   key: NearestKey,  // its depth
   surface: u4,  // its number in the scene, from 1; 0 is none

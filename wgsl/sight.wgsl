@@ -1,5 +1,4 @@
 // What a ray sees of one solid.
-
 struct Sight {
   hit: b4,
   surface: i4,  // 0 is F, half-spaces count from 1

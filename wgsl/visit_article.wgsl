@@ -1,5 +1,4 @@
 // A solid -> its visible point by the paper's own sequences, a quad at a time.
-
 fn visit_article(solid: Solid, y: i32) {
   let own = half_space_at(solid.plane_start);  //? patch
   // each quad

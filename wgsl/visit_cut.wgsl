@@ -1,5 +1,4 @@
 // A solid with half-spaces or base planes across it -> its visible point: clip, joint logic, halve.
-
 fn visit_cut(solid: Solid, y: i32) {
   // each quad
   var piece_0 = whole_interval(solid.near_u, solid.far_u);
@@ -48,7 +47,7 @@ fn visit_cut(solid: Solid, y: i32) {
   conveyor(solid.steps);
   // each quad
   {
-    slope_0 = normal_in_0;  //? normal
+    slope_0 = normal_in_0;  //? normal & flat
     let curve = slope_at(solid, x_0, y, sight_0.position);  //? normal & curved
     slope_0 = either(sight_0.surface == i4(0), curve, normal_in_0);  //? normal & curved
   }

@@ -1,5 +1,4 @@
 // An uncut ellipsoid seen from outside -> its visible point: only the discriminant decides.
-
 fn visit_ellipsoid(solid: Solid, y: i32) {
   // each quad
   {

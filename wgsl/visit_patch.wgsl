@@ -1,5 +1,4 @@
 // A bounded plane, seen from both sides -> its visible point: the plane, then its bounds.
-
 fn visit_patch(solid: Solid, y: i32) {
   let own = half_space_at(solid.plane_start);
   // each quad

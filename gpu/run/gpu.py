@@ -178,7 +178,8 @@ class Device(Turns):
             together=self._together,
             uniform=self._uniform,
         )
-        needs = replace(needs, conveyor=self.conveyor)
+        if self.conveyor != needs.conveyor:
+            needs = replace(needs, conveyor=self.conveyor)
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
         too_long = rounds.exceed(needs, packed, starts, members, self.loop_rounds)

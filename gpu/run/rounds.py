@@ -28,7 +28,7 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
         # at every halving, and at six points more. The normals of planes are read last.
         is_patch = packed.classes == Class.PATCH
         rounds += planes * np.where(is_patch, 2, 2 * steps + 7)
-        if "error" in needs.facts:  # the other method certifies in the loop that clips
+        if "error" in needs.outputs:  # the other method certifies in the loop that clips
             rounds += planes
     return np.asarray(rounds + 1)
 

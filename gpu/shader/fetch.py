@@ -49,7 +49,7 @@ def _tile_at(needs: Needs) -> str:
 def _record_at(needs: Needs, record: Record, array: str, name: str) -> str:
     """The function that fetches a record of an array."""
     body = f"  return {array}[number];\n" if needs.together == 1 else _shared(needs, record, array)
-    return f"fn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
+    return f"// A record of `{array}`.\nfn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
 def _shared(needs: Needs, record: Record, array: str) -> str:

@@ -82,14 +82,15 @@ class Needs:
         That is worth while for the code of one class, on devices where a fetch costs most.
         """
         shades_long = self.light_rounds > MOST_LIGHT_ROUNDS
-        if self.method == "article" or "error" in self.facts or shades_long:
+        if self.method == "article" or "error" in self.outputs or shades_long:
             return 1
         return 4 if self.together > 1 and len(self.classes) <= 1 else 2
 
     @property
     def light_rounds(self) -> int:
         """The most rounds of loops that shading a quad takes."""
-        return (self.lights + 1) * (self.shininess_bits + 2) if "color" in self.facts else 0
+        shaded = not self.outputs.isdisjoint(("image", "color"))
+        return (self.lights + 1) * (self.shininess_bits + 2) if shaded else 0
 
     @property
     def stored(self) -> int:
