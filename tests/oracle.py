@@ -32,11 +32,10 @@ import numpy as np
 from mpmath.ctx_mp import MPContext
 from numpy.typing import ArrayLike, NDArray
 
+from halfstep.contract.arrays import Bools, Floats
 from halfstep.scene import Camera, Scene, Solid
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 # A 400-bit number of `MP`, which has no static type.
 Exact = Any
 # Values along rays: Floats in the first pass, DoubleDouble in the second.

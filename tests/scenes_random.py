@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
 from halfstep.errors import SceneError
 from halfstep.host.camera import base_planes, view
 from halfstep.host.geometry import build, volume_box
@@ -18,7 +18,6 @@ from halfstep.host.setup import setup
 from halfstep.scene import PlanePatch, Scene, with_overrides
 
 Table = dict[str, Any]
-Floats = NDArray[np.float64]
 
 KINDS = (
     "sphere",

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
 from halfstep.device.adapters import choose_adapter
 from halfstep.frames.frame import Frame, arrays_of, device_outputs
 from halfstep.host.camera import base_planes, view
@@ -34,7 +35,6 @@ from halfstep.scene import Scene, Volume, with_overrides
 from tests.oracle import Oracle, Trace
 from tests.scenes_random import KINDS, Drawn, random_scene, random_solid
 
-Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 SIZE = COARSE = (64, 48)

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
 from halfstep.errors import SceneError, UsageError
 from halfstep.scene import Scene, bundled_scenes, load, with_animation
 from halfstep.scene.animation import scene_at
-
-Floats = NDArray[np.float64]
 
 CAMERA: dict[str, Any] = {"center": [3, -8, 3], "look_at": [1, 0, 0.5], "fov_degrees": 40}
 BALL: dict[str, Any] = {"kind": "sphere", "radius": 1, "color": [1, 1, 1]}

@@ -17,9 +17,9 @@ from halfstep.bench import closed_form, machine, native, parts, plot, povray, re
 from halfstep.bench.measure import measure
 from halfstep.cli import bench as command
 from halfstep.cli import main
+from halfstep.contract.classes import Class
 from halfstep.device.adapters import Adapter
 from halfstep.errors import UsageError
-from halfstep.host.pack import Class
 from halfstep.scene import with_overrides
 from tests.test_source import NEEDS
 

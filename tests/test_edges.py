@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.contract.arrays import Floats
 from halfstep.scene import Camera, Scene
-from tests.scenes_random import KINDS, Floats, random_solid
+from tests.scenes_random import KINDS, random_solid
 from tests.soundness import Shot, Way
 
 Table = dict[str, Any]

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
 from halfstep.device.adapters import Adapter
 from halfstep.host import camera as cameras
 from halfstep.host import geometry
@@ -30,8 +30,6 @@ from tests.soundness import (
     judge,
     survey,
 )
-
-Floats = NDArray[np.float64]
 
 
 def test_no_pixel_is_further_off_than_its_error(seed: int) -> None:

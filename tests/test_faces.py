@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.contract.arrays import Floats
 from halfstep.frames.frame import Frame
 from halfstep.host.camera import view
 from halfstep.host.faces import Faces, alone, distinct, slab_of
 from halfstep.host.geometry import build
 from halfstep.scene import MAX_HALF_SPACES, Scene
-from tests.scenes_random import Floats
 
 Table = dict[str, Any]
 

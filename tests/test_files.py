@@ -26,10 +26,11 @@ from PIL import Image
 
 import halfstep
 from halfstep import files
+from halfstep.contract.arrays import Array
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.files import ENDINGS, READ, plan, read_provenance, write
 from halfstep.frames import png
-from halfstep.frames.frame import SOURCES, Array, Frame
+from halfstep.frames.frame import SOURCES, Frame
 from halfstep.scene import Scene
 
 # A sphere behind a box before nothing; the title is no ASCII, and two lines.

@@ -14,15 +14,13 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import halfstep
+from halfstep.contract.arrays import Array
 from halfstep.errors import UsageError
 from halfstep.frames.frame import SOURCES, Frame, check_outputs, device_outputs
 from halfstep.host.camera import view
 from halfstep.scene import PlanePatch, QuadricSolid, Scene, Solid, bundled_scenes
-
-Array = NDArray[Any]
 
 WIDTH, HEIGHT, STEPS = 72, 54, 16
 # Name -> trailing axes, dtype, value where nothing is hit (None: tested on its own).

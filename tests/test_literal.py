@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import halfstep
+from halfstep.contract.arrays import Bools, Floats
 from halfstep.host.camera import base_planes, view
 from halfstep.host.geometry import build, volume_box
 from halfstep.scene import PlanePatch, QuadricSolid, Scene
@@ -21,8 +21,6 @@ from tests.judge import OUTPUTS
 from tests.oracle import Oracle
 
 Table = dict[str, Any]
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SIZE = (160, 120)
 STEPS = 16

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from halfstep.contract.arrays import Floats
 from halfstep.scene import Scene, Solid
-from tests.oracle import ESCALATE, MP, Double, DoubleDouble, Extended, Floats, Oracle, Trace
+from tests.oracle import ESCALATE, MP, Double, DoubleDouble, Extended, Oracle, Trace
 from tests.scenes_random import KINDS
 
 Table = dict[str, Any]

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from halfstep.contract.formats import FRACTION_BITS
 from halfstep.contract.layout import TILE
+from halfstep.contract.srgb import srgb_table
 from halfstep.host import camera, geometry
-from halfstep.host.pack import FRACTION_BITS, Packed, pack, srgb_table, surfaces
+from halfstep.host.pack import Packed, pack, surfaces
 from halfstep.host.setup import setup
 from halfstep.host.steps import steps_for
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides

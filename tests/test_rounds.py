@@ -19,8 +19,9 @@ from halfstep.frames.frame import SOURCES, device_outputs
 from halfstep.host.tiles import tile_lists
 from halfstep.run import gpu as run_gpu
 from halfstep.run import rounds
+from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, load, with_overrides
-from halfstep.shader.needs import Needs, needs_of
+from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.crowded import different, one_tile, spheres
 from tests.test_pack import packed_frame

@@ -11,12 +11,13 @@ from typing import Any
 
 import pytest
 
+from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.frame import SOURCES, device_outputs
-from halfstep.host.pack import Class
+from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
-from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, needs_of
+from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs
 from halfstep.shader.source import compose, stage_names
 from tests.test_pack import SIZE, packed_frame
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.contract.arrays import Planes
 from halfstep.contract.layout import SOLID
 from halfstep.device.adapters import Adapter
 from halfstep.errors import DeviceError
@@ -50,7 +51,7 @@ def test_a_frame_in_parts_is_that_of_one_piece(
 def test_the_nearer_of_two_parts_is_seen_and_the_earlier_of_the_equally_near() -> None:
     far = np.uint64(0xFFFFFFFFFFFFFFFF)
 
-    def planes(keys: list[np.uint64], surfaces: list[int], low: list[int]) -> split.Planes:
+    def planes(keys: list[np.uint64], surfaces: list[int], low: list[int]) -> Planes:
         surface = np.array([surfaces], np.uint32)
         return {
             "key": np.array([keys], np.uint64),

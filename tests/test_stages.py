@@ -12,10 +12,10 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
-from halfstep.host.pack import SRGB_ENTRIES, srgb_quads, srgb_table
+from halfstep.contract.srgb import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.shader.library import stage
 from halfstep.testing import Kit, MismatchError, near_ties
 from halfstep.testing.census import leaves
@@ -26,8 +26,6 @@ from halfstep.twin.nearest import Key
 from halfstep.twin.piece import Line
 from halfstep.twin.shade import Light
 from halfstep.twin.values import Value
-
-Array = NDArray[Any]
 
 hints_of = functools.cache(get_type_hints)
 

@@ -11,16 +11,17 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
+from halfstep.contract.classes import Class
 from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.errors import DeviceError
 from halfstep.host import pack as packing
 from halfstep.host import tiles
-from halfstep.host.pack import Class, Packed
+from halfstep.host.pack import Packed
 from halfstep.host.tiles import frequent_sets, tile_groups, tile_lists
 from halfstep.run import gpu as run_gpu
+from halfstep.run import needs
 from halfstep.run.framebuffer import FrameBuffer
 from halfstep.scene import bundled_scenes, load, with_overrides
-from halfstep.shader import needs
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.scenes_random import PLACES, random_scene

@@ -11,8 +11,8 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import I32, Records
 from halfstep.host import camera as cameras
 from halfstep.host import geometry as geometries
 from halfstep.host.setup import setup
@@ -58,7 +58,7 @@ class Native:
         """A case of `timing.interleaved`: a frame."""
         self.render(steps)
 
-    def render(self, steps: int) -> NDArray[np.int32]:
+    def render(self, steps: int) -> I32:
         """Index of the nearest solid of each pixel, (H, W), -1 for none.
 
         Raises:
@@ -79,7 +79,7 @@ class Native:
         return self._nearest
 
 
-def _solids(scene: Scene, size: tuple[int, int]) -> NDArray[np.void]:
+def _solids(scene: Scene, size: tuple[int, int]) -> Records:
     """What native.c reads of the solids of ``scene``."""
     geometry = geometries.build(scene)
     view = cameras.view(scene.camera, size)

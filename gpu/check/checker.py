@@ -20,13 +20,14 @@ import numpy as np
 from halfstep.check.calls import Calls, noted
 from halfstep.check.replay import replay
 from halfstep.contract.formats import FIXED32
+from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import INT64, choose_adapter, close_device, is_lavapipe, open_device
 from halfstep.device.canary import Fingerprint, fingerprint
 from halfstep.frames.frame import SOURCES, device_outputs
 from halfstep.frames.renderer import Renderer, Solids
-from halfstep.host.pack import Packed, frame_record, srgb_quads
+from halfstep.host.pack import Packed, frame_record
+from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, with_overrides
-from halfstep.shader.needs import needs_of
 from halfstep.shader.source import MAX_LINES, compose_stages, stage_names
 from halfstep.testing.census import Census, MismatchError
 from halfstep.testing.frames import FrameCensus, Replay, compare_frames, picture_file

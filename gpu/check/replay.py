@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
+from halfstep.contract.formats import FRACTION_BITS
 from halfstep.contract.layout import TILE
 from halfstep.frames.frame import arrays_of, device_outputs
-from halfstep.host.pack import FRACTION_BITS, Packed, Surfaces
+from halfstep.host.pack import Packed, Surfaces
 from halfstep.run.twin import Band
 from halfstep.scene import Scene
 from halfstep.testing.frames import Replay
 from halfstep.twin.lanes import Form
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial import Offset, linear, quadratic
-
-Floats = NDArray[np.float64]
 
 # Pixels of a band, as of the twin's.
 PIXELS = 1 << 20

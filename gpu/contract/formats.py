@@ -12,6 +12,8 @@ import numpy as np
 
 # In float32, above this many steps, coefficients are integers and values are rounded once.
 FLOAT_STEPS = 16
+# Fraction bits of integer coefficients.
+FRACTION_BITS = 60
 
 
 @dataclass(frozen=True)

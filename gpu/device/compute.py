@@ -9,12 +9,10 @@ from operator import methodcaller
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bytes
 from halfstep.device.adapters import stack_of, wgpu_errors
 from halfstep.errors import HalfstepError, UsageError
-
-Bytes = NDArray[np.uint8]
 
 # Of what is wrong with a shader pytest shows the test's line and the message.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)

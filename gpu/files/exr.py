@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import F32, U32, Array
 from halfstep.files.filetype import FrameType
 from halfstep.files.numbers import finite
 from halfstep.files.provenance import NAME, Provenance, to_text
-from halfstep.frames.frame import Array, Frame
+from halfstep.frames.frame import Frame
 
 # Output -> channels, as other programs name them.
 CHANNELS: dict[str, tuple[str, ...]] = {
@@ -53,7 +53,7 @@ def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance
     return facts
 
 
-def _planes(array: Array) -> Iterator[NDArray[np.float32] | NDArray[np.uint32]]:
+def _planes(array: Array) -> Iterator[F32 | U32]:
     """Components (H, W) of an output; of integers -1 becomes 0xFFFFFFFF."""
     if np.issubdtype(array.dtype, np.floating):
         array = finite(array)

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array, Bools
 from halfstep.errors import UsageError
-from halfstep.frames.frame import Array, Frame
+from halfstep.frames.frame import Frame
 from halfstep.frames.png import Pixels
 
 MOST = 0xFFFF
@@ -64,13 +65,13 @@ def _counted(name: str, array: Array) -> NDArray[np.uint16]:
     return (array + 1).astype(np.uint16)
 
 
-def _normal(array: Array, hit: NDArray[np.bool_]) -> NDArray[np.uint16]:
+def _normal(array: Array, hit: Bools) -> NDArray[np.uint16]:
     half = (MOST - 1) // 2
     pixels = np.rint(array.astype(np.float64) * half + (half + 1))
     return np.where(hit[..., None], pixels, 0).astype(np.uint16)
 
 
-def _spread(array: Array, hit: NDArray[np.bool_]) -> Picture:
+def _spread(array: Array, hit: Bools) -> Picture:
     """Numbers (H, W) or (H, W, 3) spread over 1…65535; one range for all components."""
     seen = hit.reshape(hit.shape + (1,) * (array.ndim - 2))
     finite = np.isfinite(array) & seen

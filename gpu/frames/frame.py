@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import I32, Array, Floats, Ints, Planes
+from halfstep.contract.keys import FAR_KEY
 from halfstep.errors import UsageError
 from halfstep.frames.png import png
 from halfstep.host.pack import Packed, Surfaces
-
-Array = NDArray[Any]
-Planes = dict[str, NDArray[Any]]
 
 # Frame array -> device outputs that it is made of.
 SOURCES: dict[str, tuple[str, ...]] = {
@@ -31,8 +30,6 @@ SOURCES: dict[str, tuple[str, ...]] = {
 }
 # Arrays averaged over the samples of a pixel; all others are those of its centre.
 AVERAGED = ("image", "color")
-
-_NOT_LEFT = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
 class Lookup(NamedTuple):
@@ -155,7 +152,7 @@ def arrays_of(
         elif name == "depth_exit":
             leaves = planes["exit"]
             inside = _fraction(leaves, number, packed) * setup.far
-            arrays[name] = np.where((number > 0) & (leaves == _NOT_LEFT), setup.far, inside)
+            arrays[name] = np.where((number > 0) & (leaves == FAR_KEY), setup.far, inside)
         elif name == "position":
             depth = _fraction(planes["key"], number, packed) * setup.far
             j, i = np.mgrid[: number.shape[0], : number.shape[1]]
@@ -169,28 +166,26 @@ def arrays_of(
     return arrays
 
 
-def steps_by_solid(packed: Packed, tables: Surfaces) -> NDArray[np.int32]:
+def steps_by_solid(packed: Packed, tables: Surfaces) -> I32:
     """Halvings (K + 1,) of the scene's solids, 0 of one that is not seen, and a last 0 for none."""
     seen = packed.setup.solid[packed.order]
     return _by_solid(tables, seen, packed.solids["steps"].astype(np.int32))
 
 
-def _by_solid(tables: Surfaces, solids: NDArray[np.int64], values: Array) -> Array:
+def _by_solid(tables: Surfaces, solids: Ints, values: Array) -> Array:
     """Values of some of the scene's K solids as (K + 1,): 0 for the others, and at -1 for none."""
     table = np.zeros(len(tables.first) + 1, values.dtype)
     table[solids] = values
     return table
 
 
-def _fraction(
-    key: NDArray[np.generic], number: NDArray[np.integer[Any]], packed: Packed
-) -> NDArray[np.float64]:
+def _fraction(key: NDArray[np.generic], number: NDArray[np.integer[Any]], packed: Packed) -> Floats:
     """t of depth keys, NaN where nothing is hit."""
     t = key.astype(np.float64) * 2.0**-packed.key_bits
     return np.where(number > 0, t, np.nan)
 
 
-def _error(planes: Planes, packed: Packed, tables: Surfaces) -> NDArray[np.float64]:
+def _error(planes: Planes, packed: Packed, tables: Surfaces) -> Floats:
     """Bound of the depth error from what is certain of every solid in the pixel.
 
     The true depth is at most that of the visible point and its bound, and at least the least depth
@@ -208,7 +203,7 @@ def _error(planes: Planes, packed: Packed, tables: Surfaces) -> NDArray[np.float
     below = t - planes["low"].astype(np.float64) * unit
     doubt = planes["doubt"].astype(np.float64) * unit
     # A pixel without doubt holds the greatest key, which lies behind everything.
-    clear = (planes["doubt"] == _NOT_LEFT) | (doubt > t + above)
+    clear = (planes["doubt"] == FAR_KEY) | (doubt > t + above)
     depth_ulp = 2.0**-51 * setup.far
     error = np.maximum(above, below) * setup.far + rounding[solid] + depth_ulp
     return np.where(clear, np.where(number > 0, error, 0.0), np.inf)

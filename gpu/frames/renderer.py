@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array, Floats, Ints
 from halfstep.contract.layout import TILE
 from halfstep.device.adapters import check_process, choose_adapter, is_requested
 from halfstep.errors import AdapterError, UsageError
 from halfstep.frames.frame import (
     AVERAGED,
     SOURCES,
-    Array,
     Frame,
     Lookup,
     arrays_of,
@@ -30,7 +29,7 @@ from halfstep.frames.frame import (
 )
 from halfstep.host import camera as cameras
 from halfstep.host import geometry as geometries
-from halfstep.host.geometry import Floats, Geometry
+from halfstep.host.geometry import Geometry
 from halfstep.host.pack import Packed, Surfaces, pack, surfaces
 from halfstep.host.setup import setup
 from halfstep.host.steps import Steps, format_for, steps_for
@@ -331,7 +330,7 @@ class Renderer:
         self._tell_short(scene, constants.solid, steps)
         return pack(scene, solids.geometry, solids.tables, constants, steps.count)
 
-    def _tell_short(self, scene: Scene, solids: NDArray[np.int64], steps: Steps) -> None:
+    def _tell_short(self, scene: Scene, solids: Ints, steps: Steps) -> None:
         """Say once of the solids whose tolerance cannot be met what they get instead."""
         if not steps.short.any():
             return

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from halfstep.contract import layout
-from halfstep.contract.formats import Format
+from halfstep.contract.arrays import F32, I32, U32, Floats, Ints, Records
+from halfstep.contract.classes import Class
+from halfstep.contract.formats import FRACTION_BITS, Format
+from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
 from halfstep.host.edges import monomials_of
 from halfstep.host.geometry import Geometry
@@ -18,32 +19,9 @@ from halfstep.host.setup import START_BITS, Setup
 from halfstep.host.steps import format_for
 from halfstep.scene import Scene
 
-Floats = NDArray[np.float64]
-Records = NDArray[np.void]
-U32 = NDArray[np.uint32]
-
-# Bits of a depth key below the last step of the solid with the smallest steps.
-KEY_SPARE_BITS = 6
-# Fraction bits of integer coefficients.
-FRACTION_BITS = 60
 # Components of unit vectors and colours below this are as good as none: outputs would hold
 # subnormal numbers, which devices may flush.
 FAINT = 2.0**-63
-# Entries of the sRGB table: 128 for each of 13 powers of two, and one for 1.
-SRGB_ENTRIES = 13 * 128 + 1
-
-
-class Class(IntEnum):
-    """Solids that run the same code; a shader has one loop for each class of its frame."""
-
-    ELLIPSOID = 0  # uncut, between the base planes, seen from outside
-    QUADRIC = 1
-    QUADRIC_INSIDE = 2  # some rays start inside
-    POLYHEDRON = 3
-    POLYHEDRON_INSIDE = 4
-    PATCH = 5
-
-
 # By the class of a solid seen whole and from outside: what it is so, cut, and from inside.
 _CLASS_SEEN = np.array(
     [
@@ -76,14 +54,14 @@ _FRAME, _LIGHT = layout.FRAME.dtype(), layout.LIGHT.dtype()
 class Surfaces:
     """The surfaces of a scene, numbered through from 1; row 0 stands for no surface."""
 
-    solid: NDArray[np.int32]  # (S,), -1 in row 0
-    number: NDArray[np.int32]  # (S,), within the solid, -1 in row 0
-    first: NDArray[np.int64]  # (K,), each solid's surface 0
-    color: NDArray[np.float32]  # (K, 3), of each solid's material
-    specular: NDArray[np.float32]  # (K,)
-    shininess: NDArray[np.uint32]  # (K,)
-    normal: NDArray[np.float32]  # (M, 3), of each half-space, world
-    usual: NDArray[np.int64]  # (K,), class of each solid from outside and between the base planes
+    solid: I32  # (S,), -1 in row 0
+    number: I32  # (S,), within the solid, -1 in row 0
+    first: Ints  # (K,), each solid's surface 0
+    color: F32  # (K, 3), of each solid's material
+    specular: F32  # (K,)
+    shininess: U32  # (K,)
+    normal: F32  # (M, 3), of each half-space, world
+    usual: Ints  # (K,), class of each solid from outside and between the base planes
 
 
 @dataclass(frozen=True)
@@ -91,8 +69,8 @@ class Packed:
     """One frame: V visible solids ordered by class, then by place in the scene."""
 
     setup: Setup
-    order: NDArray[np.int64]  # (V,), row of each solid in ``setup``
-    classes: NDArray[np.int64]  # (V,)
+    order: Ints  # (V,), row of each solid in ``setup``
+    classes: Ints  # (V,)
     format: Format
     solids: Records
     half_spaces: Records
@@ -135,9 +113,7 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     )
 
 
-def pack(
-    scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: NDArray[np.int64]
-) -> Packed:
+def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: Ints) -> Packed:
     """Records of the frame ``setup`` with ``steps`` (V,) halvings for each solid."""
     classes, usual = _classes(tables, setup), tables.usual
     if scene.accuracy.method == "article":
@@ -147,7 +123,7 @@ def pack(
     number_format = format_for(scene.accuracy, int(steps.max(initial=0)))
     longest = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
     # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
-    spare = min(KEY_SPARE_BITS, 63 - longest, 30 - int(steps.max(initial=1)))
+    spare = min(SPARE_BITS, 63 - longest, 30 - int(steps.max(initial=1)))
     key_bits = longest + spare
 
     solid_type, half_space_type = _types(number_format)
@@ -224,7 +200,7 @@ def _types(number_format: Format) -> tuple[np.dtype[np.void], np.dtype[np.void]]
     return layout.SOLID.dtype(number_format), layout.HALF_SPACE.dtype(number_format)
 
 
-def _classes(tables: Surfaces, setup: Setup) -> NDArray[np.int64]:
+def _classes(tables: Surfaces, setup: Setup) -> Ints:
     inside = setup.eye_inside | setup.near_cut
     # The discriminant alone also finds the roots of a line behind the eye.
     # What is seen from inside is cut as well, so the sum counts to two.
@@ -232,13 +208,13 @@ def _classes(tables: Surfaces, setup: Setup) -> NDArray[np.int64]:
     return np.asarray(_CLASS_SEEN[tables.usual[setup.solid], np.add(cut, inside, dtype=np.int64)])
 
 
-def _present(classes: NDArray[np.int64], usual: NDArray[np.int64]) -> tuple[Class, ...]:
+def _present(classes: Ints, usual: Ints) -> tuple[Class, ...]:
     """The classes among them, in order."""
     count = np.bincount(classes, minlength=len(Class)) + np.bincount(usual, minlength=len(Class))
     return tuple(klass for klass, found in zip(Class, count.tolist(), strict=True) if found)
 
 
-def _usual_classes(geometry: Geometry) -> NDArray[np.int64]:
+def _usual_classes(geometry: Geometry) -> Ints:
     """The class of each solid from outside and between the base planes."""
     kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
     classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
@@ -293,34 +269,3 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
 def _clear(vectors: Floats) -> Floats:
     """Unit vectors or colours without components below `FAINT`."""
     return np.where(np.abs(vectors) < FAINT, 0.0, vectors)
-
-
-@functools.cache
-def srgb_table() -> U32:
-    """Table of ``encode.wgsl``, an entry for every 2^16 consecutive float32 from 2^-13 to 1."""
-    edges = (np.arange(1, 256) - 0.5) / 255
-    linear = np.where(edges <= 0.04045, edges / 12.92, ((edges + 0.055) / 1.055) ** 2.4)
-    # The least float32 of each level.
-    first = linear.astype(np.float32)
-    first = np.where(first < linear, np.nextafter(first, np.float32(2)), first).view(np.uint32)
-    begin = np.float32(2.0**-13).view(np.uint32)
-    cells = begin + (np.arange(SRGB_ENTRIES, dtype=np.uint32) << np.uint32(16))
-    level = np.searchsorted(first, cells, side="right")
-    following = np.append(first, 0xFFFFFFFF)[level] - cells.astype(np.int64)
-    table = level | np.minimum(following, 1 << 16) << 8
-    table = table.astype(np.uint32)
-    table.setflags(write=False)  # every caller has this one
-    return table
-
-
-@functools.cache
-def srgb_quads() -> U32:
-    """The table (SRGB_ENTRIES, 4) as shaders read it: uniform arrays have no smaller stride."""
-    quads = np.repeat(srgb_table()[:, None], 4, axis=1)
-    quads.setflags(write=False)
-    return quads
-
-
-def joined_key(high: U32, low: U32) -> NDArray[np.uint64]:
-    """Depth keys from their two words."""
-    return (high.astype(np.uint64) << np.uint64(32)) | low

@@ -12,13 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.setup import Setup
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # What the device makes of forms that are at most 1 is much closer to them than this.
 MARGIN = 2.0**-18

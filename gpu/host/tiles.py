@@ -11,15 +11,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import U32, Bools, Ints
+from halfstep.contract.classes import Class
 from halfstep.contract.layout import TILE, TILE_WORDS
-from halfstep.host.pack import Class, Packed
+from halfstep.host.pack import Packed
 from halfstep.host.reach import Blocks, Reach
 
 Classes = tuple[Class, ...]
-Ints = NDArray[np.int64]
-U32 = NDArray[np.uint32]
 
 # A test costs the host about what a solid too many in a tile costs the device. So only solids with
 # a loose rectangle are tested, in tiles that have so many pixels together, and only if all of these
@@ -58,7 +57,7 @@ class TileGroup(NamedTuple):
     records: U32  # (T, TILE_WORDS), as ``layout`` describes them
 
 
-def blank_tiles(starts: U32, classes: Classes) -> NDArray[np.bool_]:
+def blank_tiles(starts: U32, classes: Classes) -> Bools:
     """Whether each tile of ``starts``, as `tile_lists` gives them, sees nothing, (T,)."""
     edges = starts[:: len(classes)]
     return np.asarray(edges[1:] == edges[:-1])
@@ -69,7 +68,7 @@ def tile_groups(
     classes: Classes,
     tiles_x: int,
     sets: Sequence[Classes],
-    left_out: NDArray[np.bool_] | None = None,
+    left_out: Bools | None = None,
 ) -> list[TileGroup]:
     """The tiles of ``starts``, as `tile_lists` gives them, by the shaders that render them.
 
@@ -117,7 +116,7 @@ def frequent_sets(starts: U32, classes: Classes) -> list[Classes]:
     return [*(known for known in found if known != classes), classes]
 
 
-def _seen(starts: U32, classes: Classes) -> NDArray[np.bool_]:
+def _seen(starts: U32, classes: Classes) -> Bools:
     """Whether each tile sees each class, (T, C)."""
     return np.diff(starts).reshape(-1, len(classes)) > 0
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import U32, Array, Bools, Planes
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.contract.layout import TILE, TILE_WORDS
+from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import (
     INT64,
     Adapter,
@@ -21,7 +22,7 @@ from halfstep.device.adapters import (
 from halfstep.device.compute import Compute
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
-from halfstep.host.pack import Packed, frame_record, srgb_quads
+from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import (
     Classes,
     TileGroup,
@@ -31,10 +32,11 @@ from halfstep.host.tiles import (
     tile_lists,
 )
 from halfstep.run import rounds, split
-from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, Planes, pixel_bytes, written_for
+from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, pixel_bytes, written_for
+from halfstep.run.needs import needs_of
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
-from halfstep.shader.needs import UNIFORM_BYTES, Needs, needs_of
+from halfstep.shader.needs import UNIFORM_BYTES, Needs
 from halfstep.shader.source import binding_types, compose
 
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
@@ -104,7 +106,7 @@ class Device(Turns):
         self._bound: tuple[Any, Any] = None, None
         self._known: dict[Needs, list[Classes]] = {}
         # What the frame buffer shows where nothing is, and which of its tiles show just that.
-        self._blank: tuple[Any, NDArray[np.bool_]] = None, np.zeros(0, bool)
+        self._blank: tuple[Any, Bools] = None, np.zeros(0, bool)
         self._buffers: dict[str, Any] = {}
         self._timed = "timestamp-query" in self._device.features
         self._queries: Any = None
@@ -228,7 +230,7 @@ class Device(Turns):
         self._blank = ground, blank
         return planes, milliseconds
 
-    def _left_out(self, needs: Needs, ground: Any, blank: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _left_out(self, needs: Needs, ground: Any, blank: Bools) -> Bools:
         """Which of the tiles ``blank`` need no rendering: in the last frame they were the same."""
         shown, before = self._blank
         # Known again once this frame is rendered: it may fail midway.
@@ -237,7 +239,7 @@ class Device(Turns):
         decided = not self._played or self._known.get(needs)
         return blank & before if shown == ground and decided else np.zeros_like(blank)
 
-    def _is_too_large(self, packed: Packed, members: NDArray[np.uint32]) -> bool:
+    def _is_too_large(self, packed: Packed, members: U32) -> bool:
         """Whether a binding cannot hold the solids, their half-spaces or the lists of tiles."""
         largest = max(packed.solids.nbytes, packed.half_spaces.nbytes, members.nbytes)
         return largest > self.largest_binding
@@ -263,7 +265,7 @@ class Device(Turns):
             del joined["key"]
         return joined, sum(times) if times else None
 
-    def _sets(self, needs: Needs, starts: NDArray[np.uint32]) -> list[Classes]:
+    def _sets(self, needs: Needs, starts: U32) -> list[Classes]:
         """The classes of each shader of a frame.
 
         One shader does for a single frame, as compiling takes longer than rendering. The second
@@ -305,7 +307,7 @@ class Device(Turns):
             )
         return self._pipelines[needs]
 
-    def _upload(self, number: int, type_: str, content: NDArray[Any]) -> _Binding:
+    def _upload(self, number: int, type_: str, content: Array) -> _Binding:
         """A part of a buffer that holds ``content``."""
         # An empty binding is not allowed: nothing reads this one record of zeros.
         content = content if len(content) else np.zeros(1, content.dtype)
@@ -397,7 +399,7 @@ class _Part(NamedTuple):
     tiles: int
 
 
-def _parts(groups: list[TileGroup]) -> tuple[NDArray[np.uint32], list[_Part]]:
+def _parts(groups: list[TileGroup]) -> tuple[U32, list[_Part]]:
     """The records of all tiles in one array, and the dispatches that take them."""
     parts, pieces, end = [], [np.zeros((0, TILE_WORDS), np.uint32)], 0
     for group in groups:

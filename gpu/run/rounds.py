@@ -8,13 +8,11 @@ that one.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from halfstep.host.pack import Class, Packed
+from halfstep.contract.arrays import U32, Ints
+from halfstep.contract.classes import Class
+from halfstep.host.pack import Packed
 from halfstep.shader.needs import Needs
-
-Ints = NDArray[np.int64]
-U32 = NDArray[np.uint32]
 
 
 def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:

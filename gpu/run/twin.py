@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from importlib import import_module
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Planes
+from halfstep.contract.classes import Class
+from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE, Flag
-from halfstep.host.pack import Class, Packed, frame_record, joined_key, srgb_table
+from halfstep.contract.srgb import srgb_table
+from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import tile_lists
 from halfstep.scene import Scene
 from halfstep.twin import (
@@ -28,8 +32,6 @@ from halfstep.twin import (
 )
 from halfstep.twin.lanes import F32, Form
 from halfstep.twin.piece import Line
-
-Planes = dict[str, NDArray[Any]]
 
 _FAR = np.uint32(0xFFFFFFFF)
 

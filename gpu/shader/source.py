@@ -21,7 +21,7 @@ from __future__ import annotations
 import functools
 
 from halfstep.contract.layout import LANES, SOLID, TILE, TILE_WORDS
-from halfstep.host.pack import SRGB_ENTRIES
+from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.shader.finish import declare_finish, finish_block
 from halfstep.shader.library import Definition, definitions, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets

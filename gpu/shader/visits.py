@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from halfstep.contract.classes import Class
 from halfstep.contract.layout import HALF_SPACE
-from halfstep.host.pack import Class
 from halfstep.shader.needs import Needs
 from halfstep.shader.statements import each_quad, fetch, loop, quads, variables, vector
 

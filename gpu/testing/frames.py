@@ -16,16 +16,13 @@ from operator import methodcaller
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array, Bools, Bytes, Floats
 from halfstep.device.adapters import LAVAPIPE
 from halfstep.errors import UsageError
-from halfstep.frames.frame import Array, Frame
+from halfstep.frames.frame import Frame
 from halfstep.testing.census import as_text, plain
 from halfstep.testing.results import keep
-
-Bools = NDArray[np.bool_]
-Pixels = NDArray[np.uint8]
 
 # Arrays that follow from decisions, and those that follow from shading; the rest say how sure a
 # device is, or have no bound: they are judged only where every bit is to be the same.
@@ -33,7 +30,7 @@ DECIDED = ("solid", "surface", "t", "depth", "position", "steps")
 SHADED = ("image", "color", "normal")
 # A device that computes a decided pixel otherwise may shade it so much otherwise: one 8-bit level.
 LEVEL = 1 / 255
-# Pixels that a census shows.
+# Bytes that a census shows.
 SHOWN = 5
 
 _AMBIGUOUS = (255, 176, 0)
@@ -50,8 +47,8 @@ class Replay:
             rounding.
     """
 
-    depth: NDArray[np.float64]
-    error: NDArray[np.float64]
+    depth: Floats
+    error: Floats
 
 
 @dataclass(frozen=True)
@@ -211,8 +208,8 @@ def picture_file(found: Frame, expected: Frame, census: FrameCensus) -> bytes:
     from halfstep.frames.png import png
 
     height, width = census.failed.shape
-    pictures: list[Pixels] = []
-    places: Pixels = np.full((height, width, 3), 32, np.uint8)
+    pictures: list[Bytes] = []
+    places: Bytes = np.full((height, width, 3), 32, np.uint8)
     if "image" in expected.outputs:
         pictures = [found.image, expected.image]
         places = expected.image // 4
@@ -231,7 +228,7 @@ def _check_alike(found: Frame, expected: Frame) -> None:
 
 
 def _differs(found: Array, expected: Array) -> Bools:
-    """Pixels (H, W) with other bits; a NaN is as good as another."""
+    """Bytes (H, W) with other bits; a NaN is as good as another."""
     bits = f"u{found.itemsize}"
     same = np.ascontiguousarray(found).view(bits) == np.ascontiguousarray(expected).view(bits)
     if found.dtype.kind == "f":
@@ -240,14 +237,14 @@ def _differs(found: Array, expected: Array) -> Bools:
 
 
 def _off_by_a_level(found: Array, expected: Array) -> Bools:
-    """Pixels (H, W) whose shading differs by more than `LEVEL`."""
+    """Bytes (H, W) whose shading differs by more than `LEVEL`."""
     if found.dtype == np.uint8:
         return _by_pixel(np.abs(found.astype(int) - expected) > 1)
     return _by_pixel(~(np.abs(found - expected) <= LEVEL * np.maximum(np.abs(expected), 1)))
 
 
 def _within_bounds(found: Frame, expected: Frame, replay: Replay | None) -> Bools:
-    """Pixels (H, W) in which either answer may be right, as the bounds of their errors say."""
+    """Bytes (H, W) in which either answer may be right, as the bounds of their errors say."""
     integers = {frame.info["number_format"] for frame in (found, expected)} == {"fixed32"}
     if integers:
         return np.zeros(found.solid.shape, bool)

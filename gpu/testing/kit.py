@@ -9,8 +9,9 @@ from operator import index, methodcaller
 from typing import Any, SupportsIndex
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from halfstep.contract.arrays import Bools, Bytes
 from halfstep.device.compute import Bound, Compute
 from halfstep.device.probe import loop_limit
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, UsageError
@@ -239,7 +240,7 @@ class Kit:
         expected: Values,
         tolerance: Tolerance,
         inputs: Mapping[str, Values] | None = None,
-        excused: NDArray[np.bool_] | None = None,
+        excused: Bools | None = None,
         *,
         member: str = "",
     ) -> Census:
@@ -289,7 +290,7 @@ class Kit:
     def _loop_limit(self) -> int | None:
         return loop_limit(self._compute)
 
-    def _check_watched(self, name: str, function: str, watched: NDArray[np.uint8]) -> None:
+    def _check_watched(self, name: str, function: str, watched: Bytes) -> None:
         """See that no loop was ended before its time.
 
         Raises:

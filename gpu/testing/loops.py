@@ -8,8 +8,8 @@ others, has only one, the others may have been cut short.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bytes
 from halfstep.testing.module import Module
 
 # What the buffer of `watch` holds before: the rounds of the loop, and that nothing was cut.
@@ -47,6 +47,6 @@ def calls(module: Module, entry_point: str) -> list[tuple[int, str]]:
     return [(end.at, f"{module.prefix}watch(); ") for end in ends]
 
 
-def was_cut(watched: NDArray[np.uint8]) -> bool:
+def was_cut(watched: Bytes) -> bool:
     """What the bytes of the buffer say afterwards."""
     return bool(watched.view(np.uint32)[1])

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.device.compute import UNWRITTEN, Bytes
+from halfstep.contract.arrays import Bytes
+from halfstep.device.compute import UNWRITTEN
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.testing.types import (
     SCALARS,
@@ -28,6 +29,7 @@ from halfstep.testing.types import (
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
+# `Array` is a type of WGSL here.
 Values = NDArray[Any]
 
 

@@ -12,18 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import I32, Array, Floats, Ints
 from halfstep.host import camera, geometry
 from halfstep.host.geometry import Geometry
 from halfstep.host.setup import NEGLIGIBLE, Setup, setup
 from halfstep.scene import Scene
 from halfstep.twin import lanes, patch, piece, polynomial, root
-
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-# Values in every pixel of a window, float64 where the twin's annotations say float32.
-Values = NDArray[Any]
 
 # Pixels of a window: its temporaries, some 40 arrays, stay near the processor at any picture size.
 WINDOW = 1 << 15
@@ -41,8 +36,8 @@ class Exact:
     """
 
     view: camera.View
-    solid: Ints
-    surface: Ints
+    solid: I32
+    surface: I32
     depth: Floats
 
 
@@ -70,7 +65,7 @@ def exact(scene: Scene) -> Exact:
     return answer
 
 
-def _windows(rectangle: NDArray[np.int64]) -> Iterator[tuple[slice, slice]]:
+def _windows(rectangle: Ints) -> Iterator[tuple[slice, slice]]:
     """A solid's screen rectangle in bands of at most ``WINDOW`` pixels."""
     left, right, top, bottom = rectangle.tolist()
     rows = max(WINDOW // (right - left + 1), 1)
@@ -135,7 +130,7 @@ def _sight(solids: Geometry, constants: Setup, row: int, at: Any) -> root.Root:
         inside |= begins
     if not solids.has_quadric[ix]:
         return root.choose(inside, root.polyhedron_entry(part), root.polyhedron_exit(part))
-    coefficients: list[Values] = [constants.a[row], constants.g[row], constants.c[row]]
+    coefficients: list[Array] = [constants.a[row], constants.g[row], constants.c[row]]
     form = lanes.Form(*(polynomial.quadratic(k, at) for k in coefficients))
     outside = root.outside_at_entry(form, part)
     if constants.starts_at_eye[row]:

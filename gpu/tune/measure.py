@@ -16,8 +16,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats
 from halfstep.errors import UsageError
 from halfstep.frames.frame import Frame, check_outputs
 from halfstep.frames.renderer import WARM_UP, Renderer
@@ -33,7 +33,6 @@ REPEATS = 5
 # The tolerance of a scene that states a number of steps instead.
 DEFAULT_TOLERANCE_PIXELS = 0.5
 
-Floats = NDArray[np.float64]
 
 _MEASURED = ("solid", "surface", "depth", "error")
 
@@ -355,7 +354,7 @@ class _Bench(Renderer):
         )
         return row, frame
 
-    def wrong(self, frame: Frame) -> NDArray[np.bool_]:
+    def wrong(self, frame: Frame) -> Bools:
         """Pixels that show another surface than the exact answer."""
         return (frame.solid != self.exact.solid) | (frame.surface != self.exact.surface)
 

@@ -1,0 +1,16 @@
+"""Classes of solids: those that run the same code."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Class(IntEnum):
+    """Solids that run the same code; a shader has one loop for each class of its frame."""
+
+    ELLIPSOID = 0  # uncut, between the base planes, seen from outside
+    QUADRIC = 1
+    QUADRIC_INSIDE = 2  # some rays start inside
+    POLYHEDRON = 3
+    POLYHEDRON_INSIDE = 4
+    PATCH = 5
