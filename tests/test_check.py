@@ -20,6 +20,7 @@ from halfstep.cli import main
 from halfstep.device import canary
 from halfstep.device.adapters import Adapter
 from halfstep.errors import AdapterError
+from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
 from halfstep.run import rounds
 from halfstep.scene import Scene, bundled_scenes, with_overrides
@@ -27,7 +28,6 @@ from halfstep.shader import library, source
 from halfstep.shader.needs import Needs
 from halfstep.testing import frames
 from halfstep.twin import halve, piece
-from tests.test_pack import packed_frame
 from tests.test_rounds import barrels
 
 SIZE = (96, 72)
@@ -151,7 +151,7 @@ def test_a_fault_in_the_shaders_of_second_frames_is_found(
     checker: Checker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = small("gallery")
-    classes = len(packed_frame(scene).present)
+    classes = len(prepare(scene).present)
     plant(
         monkeypatch,
         "let position = root_position_0;",

@@ -16,6 +16,7 @@ from halfstep.device.adapters import Adapter, open_device
 from halfstep.device.compute import Compute
 from halfstep.errors import DeviceError, SceneError
 from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.host.prepare import prepare
 from halfstep.host.tiles import tile_lists
 from halfstep.run import gpu as run_gpu
 from halfstep.run import rounds
@@ -24,7 +25,6 @@ from halfstep.scene import Scene, load, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.crowded import different, one_tile, spheres
-from tests.test_pack import packed_frame
 
 SIZE = (96, 72)
 SCENES = ("gallery", "figure", "one_polyhedron", "edge_eye_inside_sphere", "one_plane")
@@ -91,7 +91,7 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = with_overrides(load(name), size=SIZE, steps=11, method=method)
-    packed = packed_frame(scene)
+    packed = prepare(scene)
     wanted = device_outputs(outputs)
     monkeypatch.setattr(run_gpu, "compose", counting)
     monkeypatch.setattr("halfstep.run.framebuffer.MOST_TAGS", 0)

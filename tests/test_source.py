@@ -15,11 +15,12 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
 from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs
 from halfstep.shader.source import compose, stage_names
-from tests.test_pack import SIZE, packed_frame
+from tests.test_pack import SIZE
 
 METHODS = ("visible", "article")
 FORMATS = (FLOAT32, FLOAT32_EXACT, FIXED32)
@@ -69,7 +70,7 @@ def device(adapter: Adapter) -> Iterator[Any]:
 
 def needs(scene: Scene, outputs: frozenset[str] = ALL) -> Needs:
     small = with_overrides(scene, size=SIZE, steps=12)
-    return needs_of(packed_frame(small), scene.accuracy.method, outputs)
+    return needs_of(prepare(small), scene.accuracy.method, outputs)
 
 
 def code(text: str) -> str:

@@ -13,10 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from halfstep.contract.arrays import I32, Records
-from halfstep.host import camera as cameras
-from halfstep.host import geometry as geometries
-from halfstep.host.setup import setup
-from halfstep.scene import Scene
+from halfstep.host.prepare import frame_setup
+from halfstep.scene import Scene, with_overrides
 
 FLAGS = ("-O3", "-march=native", "-pthread", "-shared", "-fPIC")
 # The width of a picture is a multiple of this, LANES in native.c.
@@ -81,10 +79,7 @@ class Native:
 
 def _solids(scene: Scene, size: tuple[int, int]) -> Records:
     """What native.c reads of the solids of ``scene``."""
-    geometry = geometries.build(scene)
-    view = cameras.view(scene.camera, size)
-    near, far = cameras.base_planes(view, *geometries.volume_box(scene, geometry))
-    constants = setup(geometry, view, near, far)
+    constants = frame_setup(with_overrides(scene, size=size))
     solids = np.zeros(constants.count, _SOLID)
     for name in ("a", "g", "c", "depth_middle", "depth_half"):
         solids[name] = getattr(constants, name)

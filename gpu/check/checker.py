@@ -24,8 +24,9 @@ from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import INT64, choose_adapter, close_device, is_lavapipe, open_device
 from halfstep.device.canary import Fingerprint, fingerprint
 from halfstep.frames.frame import SOURCES, device_outputs
-from halfstep.frames.renderer import Renderer, Solids
+from halfstep.frames.renderer import Renderer
 from halfstep.host.pack import Packed, frame_record
+from halfstep.host.prepare import Solids
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import MAX_LINES, compose_stages, stage_names
@@ -212,10 +213,10 @@ class Checker:
 
 
 class Twin(Renderer):
-    """Renders with NumPy; ``scene``, ``tables`` and ``packed`` are what it has rendered."""
+    """Renders with NumPy; ``scene`` and ``packed`` are what it has rendered."""
 
     def _pack(self, scene: Scene, solids: Solids, samples: int) -> Packed:
-        self.scene, self.tables = scene, solids.tables
+        self.scene = scene
         self.packed = super()._pack(scene, solids, samples)
         return self.packed
 
@@ -223,4 +224,4 @@ class Twin(Renderer):
         """What no device may decide otherwise; None where that is known without, or not at all."""
         if self.packed.format is FIXED32 or self.scene.accuracy.method == "article":
             return None
-        return replay(self.scene, self.packed, self.tables)
+        return replay(self.scene, self.packed)

@@ -20,7 +20,7 @@ from halfstep.contract.arrays import Floats
 from halfstep.contract.formats import FRACTION_BITS
 from halfstep.contract.layout import TILE
 from halfstep.frames.frame import arrays_of, device_outputs
-from halfstep.host.pack import Packed, Surfaces
+from halfstep.host.pack import Packed
 from halfstep.run.twin import Band
 from halfstep.scene import Scene
 from halfstep.testing.frames import Replay
@@ -32,7 +32,7 @@ from halfstep.twin.polynomial import Offset, linear, quadratic
 PIXELS = 1 << 20
 
 
-def replay(scene: Scene, packed: Packed, tables: Surfaces) -> Replay:
+def replay(scene: Scene, packed: Packed) -> Replay:
     """Replay a frame in the number format float32 by the method ``visible``."""
     view = packed.setup.view
     outputs = ("depth", "error")
@@ -43,7 +43,7 @@ def replay(scene: Scene, packed: Packed, tables: Surfaces) -> Replay:
         band = _WideBand(scene, packed, first, rows, device_outputs(outputs))
         for row in range(len(packed.solids)):
             band.visit(row)
-        bands.append(arrays_of(outputs, band.finish(), packed, tables, first))
+        bands.append(arrays_of(outputs, band.finish(), packed, first))
     return Replay(*(np.concatenate([np.asarray(band[name]) for band in bands]) for name in outputs))
 
 

@@ -130,7 +130,7 @@ def device_outputs(outputs: Iterable[str]) -> frozenset[str]:
 
 
 def arrays_of(
-    outputs: Iterable[str], planes: Planes, packed: Packed, tables: Surfaces, first_row: int = 0
+    outputs: Iterable[str], planes: Planes, packed: Packed, first_row: int = 0
 ) -> dict[str, Array | Lookup]:
     """Frame arrays of a band from what a device or the twin computed."""
     number = planes["surface"]
@@ -142,9 +142,9 @@ def arrays_of(
         elif name in ("color", "normal"):
             arrays[name] = planes[name]
         elif name == "solid":
-            arrays[name] = Lookup(tables.solid, number)
+            arrays[name] = Lookup(packed.surfaces.solid, number)
         elif name == "surface":
-            arrays[name] = Lookup(tables.number, number)
+            arrays[name] = Lookup(packed.surfaces.number, number)
         elif name == "t":
             arrays[name] = _fraction(planes["key"], number, packed)
         elif name == "depth":
@@ -160,21 +160,21 @@ def arrays_of(
             position = setup.view.eye + depth[..., None] * directions
             arrays[name] = np.ascontiguousarray(position)
         elif name == "error":
-            arrays[name] = _error(planes, packed, tables)
+            arrays[name] = _error(planes, packed)
         elif name == "steps":
-            arrays[name] = Lookup(steps_by_solid(packed, tables)[tables.solid], number)
+            arrays[name] = Lookup(steps_by_solid(packed)[packed.surfaces.solid], number)
     return arrays
 
 
-def steps_by_solid(packed: Packed, tables: Surfaces) -> I32:
+def steps_by_solid(packed: Packed) -> I32:
     """Halvings (K + 1,) of the scene's solids, 0 of one that is not seen, and a last 0 for none."""
     seen = packed.setup.solid[packed.order]
-    return _by_solid(tables, seen, packed.solids["steps"].astype(np.int32))
+    return _by_solid(packed.surfaces, seen, packed.solids["steps"].astype(np.int32))
 
 
-def _by_solid(tables: Surfaces, solids: Ints, values: Array) -> Array:
+def _by_solid(surfaces: Surfaces, solids: Ints, values: Array) -> Array:
     """Values of some of the scene's K solids as (K + 1,): 0 for the others, and at -1 for none."""
-    table = np.zeros(len(tables.first) + 1, values.dtype)
+    table = np.zeros(len(surfaces.first) + 1, values.dtype)
     table[solids] = values
     return table
 
@@ -185,18 +185,18 @@ def _fraction(key: NDArray[np.generic], number: NDArray[np.integer[Any]], packed
     return np.where(number > 0, t, np.nan)
 
 
-def _error(planes: Planes, packed: Packed, tables: Surfaces) -> Floats:
+def _error(planes: Planes, packed: Packed) -> Floats:
     """Bound of the depth error from what is certain of every solid in the pixel.
 
     The true depth is at most that of the visible point and its bound, and at least the least depth
     that any certain point can have.  A solid of which nothing is certain spoils a pixel unless its
     whole interval lies behind.
     """
-    setup = packed.setup
-    half = _by_solid(tables, setup.solid, 2.0 ** -(setup.level + 1.0))
-    rounding = _by_solid(tables, setup.solid, setup.depth_error)
+    setup, surfaces = packed.setup, packed.surfaces
+    half = _by_solid(surfaces, setup.solid, 2.0 ** -(setup.level + 1.0))
+    rounding = _by_solid(surfaces, setup.solid, setup.depth_error)
     number = planes["surface"]
-    solid = tables.solid[number]
+    solid = surfaces.solid[number]
     unit = 2.0**-packed.key_bits
     t = planes["key"].astype(np.float64) * unit
     above = planes["bound"].astype(np.float64) * half[solid]

@@ -8,12 +8,11 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
-from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn, Self
 
 import numpy as np
 
-from halfstep.contract.arrays import Array, Floats, Ints
+from halfstep.contract.arrays import Array
 from halfstep.contract.layout import TILE
 from halfstep.device.adapters import check_process, choose_adapter, is_requested
 from halfstep.errors import AdapterError, UsageError
@@ -27,12 +26,9 @@ from halfstep.frames.frame import (
     device_outputs,
     steps_by_solid,
 )
-from halfstep.host import camera as cameras
-from halfstep.host import geometry as geometries
-from halfstep.host.geometry import Geometry
-from halfstep.host.pack import Packed, Surfaces, pack, surfaces
-from halfstep.host.setup import setup
-from halfstep.host.steps import Steps, format_for, steps_for
+from halfstep.host.pack import Packed
+from halfstep.host.prepare import Solids, prepare
+from halfstep.host.steps import format_for
 from halfstep.scene import Accuracy, Camera, Scene, SceneLike, as_scene, with_overrides
 from halfstep.version import __version__
 
@@ -99,23 +95,6 @@ def render(
         return renderer.render()
 
 
-@dataclass(frozen=True)
-class Solids:
-    """What a frame needs of a scene and does not depend on the camera."""
-
-    geometry: Geometry
-    volume: tuple[Floats, Floats]
-    tables: Surfaces
-    sha256: str
-
-    @classmethod
-    def of(cls, scene: Scene) -> Self:
-        """What the frames of ``scene`` share."""
-        geometry = geometries.build(scene)
-        volume = geometries.volume_box(scene, geometry)
-        return cls(geometry, volume, surfaces(scene, geometry), scene.solids_sha256)
-
-
 class _Pass(NamedTuple):
     """Arrays of a frame that are rendered together."""
 
@@ -128,7 +107,7 @@ class _Prepared(NamedTuple):
     """A frame before it is rendered."""
 
     scene: Scene
-    solids: Solids
+    solids_sha256: str
     passes: list[_Pass]
     begin: float  # by time.perf_counter
 
@@ -174,9 +153,9 @@ class Renderer:
         }
         self._scene = with_overrides(as_scene(scene), **self._overrides, camera=camera)
         self._outputs = check_outputs(outputs)
-        # The last scene that was prepared, and its solids. Threads may share the renderer: what is
-        # kept of one frame for others is taken and replaced whole.
-        self._kept = self._scene, Solids.of(self._scene)
+        # The last scene that was prepared, its solids and their digest. Threads may share the
+        # renderer: what is kept of one frame for others is taken and replaced whole.
+        self._kept = self._scene, Solids.of(self._scene), self._scene.solids_sha256
         self._device = _device(backend, adapter, self._scene.accuracy)
         self.most_steps = None if self._device is None else self._device.most_steps
         self._told: set[int] = set()
@@ -282,7 +261,7 @@ class Renderer:
             shown = with_overrides(as_scene(scene), **self._overrides)
         if camera is not None:
             shown = with_overrides(shown, camera=camera)
-        solids = self._solids_of(shown)
+        solids, sha256 = self._solids_of(shown)
         samples = shown.image.samples
         averaged = [name for name in self._outputs if name in AVERAGED and samples > 1]
         plain = [name for name in self._outputs if name not in averaged]
@@ -291,7 +270,7 @@ class Renderer:
             for names, factor in ((plain, 1), (averaged, samples))
             if names
         ]
-        return _Prepared(shown, solids, passes, begin)
+        return _Prepared(shown, sha256, passes, begin)
 
     def _finished(self, frame: _Prepared) -> Frame:
         """The frame, rendered."""
@@ -308,33 +287,30 @@ class Renderer:
         arrays = {name: arrays[name] for name in self._outputs}
         return Frame(arrays, self._info(frame, times))
 
-    def _solids_of(self, scene: Scene) -> Solids:
-        """The solids of ``scene``; most often they are the same ones as before."""
-        before, solids = self._kept
+    def _solids_of(self, scene: Scene) -> tuple[Solids, str]:
+        """The solids of ``scene`` and their digest; most often they are the same as before."""
+        before, solids, sha256 = self._kept
         if (scene.solids, scene.materials, scene.volume) != (
             before.solids,
             before.materials,
             before.volume,
         ):
-            solids = Solids.of(scene)
-        self._kept = scene, solids
-        return solids
+            solids, sha256 = Solids.of(scene), scene.solids_sha256
+        self._kept = scene, solids, sha256
+        return solids, sha256
 
     def _pack(self, scene: Scene, solids: Solids, samples: int) -> Packed:
         """Records of a frame with ``samples`` x ``samples`` pixels for each of the picture."""
-        size = scene.image.width * samples, scene.image.height * samples
-        view = cameras.view(scene.camera, size)
-        near, far = cameras.base_planes(view, *solids.volume)
-        constants = setup(solids.geometry, view, near, far)
-        steps = steps_for(scene, constants, samples, self.most_steps)
-        self._tell_short(scene, constants.solid, steps)
-        return pack(scene, solids.geometry, solids.tables, constants, steps.count)
+        packed = prepare(scene, samples, solids=solids, most_steps=self.most_steps)
+        self._tell_short(scene, packed)
+        return packed
 
-    def _tell_short(self, scene: Scene, solids: Ints, steps: Steps) -> None:
+    def _tell_short(self, scene: Scene, packed: Packed) -> None:
         """Say once of the solids whose tolerance cannot be met what they get instead."""
+        steps = packed.steps
         if not steps.short.any():
             return
-        short = solids[steps.short].tolist()
+        short = packed.setup.solid[steps.short].tolist()
         errors = dict(zip(short, steps.reached[steps.short].tolist(), strict=True))
         new = [ix for ix in errors if ix not in self._told]
         if not new:
@@ -374,8 +350,7 @@ class Renderer:
             if samples > 1:
                 yield dict(_averaged(planes["color"], samples, one.names)), milliseconds
             else:
-                tables = frame.solids.tables
-                yield arrays_of(wanted, planes, one.packed, tables, first), milliseconds
+                yield arrays_of(wanted, planes, one.packed, first), milliseconds
 
     def _info(self, frame: _Prepared, times: list[float]) -> dict[str, Any]:
         info: dict[str, Any] = {"adapter": "numpy", "driver": f"NumPy {np.__version__}"}
@@ -387,10 +362,10 @@ class Renderer:
         scene = frame.scene
         hashed, sha256 = self._hashed
         if scene is not hashed:
-            sha256 = scene.sha256_with(frame.solids.sha256)
+            sha256 = scene.sha256_with(frame.solids_sha256)
             self._hashed = scene, sha256
         # Of the pixel centres, which come first: `solid` is always among them.
-        steps = steps_by_solid(frame.passes[0].packed, frame.solids.tables)[:-1].tolist()
+        steps = steps_by_solid(frame.passes[0].packed)[:-1].tolist()
         return info | {
             "number_format": scene.accuracy.number_format,
             "method": scene.accuracy.method,

@@ -16,13 +16,15 @@ from halfstep.contract.layout import Flag
 from halfstep.host.edges import monomials_of
 from halfstep.host.geometry import Geometry
 from halfstep.host.setup import START_BITS, Setup
-from halfstep.host.steps import format_for
+from halfstep.host.steps import Steps, format_for
 from halfstep.scene import Scene
 
 # Components of unit vectors and colours below this are as good as none: outputs would hold
 # subnormal numbers, which devices may flush.
 FAINT = 2.0**-63
-# By the class of a solid seen whole and from outside: what it is so, cut, and from inside.
+
+# Rows: the class of a solid seen whole and from outside. Columns: its class whole, cut, and seen
+# from inside.
 _CLASS_SEEN = np.array(
     [
         [Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE],
@@ -61,7 +63,7 @@ class Surfaces:
     specular: F32  # (K,)
     shininess: U32  # (K,)
     normal: F32  # (M, 3), of each half-space, world
-    usual: Ints  # (K,), class of each solid from outside and between the base planes
+    outside_class: Ints  # (K,), of each solid seen whole and from outside
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class Packed:
     """One frame: V visible solids ordered by class, then by place in the scene."""
 
     setup: Setup
+    surfaces: Surfaces
+    steps: Steps  # of each solid in the order of ``setup``
     order: Ints  # (V,), row of each solid in ``setup``
     classes: Ints  # (V,)
     format: Format
@@ -109,21 +113,22 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
         specular=np.array([material.specular for material in materials], np.float32),
         shininess=np.array([material.shininess for material in materials], np.uint32),
         normal=_clear(normals / np.where(length > 0, length, 1.0)).astype(np.float32),
-        usual=_usual_classes(geometry),
+        outside_class=_outside_classes(geometry),
     )
 
 
-def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: Ints) -> Packed:
-    """Records of the frame ``setup`` with ``steps`` (V,) halvings for each solid."""
-    classes, usual = _classes(tables, setup), tables.usual
+def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: Steps) -> Packed:
+    """Records of the frame ``setup`` with ``steps`` halvings for each solid."""
+    count = steps.count
+    classes, outside = _classes(tables, setup), tables.outside_class
     if scene.accuracy.method == "article":
-        classes, usual = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[usual]
+        classes, outside = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[outside]
     # Numbers of 16 bits or less are sorted in linear time.
     order = np.argsort(classes.astype(np.uint8), kind="stable")
-    number_format = format_for(scene.accuracy, int(steps.max(initial=0)))
-    longest = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
+    number_format = format_for(scene.accuracy, int(count.max(initial=0)))
+    longest = int((setup.level + np.maximum(count + 1, START_BITS)).max(initial=0))
     # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
-    spare = min(SPARE_BITS, 63 - longest, 30 - int(steps.max(initial=1)))
+    spare = min(SPARE_BITS, 63 - longest, 30 - int(count.max(initial=1)))
     key_bits = longest + spare
 
     solid_type, half_space_type = _types(number_format)
@@ -144,10 +149,10 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     solids["near_u"] = _value(setup.near_u, number_format)
     solids["far_u"] = _value(setup.far_u, number_format)
     solids["depth_middle"], solids["depth_half"] = setup.depth_middle, setup.depth_half
-    solids["last_step"], solids["steps"] = np.exp2(-steps), steps
+    solids["last_step"], solids["steps"] = np.exp2(-count), count
     start = (setup.start * 2.0**key_bits).astype(np.uint64)
     solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
-    solids["key_shift"] = key_bits - (setup.level + steps + 1)
+    solids["key_shift"] = key_bits - (setup.level + count + 1)
     solids["spare"] = spare
     facts = {
         Flag.EYE_INSIDE: setup.eye_inside,
@@ -179,6 +184,8 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     half_spaces["host_error"] = plane_host_error
     return Packed(
         setup=setup,
+        surfaces=tables,
+        steps=steps,
         order=order,
         classes=classes[order],
         format=number_format,
@@ -186,7 +193,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         half_spaces=half_spaces,
         key_bits=key_bits,
         lights=_lights(scene, setup),
-        present=_present(classes, usual),
+        present=_present(classes, outside),
         shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
         most_half_spaces=int(geometry.plane_count.max()),
         solid_count=len(tables.first),
@@ -205,16 +212,17 @@ def _classes(tables: Surfaces, setup: Setup) -> Ints:
     # The discriminant alone also finds the roots of a line behind the eye.
     # What is seen from inside is cut as well, so the sum counts to two.
     cut = setup.near_cut | setup.starts_at_eye | (setup.far_u != 1.0)
-    return np.asarray(_CLASS_SEEN[tables.usual[setup.solid], np.add(cut, inside, dtype=np.int64)])
+    column = np.add(cut, inside, dtype=np.int64)
+    return np.asarray(_CLASS_SEEN[tables.outside_class[setup.solid], column])
 
 
-def _present(classes: Ints, usual: Ints) -> tuple[Class, ...]:
-    """The classes among them, in order."""
-    count = np.bincount(classes, minlength=len(Class)) + np.bincount(usual, minlength=len(Class))
+def _present(classes: Ints, outside: Ints) -> tuple[Class, ...]:
+    """The classes that solids have in this frame or seen from outside, in order."""
+    count = np.bincount(classes, minlength=len(Class)) + np.bincount(outside, minlength=len(Class))
     return tuple(klass for klass, found in zip(Class, count.tolist(), strict=True) if found)
 
 
-def _usual_classes(geometry: Geometry) -> Ints:
+def _outside_classes(geometry: Geometry) -> Ints:
     """The class of each solid from outside and between the base planes."""
     kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
     classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from halfstep.contract.arrays import I32, Array, Floats, Ints
-from halfstep.host import camera, geometry
+from halfstep.host.camera import View
 from halfstep.host.geometry import Geometry
-from halfstep.host.setup import NEGLIGIBLE, Setup, setup
+from halfstep.host.prepare import Solids, frame_setup
+from halfstep.host.setup import NEGLIGIBLE, Setup
 from halfstep.scene import Scene
 from halfstep.twin import lanes, patch, piece, polynomial, root
 
@@ -35,7 +36,7 @@ class Exact:
         depth: (H, W) float64, planar depth in scene units; NaN.
     """
 
-    view: camera.View
+    view: View
     solid: I32
     surface: I32
     depth: Floats
@@ -49,11 +50,9 @@ def exact(scene: Scene) -> Exact:
     Raises:
         SceneError: an unbounded scene without a volume.
     """
-    solids = geometry.build(scene)
-    size = scene.image.width, scene.image.height
-    view = camera.view(scene.camera, size)
-    base_planes = camera.base_planes(view, *geometry.volume_box(scene, solids))
-    constants = setup(solids, view, *base_planes)
+    solids = Solids.of(scene)
+    constants = frame_setup(scene, solids=solids)
+    view = constants.view
     shape = view.height, view.width
     answer = Exact(
         view, np.full(shape, -1, np.int32), np.full(shape, -1, np.int32), np.full(shape, np.nan)
@@ -61,7 +60,7 @@ def exact(scene: Scene) -> Exact:
     rounding = np.zeros(shape)
     for row in range(constants.count):
         for window in _windows(constants.rectangle[row]):
-            _visit(answer, rounding, solids, constants, row, window)
+            _visit(answer, rounding, solids.geometry, constants, row, window)
     return answer
 
 
