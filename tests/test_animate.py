@@ -382,7 +382,7 @@ def test_a_fault_on_the_way_is_said_before_rendering(
 def test_a_failed_film_leaves_what_was_there(
     scene_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    finished = Renderer._finished
+    finished = Renderer.render_prepared
     calls: list[None] = []
 
     def failing(self: Any, frame: Any) -> Any:
@@ -391,7 +391,7 @@ def test_a_failed_film_leaves_what_was_there(
             raise halfstep.DeviceError("lost")
         return finished(self, frame)
 
-    monkeypatch.setattr(Renderer, "_finished", failing)
+    monkeypatch.setattr(Renderer, "render_prepared", failing)
     for ending in (".gif", ".mp4"):
         calls.clear()
         path = tmp_path / f"m{ending}"
@@ -550,7 +550,7 @@ def test_a_failure_before_the_first_frame_touches_nothing(
     def failing(*_: object) -> None:
         raise halfstep.AdapterError("none")
 
-    monkeypatch.setattr(Renderer, "_finished", failing)
+    monkeypatch.setattr(Renderer, "render_prepared", failing)
     assert animate(scene_file, folder, "--overwrite", "--steps", "4") == 3
     assert contents(folder) == before
     assert animate(scene_file, tmp_path / "new") == 3

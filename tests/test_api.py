@@ -13,11 +13,12 @@ import pytest
 
 import halfstep
 import halfstep.scenes
+from halfstep.contract.layout import TILE
 from halfstep.device import adapters as device
 from halfstep.errors import AdapterError, SceneError, UsageError
-from halfstep.frames import renderer as api
 from halfstep.frames.frame import SOURCES, Frame
 from halfstep.frames.renderer import Renderer
+from halfstep.run import backend as backends
 from halfstep.run import gpu as run_gpu
 from halfstep.scene import Camera, Material, Scene, with_overrides
 from halfstep.shader.needs import Needs
@@ -292,7 +293,7 @@ def test_a_picture_in_bands_is_the_picture(monkeypatch: pytest.MonkeyPatch) -> N
             patch.setattr(run_gpu.Device, "render_band", counted)
             assert_equal(render(size=size, samples=samples, backend="gpu"), frame)
         assert len(calls) > 4
-        assert max(calls) <= 32 * samples
+        assert max(calls) == TILE * samples
 
 
 def test_samples_do_not_need_a_larger_device(adapter: device.Adapter) -> None:
@@ -463,7 +464,7 @@ def test_the_numpy_backend_never_asks_for_an_adapter(monkeypatch: pytest.MonkeyP
     def refuse(_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(api, "choose_adapter", refuse)
+    monkeypatch.setattr(backends, "choose_adapter", refuse)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert render(backend="numpy").info["adapter"] == "numpy"

@@ -20,6 +20,7 @@ from halfstep.device.adapters import Adapter
 from halfstep.errors import DeviceError, HalfstepError, UsageError
 from halfstep.frames.frame import Frame
 from halfstep.frames.renderer import Renderer
+from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
 from halfstep.scene import Scene
 from tests.interleavings import SCENES
@@ -145,12 +146,12 @@ with ThreadPoolExecutor(4) as pool:
 
 def test_preparing_overlaps_rendering(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first frame is rendered only after the second was prepared."""
-    prepared, both = Renderer._prepared, threading.Event()
-    bands = Renderer._bands
+    prepared, both = Renderer.prepare, threading.Event()
+    render_prepared = Renderer.render_prepared
     seen: list[Any] = []
 
-    def noted(self: Renderer, scene: Any, camera: Any) -> Any:
-        frame = prepared(self, scene, camera)
+    def noted(self: Renderer, scene: Any = None, **options: Any) -> Any:
+        frame = prepared(self, scene, **options)
         seen.append(scene)
         if len(seen) == 2:
             both.set()
@@ -158,10 +159,10 @@ def test_preparing_overlaps_rendering(renderer: Renderer, monkeypatch: pytest.Mo
 
     def waited(self: Renderer, *job: Any) -> Any:
         assert both.wait(SECONDS)
-        return bands(self, *job)
+        return render_prepared(self, *job)
 
-    monkeypatch.setattr(Renderer, "_prepared", noted)
-    monkeypatch.setattr(Renderer, "_bands", waited)
+    monkeypatch.setattr(Renderer, "prepare", noted)
+    monkeypatch.setattr(Renderer, "render_prepared", waited)
     for scene, frame in zip(SCENES, renderer.render_all(SCENES), strict=True):
         assert_equal(frame, scene)
 
@@ -171,16 +172,16 @@ def test_the_frames_of_two_threads_say_what_they_show(
 ) -> None:
     """Another frame between all that a frame looks up and what it makes of that."""
     other: list[Frame] = []
-    pack = Renderer._pack
+    entered: list[None] = []
 
-    def interrupted(self: Renderer, *job: Any) -> Any:
-        if not other:
-            other.append(Frame({}, {}))
+    def interrupted(*job: Any, **facts: Any) -> Any:
+        if not entered:
+            entered.append(None)
             with ThreadPoolExecutor(1) as thread:
-                other[0] = thread.submit(self.render, SCENES[1]).result()
-        return pack(self, *job)
+                other.append(thread.submit(renderer.render, SCENES[1]).result())
+        return prepare(*job, **facts)
 
-    monkeypatch.setattr(Renderer, "_pack", interrupted)
+    monkeypatch.setattr("halfstep.frames.renderer.prepare", interrupted)
     assert_equal(renderer.render(SCENES[2]), SCENES[2])
     assert_equal(other[0], SCENES[1])
 
@@ -283,7 +284,8 @@ def test_close_in_the_middle_of_a_frame_comes_after_it(
     assert_equal(gpu_renderer.render(), SCENES[0])
     with pytest.raises(UsageError, match=CLOSED):
         gpu_renderer.render()
-    assert gpu_renderer._device._device is None
+    assert isinstance(gpu_renderer._backend, run_gpu.Device)
+    assert gpu_renderer._backend._device is None
 
 
 def test_a_render_all_that_is_collected_in_the_middle_of_a_frame_waits_for_nothing(
@@ -293,7 +295,7 @@ def test_a_render_all_that_is_collected_in_the_middle_of_a_frame_waits_for_nothi
     script = """
 from halfstep.run import gpu as run_gpu
 main, inside = threading.current_thread(), threading.Event()
-finished, render_band = halfstep.Renderer._finished, run_gpu.Device.render_band
+finished, render_band = halfstep.Renderer.render_prepared, run_gpu.Device.render_band
 rendered = []
 def waiting(self, frame):
     # The second frame of render_all asks for its turn when main has it.
@@ -309,7 +311,7 @@ def collecting(self, *job):
         gc.collect()
         print("collected")
     return render_band(self, *job)
-halfstep.Renderer._finished, run_gpu.Device.render_band = waiting, collecting
+halfstep.Renderer.render_prepared, run_gpu.Device.render_band = waiting, collecting
 gc.disable()
 with halfstep.Renderer(SCENES[0], backend="gpu") as renderer:
     cycle = [renderer.render_all(SCENES)]

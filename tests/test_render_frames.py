@@ -194,13 +194,13 @@ def test_here_frames_are_rendered_one_ahead_of_what_is_asked_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     shown: list[str] = []
-    prepared = Renderer._prepared
+    prepare = Renderer.prepare
 
-    def told(self: Any, scene: Any, camera: Any) -> Any:
+    def told(self: Any, scene: Any) -> Any:
         shown.append(scene.sha256)
-        return prepared(self, scene, camera)
+        return prepare(self, scene)
 
-    monkeypatch.setattr(Renderer, "_prepared", told)
+    monkeypatch.setattr(Renderer, "prepare", told)
     frames = halfstep.render_frames(SCENE, backend="numpy")
     assert shown == []
     for k, _ in enumerate(frames):

@@ -13,7 +13,7 @@ import pytest
 
 import halfstep
 from halfstep import twin
-from halfstep.check.checker import Twin
+from halfstep.check.replay import replay
 from halfstep.frames.frame import SOURCES, Frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.testing.frames import Replay, compare_frames
@@ -26,10 +26,9 @@ def small(name: str, steps: int) -> Scene:
 
 
 def rendered(scene: Scene) -> tuple[Frame, Replay]:
-    renderer = Twin(scene, backend="numpy", outputs=SOURCES)
-    frame, replayed = renderer.render(), renderer.replayed()
-    assert replayed is not None
-    return frame, replayed
+    with halfstep.Renderer(scene, backend="numpy", outputs=SOURCES) as renderer:
+        prepared = renderer.prepare()
+        return renderer.render_prepared(prepared), replay(scene, prepared.packed)
 
 
 # With more than 16 halvings coefficients are integers.

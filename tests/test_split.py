@@ -13,6 +13,7 @@ from halfstep.errors import DeviceError
 from halfstep.host.pack import Packed
 from halfstep.run import gpu as run_gpu
 from halfstep.run import split
+from halfstep.run.gpu import Device
 from halfstep.scene import load
 
 SIZE = (160, 120)
@@ -39,7 +40,9 @@ def test_a_frame_in_parts_is_that_of_one_piece(
     ) as renderer:
         whole = renderer.render()
         assert not parts
-        renderer._device.largest_binding = 6 * SOLID.dtype().itemsize
+        device = renderer._backend
+        assert isinstance(device, Device)
+        device.largest_binding = 6 * SOLID.dtype().itemsize
         joined = renderer.render()
     assert len(parts) > 3
     assert (whole.solid >= 0).sum() > 5000

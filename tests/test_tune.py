@@ -104,16 +104,16 @@ def test_times_are_medians_of_interleaved_frames(monkeypatch: pytest.MonkeyPatch
     order: list[tuple[str, int]] = []
     times = iter([1.0, 10.0, 100.0, 5.0, 70.0, 300.0, 3.0, 20.0, 200.0])
 
-    def frame(bench: Any, setting: halfstep.Scene, outputs: Any) -> Any:
-        result = original(bench, setting, outputs)
+    def frame(trials: Any, setting: halfstep.Scene, outputs: Any) -> Any:
+        result = original(trials, setting, outputs)
         if outputs == ("image",) and len(order) < warm + 9:
             order.append((setting.accuracy.method, setting.accuracy.steps or 0))
             if len(order) > warm:
                 result.info["wall_ms"] = next(times)
         return result
 
-    warm, original = WARM_UP, module._Bench.frame
-    monkeypatch.setattr(module._Bench, "frame", frame)
+    warm, original = WARM_UP, module._Trials.frame
+    monkeypatch.setattr(module._Trials, "frame", frame)
     found = tune(
         halfstep.load("one_sphere"),
         size=SIZE,
@@ -399,7 +399,7 @@ def test_an_interrupt_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module._Bench, "timed", interrupted)
+    monkeypatch.setattr(module._Trials, "timed", interrupted)
     assert command("one_sphere", "-o", tmp_path / "out") == 130
     assert capsys.readouterr().err.splitlines()[-1] == "interrupted"
     assert os.listdir(tmp_path) == []

@@ -251,7 +251,7 @@ def setup(bench: Bench) -> Part:
         cases: dict[int, Callable[[], float | None]] = {}
         for count in _SET_UP:
             renderer = stack.enter_context(bench.renderer(scenes.mixed(count)))
-            cases[count] = partial(_prepare, renderer)
+            cases[count] = partial(_prepared, renderer)
         times = bench.times(cases, turn=50.0)
     rows: list[dict[str, Value]] = [
         {"solids": count, "wall ms": own.wall} for count, own in times.items()
@@ -261,8 +261,8 @@ def setup(bench: Bench) -> Part:
     return Part("setup", "The host's set-up of a frame, solids of all kinds", rows, summary)
 
 
-def _prepare(renderer: Renderer) -> None:
-    renderer._prepared(None, None)
+def _prepared(renderer: Renderer) -> None:
+    renderer.prepare()
 
 
 def pixels(bench: Bench) -> Part:

@@ -15,7 +15,7 @@ import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 from halfstep.device import loader as wgpu_loader
 from halfstep.errors import AdapterError, DeviceError
@@ -78,6 +78,13 @@ _loading = threading.Lock()
 _devices: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
+class Facts(TypedDict):
+    """What a frame says of what rendered it."""
+
+    adapter: str
+    driver: str  # with its version
+
+
 @dataclass(frozen=True)
 class AdapterSummary:
     """What is known of an adapter without opening it."""
@@ -88,6 +95,11 @@ class AdapterSummary:
     driver: str  # name and version, as the driver tells them; may be empty
     vendor: str  # name, or PCI id where the driver gives none
     backend: str
+
+    @property
+    def facts(self) -> Facts:
+        """Its name and its driver's."""
+        return {"adapter": self.name, "driver": self.driver}
 
     def __str__(self) -> str:
         driver = f", {self.driver}" if self.driver else ""

@@ -14,6 +14,7 @@ from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import (
     INT64,
     Adapter,
+    Facts,
     close_device,
     device_errors,
     open_device,
@@ -144,6 +145,11 @@ class Device(Turns):
                 f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which "
                 f"{needed_by}, or the backend numpy"
             )
+
+    @property
+    def facts(self) -> Facts:
+        """Facts of the adapter and of its driver."""
+        return self.adapter.summary.facts
 
     @property
     def most_steps(self) -> int | None:

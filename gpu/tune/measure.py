@@ -19,7 +19,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats
 from halfstep.errors import UsageError
-from halfstep.frames.frame import Frame, check_outputs
+from halfstep.frames.frame import Frame
 from halfstep.frames.renderer import WARM_UP, Renderer
 from halfstep.host.steps import format_for
 from halfstep.scene import Accuracy, Scene, with_overrides
@@ -204,16 +204,17 @@ def tune(
     if not settings:
         raise UsageError("there is no number of steps, number format or method to try")
     stated = scene.accuracy
-    with _Bench(automatic[0], outputs=_MEASURED, backend=backend, adapter=adapter) as bench:
+    with Renderer(automatic[0], backend=backend, adapter=adapter) as renderer:
+        trials = _Trials(renderer, exact(scene))
         everything = [*settings, automatic[0]]
         total = len(everything) * (1 + repeats)
         rows: list[Row] = []
         for setting in everything:
-            row, frame = bench.measure(setting, stated)
+            row, frame = trials.measure(setting, stated)
             rows.append(row)
             progress(len(rows) / total)
         infos = []
-        for info in bench.timed(everything, rows, repeats):
+        for info in trials.timed(everything, rows, repeats):
             infos.append(info)
             progress((len(rows) + len(infos)) / total)
         chosen_steps = tuple(frame.info["steps"])
@@ -226,7 +227,7 @@ def tune(
             for k, row in enumerate(rows)
         ]
         recommended, meets = recommend(rows, stated)
-        frame = bench.frame(settings[rows.index(recommended)], _MEASURED)
+        frame = trials.frame(settings[rows.index(recommended)], _MEASURED)
         return Report(
             scene=scene,
             adapter=frame.info["adapter"],
@@ -236,7 +237,7 @@ def tune(
             meets_tolerance=meets,
             automatic=chosen,
             automatic_steps=chosen_steps,
-            error_pixels=bench.error_pixels(frame),
+            error_pixels=trials.error_pixels(frame),
         )
 
 
@@ -310,18 +311,16 @@ def _columns(rows: Iterable[Row]) -> list[str]:
     ]
 
 
-class _Bench(Renderer):
+@dataclass(frozen=True)
+class _Trials:
     """Renders one scene with many settings on one device, and compares with the exact answer."""
+
+    renderer: Renderer
+    exact: Exact
 
     def frame(self, setting: Scene, outputs: Iterable[str]) -> Frame:
         """The frame of ``setting``, which is the scene with another accuracy."""
-        self._scene, self._outputs = setting, check_outputs(outputs)
-        return self.render()
-
-    @cached_property
-    def exact(self) -> Exact:
-        """The exact answer, the same for every setting."""
-        return exact(self._scene)
+        return self.renderer.render_prepared(self.renderer.prepare(setting, outputs=outputs))
 
     @cached_property
     def pixel_width(self) -> Floats:
