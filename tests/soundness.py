@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from halfstep.contract.arrays import Floats
 from halfstep.device.adapters import choose_adapter
-from halfstep.frames.frame import Frame, arrays_of, device_outputs
+from halfstep.frames.outputs import Lookup, arrays_of, device_outputs
 from halfstep.host.camera import view
 from halfstep.host.prepare import Solids, frame_setup, prepare
 from halfstep.run import twin as run_twin
@@ -77,8 +77,10 @@ class Shot:
         packed = prepare(scene, solids=self._solids)
         job = (scene, packed, 0, self.size[1], device_outputs(outputs))
         planes = run_twin.render_band(*job) if device is None else device.render_band(*job)[0]
-        frame = Frame(arrays_of(outputs, planes, packed), {})
-        return {name: getattr(frame, name) for name in outputs}
+        return {
+            name: array.found() if isinstance(array, Lookup) else array
+            for name, array in arrays_of(outputs, planes, packed).items()
+        }
 
 
 # ------------------------------------------------------------------------------ scenes

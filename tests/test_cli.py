@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import imageio.v3 as imageio
 import numpy as np
@@ -23,7 +23,8 @@ from halfstep.cli import main
 from halfstep.device import adapters as device
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError
 from halfstep.files import read_provenance
-from halfstep.frames.frame import Frame, device_outputs
+from halfstep.frames.frame import Frame, Info, Origin
+from halfstep.frames.outputs import device_outputs
 from halfstep.run import gpu as run_gpu
 
 COMMAND = [sys.executable, "-m", "halfstep"]
@@ -90,7 +91,7 @@ def fake_render(monkeypatch: pytest.MonkeyPatch) -> Fake:
     return install
 
 
-PROVENANCE = {
+PROVENANCE: Origin = {
     "version": "0.1",
     "scene_title": "one sphere",
     "scene_sha256": "0123",
@@ -108,7 +109,8 @@ def frame() -> Frame:
         "solid": np.array([[0, 1, -1], [1, 0, -1]]),
         "depth": np.array([[2.5, 3, np.nan], [4, 3, np.nan]]),
     }
-    return Frame(arrays, {**PROVENANCE, "wall_ms": 1234.5})
+    info = cast(Info, PROVENANCE | {"wall_ms": 1234.5})
+    return Frame(arrays, info)
 
 
 def failing(error: BaseException) -> Callable[[], object]:

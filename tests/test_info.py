@@ -12,9 +12,9 @@ from PIL import Image
 import halfstep
 from halfstep.cli import main
 from halfstep.files import READ
-from halfstep.frames.frame import Frame
+from halfstep.frames.frame import Frame, Info
 
-INFO = {
+INFO: Info = {
     "adapter": "a card",
     "driver": "a driver 1.2",
     "number_format": "float32",
@@ -28,7 +28,9 @@ INFO = {
 
 
 def frame(title: str = "A vase") -> Frame:
-    return Frame({"solid": np.array([[0, -1, 2]])}, {**INFO, "scene_title": title})
+    info = INFO.copy()
+    info["scene_title"] = title
+    return Frame({"solid": np.array([[0, -1, 2]])}, info)
 
 
 def test_a_file_tells_how_it_was_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

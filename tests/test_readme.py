@@ -14,9 +14,8 @@ from pydantic import BaseModel
 from halfstep import cli
 from halfstep.device import adapters as device
 from halfstep.files import ENDINGS
-from halfstep.files.exr import CHANNELS, EXR
 from halfstep.files.movie import MOVIES
-from halfstep.frames.frame import SOURCES
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.scene import (
     SOLID_KINDS,
     Accuracy,
@@ -30,6 +29,7 @@ from halfstep.scene import (
     SolidKey,
 )
 from halfstep.scene.animation import scene_at
+from tests.tables import TABLES, written
 from tests.test_layering import ROOMS, imports, modules, room
 
 ROOT = Path(__file__).parents[1]
@@ -245,16 +245,17 @@ def test_the_default_accuracy_is_the_one_listed() -> None:
     assert f"`tolerance_pixels = {accuracy.tolerance_pixels}`" in keys
 
 
-def test_all_outputs_are_listed() -> None:
-    assert [
-        quoted(row[0])[0] for row in rows(README, "| name | type | meaning | nothing hit |")
-    ] == list(SOURCES)
+@pytest.mark.parametrize("page", TABLES)
+def test_tables_are_those_that_the_code_prints(page: str) -> None:
+    text = text_of(page)
+    for table in TABLES[page]:
+        assert written(text, table) == text, "python -m tests.tables"
 
 
 def test_all_files_are_listed() -> None:
     listed: dict[str, tuple[bool, tuple[str, ...]]] = {}
     for endings, outputs, usual, _ in rows(FILES, "| ending | outputs | usual | numbers |"):
-        names = tuple(SOURCES) if usual == "all" else tuple(quoted(usual))
+        names = tuple(OUTPUTS) if usual == "all" else tuple(quoted(usual))
         listed |= dict.fromkeys(quoted(endings), (outputs == "one", names))
     assert listed == {ending: (type_.single, type_.default) for ending, type_ in ENDINGS.items()}
 
@@ -262,14 +263,6 @@ def test_all_files_are_listed() -> None:
 def test_all_animated_files_are_listed() -> None:
     endings = [quoted(row[0])[0] for row in rows(FILES, "| `-o` | what is written | limits |")]
     assert set(endings[:-1]) == set(MOVIES)
-
-
-def test_all_channels_are_listed() -> None:
-    listed = {}
-    for name, _, channels in rows(FILES, "| output | in a PNG | in an EXR |"):
-        listed[quoted(name)[0]] = tuple(quoted(channels))
-        assert ("always there" in channels) == (quoted(name)[0] in EXR.always)
-    assert listed == CHANNELS
 
 
 def test_all_shader_files_are_listed() -> None:

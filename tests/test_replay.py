@@ -14,7 +14,8 @@ import pytest
 import halfstep
 from halfstep import twin
 from halfstep.check.replay import replay
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.scene import Scene, with_overrides
 from halfstep.testing.frames import Replay, compare_frames
 from halfstep.tune.exact import exact
@@ -26,7 +27,7 @@ def small(name: str, steps: int) -> Scene:
 
 
 def rendered(scene: Scene) -> tuple[Frame, Replay]:
-    with halfstep.Renderer(scene, backend="numpy", outputs=SOURCES) as renderer:
+    with halfstep.Renderer(scene, backend="numpy", outputs=OUTPUTS) as renderer:
         prepared = renderer.prepare()
         return renderer.render_prepared(prepared), replay(scene, prepared.packed)
 

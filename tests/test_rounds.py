@@ -15,7 +15,7 @@ from halfstep.device import probe
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.device.compute import Compute
 from halfstep.errors import DeviceError, SceneError
-from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.frames.outputs import OUTPUTS, device_outputs
 from halfstep.host.prepare import prepare
 from halfstep.host.tiles import tile_lists
 from halfstep.run import gpu as run_gpu
@@ -143,7 +143,7 @@ def barrels(count: int) -> Scene:
     [
         (spheres(2_600, steps=24), ("image",)),
         (spheres(2_600, steps=24, number_format="fixed32"), ("t", "error")),
-        (barrels(12), tuple(SOURCES)),
+        (barrels(12), tuple(OUTPUTS)),
     ],
     ids=["float32", "fixed32", "article"],
 )

@@ -14,7 +14,7 @@ import pytest
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.device.adapters import Adapter, open_device
-from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.frames.outputs import OUTPUTS, device_outputs
 from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
@@ -112,7 +112,7 @@ def test_a_shader_holds_code_of_its_own_solids_alone() -> None:
         assert word not in box, word
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@pytest.mark.parametrize("name", OUTPUTS)
 def test_code_of_an_output_is_there_for_it_alone(name: str) -> None:
     need = replace(NEEDS, outputs=device_outputs([name]))
     text = compose(need)

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.host import pack, setup
 from halfstep.scene import Scene, bundled_scenes
 from halfstep.twin import normal, shade
@@ -33,7 +34,7 @@ LEAST = 1e-45  # of numbers drawn
 
 
 def render(scene: Scene, **options: Any) -> Frame:
-    options = {"size": SIZE, "backend": "numpy", "outputs": SOURCES} | options
+    options = {"size": SIZE, "backend": "numpy", "outputs": OUTPUTS} | options
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*the tolerance needs more than")
         return halfstep.render(scene, **options)

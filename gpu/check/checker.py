@@ -23,7 +23,7 @@ from halfstep.contract.formats import FIXED32
 from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import INT64, choose_adapter, close_device, is_lavapipe, open_device
 from halfstep.device.canary import Fingerprint, fingerprint
-from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.frames.outputs import OUTPUTS, device_outputs
 from halfstep.frames.passes import Prepared
 from halfstep.frames.renderer import Renderer
 from halfstep.host.pack import frame_record
@@ -147,14 +147,14 @@ class Checker:
             AdapterError, DeviceError: as ``render``.
         """
         scene = with_overrides(scene, samples=1)
-        with self._renderer(scene, SOURCES) as renderer:
+        with self._renderer(scene, OUTPUTS) as renderer:
             prepared = renderer.prepare()
             found = renderer.render_prepared(prepared)
         with warnings.catch_warnings(), noted() as calls:
             warnings.simplefilter("ignore")  # they say what has just been said
             with self._renderer(scene, ("image",)) as of_images:
                 images = [of_images.render() for _ in range(IMAGES)]
-            with Renderer(scene, backend="numpy", outputs=SOURCES) as twin:
+            with Renderer(scene, backend="numpy", outputs=OUTPUTS) as twin:
                 expected = twin.render_prepared(prepared)
         is_fixed = scene.accuracy.number_format == FIXED32.name
         replayed = None
@@ -186,7 +186,7 @@ class Checker:
     ) -> Iterator[tuple[str, Census]]:
         """The stage functions of the shader that were called, each with its census."""
         scene, packed = prepared.scene, prepared.packed
-        needs = needs_of(packed, scene.accuracy.method, device_outputs(SOURCES))
+        needs = needs_of(packed, scene.accuracy.method, device_outputs(OUTPUTS))
         shader = Module("the shader", compose_stages(needs))
         too_many = packed.most_half_spaces > MAX_LINES
         bindings = {

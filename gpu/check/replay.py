@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from halfstep.contract.arrays import Floats
 from halfstep.contract.formats import FRACTION_BITS
 from halfstep.contract.layout import TILE
-from halfstep.frames.frame import arrays_of, device_outputs
+from halfstep.frames.outputs import arrays_of, device_outputs
 from halfstep.host.pack import Packed
 from halfstep.run.twin import Band
 from halfstep.scene import Scene

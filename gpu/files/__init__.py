@@ -25,7 +25,8 @@ from halfstep.files.png import PNG
 from halfstep.files.provenance import Provenance, from_text, provenance
 from halfstep.files.tiff import TIFF
 from halfstep.files.whole import ask, check_output_path, replacing
-from halfstep.frames.frame import SOURCES, Frame, check_outputs
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS, check_outputs
 
 File = str | os.PathLike[str] | IO[bytes]
 
@@ -94,7 +95,7 @@ def write(
     """
     type_ = _type(file, format)
     names = _held(_called(file), type_, frame, outputs)
-    facts = provenance(frame.info) | {"outputs": list(names)}
+    facts: Provenance = {**provenance(frame.info), "outputs": list(names)}
     if isinstance(file, str | os.PathLike):
         with replacing(file) as partial:
             return type_.write(partial, frame, names, facts)
@@ -146,7 +147,7 @@ def _asked(name: str, type_: FrameType, outputs: Iterable[str]) -> set[str]:
 
 
 def _ordered(names: Collection[str]) -> tuple[str, ...]:
-    return tuple(name for name in SOURCES if name in names)
+    return tuple(name for name in OUTPUTS if name in names)
 
 
 def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:

@@ -16,20 +16,7 @@ from halfstep.files.filetype import FrameType
 from halfstep.files.numbers import finite
 from halfstep.files.provenance import NAME, Provenance, to_text
 from halfstep.frames.frame import Frame
-
-# Output -> channels, as other programs name them.
-CHANNELS: dict[str, tuple[str, ...]] = {
-    "color": ("R", "G", "B"),
-    "solid": ("id",),
-    "surface": ("surface",),
-    "t": ("t",),
-    "depth": ("Z",),
-    "depth_exit": ("ZBack",),
-    "position": ("P.X", "P.Y", "P.Z"),
-    "normal": ("N.X", "N.Y", "N.Z"),
-    "error": ("error",),
-    "steps": ("steps",),
-}
+from halfstep.frames.outputs import OUTPUTS
 
 
 def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:
@@ -43,7 +30,9 @@ def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance
     channels = {
         channel: values
         for name in outputs
-        for channel, values in zip(CHANNELS[name], _planes(getattr(frame, name)), strict=True)
+        for channel, values in zip(
+            OUTPUTS[name].channels, _planes(getattr(frame, name)), strict=True
+        )
     }
     with OpenEXR.File(header, channels) as file:
         try:

@@ -9,7 +9,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Array
 from halfstep.contract.layout import TILE
-from halfstep.frames.frame import Lookup, arrays_of, device_outputs
+from halfstep.frames.outputs import Lookup, arrays_of, device_outputs
 from halfstep.host.pack import Packed
 from halfstep.run.backend import Backend
 from halfstep.scene import Scene

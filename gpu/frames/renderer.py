@@ -13,14 +13,8 @@ import numpy as np
 
 from halfstep.contract.arrays import Array
 from halfstep.errors import UsageError
-from halfstep.frames.frame import (
-    AVERAGED,
-    SOURCES,
-    Frame,
-    Lookup,
-    check_outputs,
-    steps_by_solid,
-)
+from halfstep.frames.frame import Frame, Info
+from halfstep.frames.outputs import OUTPUTS, Lookup, check_outputs, steps_by_solid
 from halfstep.frames.passes import Pass, Prepared, render_pass
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import Solids, prepare
@@ -82,7 +76,7 @@ def render(
         number_format=number_format,
         method=method,
         samples=samples,
-        outputs=SOURCES if outputs is None else outputs,
+        outputs=OUTPUTS if outputs is None else outputs,
         backend=backend,
         adapter=adapter,
         camera=camera,
@@ -236,7 +230,7 @@ class Renderer:
             shown = with_overrides(shown, camera=camera)
         solids, sha256 = self._solids_of(shown)
         samples = shown.image.samples
-        averaged = tuple(name for name in names if name in AVERAGED and samples > 1)
+        averaged = tuple(name for name in names if OUTPUTS[name].averaged and samples > 1)
         plain = tuple(name for name in names if name not in averaged)
         passes = []
         for part, factor in ((plain, 1), (averaged, samples)):
@@ -296,10 +290,7 @@ class Renderer:
             stacklevel=4,
         )
 
-    def _info(self, frame: Prepared, times: list[float]) -> dict[str, Any]:
-        info: dict[str, Any] = {**self._backend.facts}
-        if times:
-            info["device_ms"] = sum(times)
+    def _info(self, frame: Prepared, times: list[float]) -> Info:
         scene = frame.scene
         hashed, sha256 = self._hashed
         if scene is not hashed:
@@ -307,7 +298,10 @@ class Renderer:
             self._hashed = scene, sha256
         # Of the pixel centres, which come first: `solid` is always among them.
         steps = steps_by_solid(frame.packed)[:-1].tolist()
-        return info | {
+        facts = self._backend.facts
+        info: Info = {
+            "adapter": facts["adapter"],
+            "driver": facts["driver"],
             "number_format": scene.accuracy.number_format,
             "method": scene.accuracy.method,
             "steps": steps,
@@ -316,6 +310,9 @@ class Renderer:
             "scene_sha256": sha256,
             "version": __version__,
         }
+        if times:
+            info["device_ms"] = sum(times)
+        return info
 
 
 def _keep_memory() -> None:

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from halfstep.frames.frame import Frame, check_outputs
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import check_outputs
 from halfstep.frames.renderer import Renderer
 from halfstep.scene import Scene, SceneLike, as_scene, with_overrides
 from halfstep.scene.animation import scene_at

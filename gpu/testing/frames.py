@@ -21,16 +21,13 @@ from halfstep.contract.arrays import Array, Bools, Bytes, Floats
 from halfstep.device.adapters import LAVAPIPE
 from halfstep.errors import UsageError
 from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS, Judged
 from halfstep.testing.census import as_text, plain
 from halfstep.testing.results import keep
 
-# Arrays that follow from decisions, and those that follow from shading; the rest say how sure a
-# device is, or have no bound: they are judged only where every bit is to be the same.
-DECIDED = ("solid", "surface", "t", "depth", "position", "steps")
-SHADED = ("image", "color", "normal")
 # A device that computes a decided pixel otherwise may shade it so much otherwise: one 8-bit level.
 LEVEL = 1 / 255
-# Bytes that a census shows.
+# Pixels that a census shows.
 SHOWN = 5
 
 _AMBIGUOUS = (255, 176, 0)
@@ -169,9 +166,11 @@ def compare_frames(
         failed = _any(differs, differs)
         ambiguous = np.zeros_like(failed)
     else:
-        decided = _any(differs, DECIDED)
+        decided = _any(differs, _judged(Judged.DECIDED))
         ambiguous = decided & _within_bounds(found, expected, replay)
-        off = {name: _off_by_a_level(*pairs[name]) for name in SHADED if name in pairs}
+        off = {
+            name: _off_by_a_level(*pairs[name]) for name in _judged(Judged.SHADED) if name in pairs
+        }
         off["nothing"] = np.zeros_like(decided)
         shaded = _any(off, off) & ~decided
         if "surface" not in pairs:  # another one may be shown, and nothing else tells
@@ -218,6 +217,11 @@ def picture_file(found: Frame, expected: Frame, census: FrameCensus) -> bytes:
     return png(np.concatenate([*pictures, places], axis=1))
 
 
+def _judged(how: Judged) -> list[str]:
+    """The outputs that are compared in a way."""
+    return [name for name, output in OUTPUTS.items() if output.judged is how]
+
+
 def _check_alike(found: Frame, expected: Frame) -> None:
     if found.solid.shape != expected.solid.shape:
         sizes = (f"{shape[1]}x{shape[0]}" for shape in (found.solid.shape, expected.solid.shape))
@@ -228,7 +232,7 @@ def _check_alike(found: Frame, expected: Frame) -> None:
 
 
 def _differs(found: Array, expected: Array) -> Bools:
-    """Bytes (H, W) with other bits; a NaN is as good as another."""
+    """Pixels (H, W) with other bits; a NaN is as good as another."""
     bits = f"u{found.itemsize}"
     same = np.ascontiguousarray(found).view(bits) == np.ascontiguousarray(expected).view(bits)
     if found.dtype.kind == "f":
@@ -237,14 +241,14 @@ def _differs(found: Array, expected: Array) -> Bools:
 
 
 def _off_by_a_level(found: Array, expected: Array) -> Bools:
-    """Bytes (H, W) whose shading differs by more than `LEVEL`."""
+    """Pixels (H, W) whose shading differs by more than `LEVEL`."""
     if found.dtype == np.uint8:
         return _by_pixel(np.abs(found.astype(int) - expected) > 1)
     return _by_pixel(~(np.abs(found - expected) <= LEVEL * np.maximum(np.abs(expected), 1)))
 
 
 def _within_bounds(found: Frame, expected: Frame, replay: Replay | None) -> Bools:
-    """Bytes (H, W) in which either answer may be right, as the bounds of their errors say."""
+    """Pixels (H, W) in which either answer may be right, as the bounds of their errors say."""
     integers = {frame.info["number_format"] for frame in (found, expected)} == {"fixed32"}
     if integers:
         return np.zeros(found.solid.shape, bool)

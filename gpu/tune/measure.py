@@ -19,7 +19,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats
 from halfstep.errors import UsageError
-from halfstep.frames.frame import Frame
+from halfstep.frames.frame import Frame, Info
 from halfstep.frames.renderer import WARM_UP, Renderer
 from halfstep.host.steps import format_for
 from halfstep.scene import Accuracy, Scene, with_overrides
@@ -221,8 +221,8 @@ def tune(
         *rows, chosen = [
             replace(
                 row,
-                device_ms=_median(infos[k :: len(rows)], "device_ms"),
-                wall_ms=_median(infos[k :: len(rows)], "wall_ms"),
+                device_ms=_median(info.get("device_ms") for info in infos[k :: len(rows)]),
+                wall_ms=_median(info["wall_ms"] for info in infos[k :: len(rows)]),
             )
             for k, row in enumerate(rows)
         ]
@@ -362,9 +362,7 @@ class _Trials:
         error = np.abs(frame.depth - self.exact.depth) / self.pixel_width
         return np.where(self.wrong(frame), np.inf, error)
 
-    def timed(
-        self, settings: Sequence[Scene], rows: Sequence[Row], repeats: int
-    ) -> Iterator[dict[str, Any]]:
+    def timed(self, settings: Sequence[Scene], rows: Sequence[Row], repeats: int) -> Iterator[Info]:
         """``Frame.info`` of the image of every setting, as many times; each its turn."""
         # The first frames of a shader compile it.
         shaders = {
@@ -382,6 +380,6 @@ def _largest(values: Floats) -> float:
     return float(values.max(initial=0.0))
 
 
-def _median(infos: Sequence[dict[str, Any]], name: str) -> float | None:
-    times = [info[name] for info in infos if name in info]
-    return statistics.median(times) if times else None
+def _median(times: Iterable[float | None]) -> float | None:
+    known = [time for time in times if time is not None]
+    return statistics.median(known) if known else None
