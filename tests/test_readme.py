@@ -25,6 +25,7 @@ from halfstep.scene import (
     Image,
     Light,
     Material,
+    Overrides,
     Scene,
     SolidKey,
 )
@@ -250,6 +251,13 @@ def test_tables_are_those_that_the_code_prints(page: str) -> None:
     text = text_of(page)
     for table in TABLES[page]:
         assert written(text, table) == text, "python -m tests.tables"
+
+
+def test_all_overrides_are_listed() -> None:
+    text = " ".join(text_of(README).split())
+    [listed] = re.findall(r"`render` and `Renderer` take (.*?); all others come", text)
+    own = {"outputs", "backend", "adapter", "camera"}
+    assert set(quoted(listed)) - own == set(Overrides.__annotations__)
 
 
 def test_all_files_are_listed() -> None:

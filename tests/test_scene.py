@@ -707,6 +707,13 @@ def test_a_bad_override(options: dict[str, Any], fault: str) -> None:
     assert caught.value.faults == (fault,)
 
 
+def test_an_option_that_is_not_there() -> None:
+    options: Any = {"stpes": 3, "size": (4, 3), "albedo": 1}
+    with pytest.raises(TypeError) as caught:
+        with_overrides(Scene.from_dict(VALID), **options)
+    assert str(caught.value).startswith("albedo, stpes: no such option; there are size, samples, ")
+
+
 def test_all_bad_overrides_at_once() -> None:
     with pytest.raises(SceneError) as caught:
         with_overrides(

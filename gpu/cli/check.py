@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from halfstep.cli.options import add_adapter, add_conveyor, add_size
+from halfstep.cli.options import add_adapter, add_conveyor, add_size, overrides
 from halfstep.cli.output import print_json, print_text, say
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.version import __version__
@@ -46,15 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         check_output_folder(arguments.output)
     names = bundled_scenes() if arguments.all else [arguments.scene]
-    scenes = [
-        with_overrides(
-            load(name),
-            size=arguments.size,
-            number_format=arguments.number_format,
-            method=arguments.method,
-        )
-        for name in names
-    ]
+    scenes = [with_overrides(load(name), **overrides(arguments)) for name in names]
     reports: list[SceneReport] = []
     # Scenes that could not be rendered: the others are checked all the same.
     refused: dict[str, HalfstepError] = {}

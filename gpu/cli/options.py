@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import Any
+from typing import TYPE_CHECKING, cast
+
+from halfstep.contract.choices import BACKENDS, METHODS, NUMBER_FORMATS
+
+if TYPE_CHECKING:
+    from halfstep.scene import Overrides
 
 # As the path of a file.
 STDOUT = "-"
@@ -16,7 +21,7 @@ def add_scene(command: argparse.ArgumentParser) -> None:
     add_size(command)
     command.add_argument(
         "--backend",
-        choices=("auto", "gpu", "numpy"),
+        choices=BACKENDS,
         default="auto",
         help="auto: a Vulkan adapter if there is one, else NumPy",
     )
@@ -66,24 +71,26 @@ def add_conveyor(
     """Number format and method; ``otherwise`` says what there is without."""
     command.add_argument(
         "--format",
-        choices=("float32", "fixed32"),
+        choices=NUMBER_FORMATS,
         dest="number_format",
         help=f"number format, {otherwise}",
     )
     command.add_argument(
         "--method",
-        choices=("visible", "article"),
+        choices=METHODS,
         help=f"joint logic first, or the paper's own, {otherwise}",
     )
 
 
-def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What replaces the scene's own, as keywords of ``render``; None is not given."""
-    names = ("size", "steps", "tolerance_pixels", "tolerance", "number_format", "method", "samples")
-    return {name: getattr(arguments, name) for name in names}
+def overrides(arguments: argparse.Namespace) -> Overrides:
+    """What replaces the scene's own, of what the command takes."""
+    from halfstep.scene import Overrides
+
+    names = Overrides.__annotations__
+    return cast(Overrides, {name: getattr(arguments, name, None) for name in names})
 
 
-def add_tolerances(accuracy: Any) -> None:
+def add_tolerances(accuracy: argparse._MutuallyExclusiveGroup) -> None:
     """The two ways to state a tolerance; ``accuracy`` is a group of options of a command."""
     accuracy.add_argument(
         "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"

@@ -8,6 +8,7 @@ from typing import Any
 
 from halfstep.cli.options import add_conveyor, add_output, add_scene, add_tolerances
 from halfstep.cli.output import print_json, print_text, progress_bar, say
+from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 
 
 def add(commands: Any) -> None:
@@ -41,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure; the exit code."""
     from halfstep.files.whole import check_output_folder
     from halfstep.scene import load
-    from halfstep.tune.measure import FORMATS, METHODS, STEPS, tune
+    from halfstep.tune.measure import STEPS, tune
     from halfstep.tune.plot import scale_of, write
 
     check_output_folder(arguments.output)
@@ -53,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
             tolerance_pixels=arguments.tolerance_pixels,
             tolerance=arguments.tolerance,
             methods=(arguments.method,) if arguments.method else METHODS,
-            formats=(arguments.number_format,) if arguments.number_format else FORMATS,
+            formats=(arguments.number_format,) if arguments.number_format else NUMBER_FORMATS,
             backend=arguments.backend,
             adapter=arguments.adapter,
             progress=progress,

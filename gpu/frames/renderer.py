@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn, Self, Unpack
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from halfstep.frames.passes import Pass, Prepared, render_pass
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import Solids, prepare
 from halfstep.run.backend import open_backend
-from halfstep.scene import Camera, Scene, SceneLike, as_scene, with_overrides
+from halfstep.scene import Camera, Overrides, Scene, SceneLike, as_scene, with_overrides
 from halfstep.version import __version__
 
 # Frames of a renderer after which no shader is compiled for others like them.
@@ -31,35 +31,24 @@ _LARGE_BLOCK = 31 << 20
 def render(
     scene: SceneLike,
     *,
-    size: tuple[int, int] | None = None,
-    steps: int | None = None,
-    tolerance_pixels: float | None = None,
-    tolerance: float | None = None,
-    number_format: str | None = None,
-    method: str | None = None,
-    samples: int | None = None,
     outputs: Iterable[str] | None = None,
     backend: str = "auto",
     adapter: str | int | None = None,
     camera: Camera | Mapping[str, Any] | None = None,
+    **overrides: Unpack[Overrides],
 ) -> Frame:
     """Render one frame of ``scene``; whatever is not given comes from the scene.
 
     Args:
         scene: what to render: a `Scene`, the path of a file, the name of a bundled scene, or a
             mapping as a file holds.
-        size: (width, height) in pixels.
-        steps: halvings of every ray and solid, 1…30.
-        tolerance_pixels: largest depth error in widths of a pixel at that depth.
-        tolerance: largest depth error in scene units.
-        number_format: "float32" or "fixed32".
-        method: "visible", the joint logic first, or "article", the paper's own sequences.
-        samples: k for k x k samples in each pixel of image and color, 1…8.
         outputs: names of Frame arrays; by default all of them.
         backend: "auto" (a Vulkan adapter if there is one, else the twin with a warning), "gpu",
             "numpy".
         adapter: an index or a part of the name of a Vulkan adapter.
         camera: a camera in place of the scene's, or a mapping of the keys that differ.
+        overrides: size, samples, steps, tolerance_pixels, tolerance, number_format and method in
+            place of the scene's; `halfstep.scene.Overrides` describes them.
 
     Raises:
         SceneError: there is no such scene, or it has faults; an option is out of range.
@@ -69,17 +58,11 @@ def render(
     """
     with Renderer(
         scene,
-        size=size,
-        steps=steps,
-        tolerance_pixels=tolerance_pixels,
-        tolerance=tolerance,
-        number_format=number_format,
-        method=method,
-        samples=samples,
         outputs=OUTPUTS if outputs is None else outputs,
         backend=backend,
         adapter=adapter,
         camera=camera,
+        **overrides,
     ) as renderer:
         return renderer.render()
 
@@ -98,28 +81,14 @@ class Renderer:
         self,
         scene: SceneLike,
         *,
-        size: tuple[int, int] | None = None,
-        steps: int | None = None,
-        tolerance_pixels: float | None = None,
-        tolerance: float | None = None,
-        number_format: str | None = None,
-        method: str | None = None,
-        samples: int | None = None,
         outputs: Iterable[str] = ("image",),
         backend: str = "auto",
         adapter: str | int | None = None,
         camera: Camera | Mapping[str, Any] | None = None,
+        **overrides: Unpack[Overrides],
     ) -> None:
-        self._overrides: dict[str, Any] = {
-            "size": size,
-            "steps": steps,
-            "tolerance_pixels": tolerance_pixels,
-            "tolerance": tolerance,
-            "number_format": number_format,
-            "method": method,
-            "samples": samples,
-        }
-        self._scene = with_overrides(as_scene(scene), **self._overrides, camera=camera)
+        self._overrides = overrides
+        self._scene = with_overrides(as_scene(scene), camera=camera, **self._overrides)
         self._outputs = check_outputs(outputs)
         # The last scene that was prepared, its solids and their digest. Threads may share the
         # renderer: what is kept of one frame for others is taken and replaced whole.

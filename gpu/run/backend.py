@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from halfstep.contract.arrays import Planes
+from halfstep.contract.choices import BACKENDS
 from halfstep.contract.layout import TILE
 from halfstep.device.adapters import Facts, choose_adapter, is_requested
 from halfstep.errors import AdapterError, UsageError
@@ -16,7 +17,6 @@ from halfstep.host.pack import Packed
 from halfstep.host.steps import format_for
 from halfstep.scene import Accuracy, Scene
 
-BACKENDS = ("auto", "gpu", "numpy")
 # The twin has this many pixels in a band, so that its arrays stay small for any picture.
 TWIN_PIXELS = 1 << 20
 

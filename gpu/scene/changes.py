@@ -1,7 +1,7 @@
 """Scenes with something in place of what they say."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from pydantic import ValidationError
@@ -15,36 +15,46 @@ from halfstep.scene.tables import ACCURACY_KEYS, Camera
 from halfstep.scene.values import Table, Vector
 
 
+class Overrides(TypedDict, total=False):
+    """Options that replace what a scene says, wherever one is rendered; None is not given.
+
+    But for ``size`` each has the name of the key that it replaces in the scene's ``[image]`` or
+    ``[accuracy]``.
+    """
+
+    size: tuple[int, int] | None  # (width, height) in pixels
+    samples: int | None  # k for k x k samples in each pixel of image and color, 1…8
+    # One of the next three replaces whichever of them the scene has.
+    steps: int | None  # halvings of every ray and solid, 1…30
+    tolerance_pixels: float | None  # largest depth error in widths of a pixel at that depth
+    tolerance: float | None  # largest depth error in scene units
+    number_format: str | None  # "float32" or "fixed32"
+    # "visible", the joint logic first, or "article", the paper's own sequences.
+    method: str | None
+
+
 def with_overrides(
     scene: Scene,
     *,
-    size: tuple[int, int] | None = None,
-    steps: int | None = None,
-    tolerance_pixels: float | None = None,
-    tolerance: float | None = None,
-    number_format: str | None = None,
-    method: str | None = None,
-    samples: int | None = None,
     camera: Camera | Mapping[str, Any] | None = None,
+    **overrides: Unpack[Overrides],
 ) -> Scene:
     """The scene with what is given in place of what it says; only that is checked again.
 
     Args:
         scene: left as it is.
-        size: (width, height) in pixels.
-        steps: as `Accuracy.steps`. At most one of this and the next two may be given, and it
-            replaces whichever of the three the scene has.
-        tolerance_pixels: as `Accuracy.tolerance_pixels`.
-        tolerance: as `Accuracy.tolerance`.
-        number_format: as `Accuracy.number_format`.
-        method: as `Accuracy.method`.
-        samples: as `Image.samples`.
         camera: a camera, or keys that replace those of the scene's camera.
+        overrides: options by name.
 
     Raises:
         SceneError: with every fault, each beginning with the option it is in, as
             ``steps: 31 is not <= 30``.
+        TypeError: there is no such option.
     """
+    names = Overrides.__annotations__.keys()
+    unknown = sorted(overrides.keys() - names)
+    if unknown:
+        raise TypeError(f"{', '.join(unknown)}: no such option; there are {', '.join(names)}")
     faults: list[Fault] = []
     changes: dict[str, Table] = {}
 
@@ -63,29 +73,21 @@ def with_overrides(
     elif camera is not None:
         replace("camera", camera, {})
 
-    image = _given({"samples": samples})
-    if size is not None and _is_pair(size):
-        image |= _given({"width": size[0], "height": size[1]})
+    given = _given(overrides)
+    options: dict[str, Loc] = {name: (name,) for name in names}
+    size = given.pop("size", None)
+    if isinstance(size, list) and len(size) == 2:
+        given |= _given({"width": size[0], "height": size[1]})
+        options |= {"width": ("size", 0), "height": ("size", 1)}
     elif size is not None:
         faults.append((("size",), f"{show(size)} is not an array of 2 integers"))
-    if image:
-        sides: dict[str, Loc] = {"width": ("size", 0), "height": ("size", 1)}
-        replace("image", {**scene.image.model_dump(), **image}, {**sides, "samples": ("samples",)})
-
-    accuracy = _given(
-        {
-            "tolerance_pixels": tolerance_pixels,
-            "tolerance": tolerance,
-            "steps": steps,
-            "number_format": number_format,
-            "method": method,
-        }
-    )
-    if accuracy:
-        kept = scene.accuracy.model_dump(exclude_none=True)
-        if not accuracy.keys().isdisjoint(ACCURACY_KEYS):
-            kept = {key: value for key, value in kept.items() if key not in ACCURACY_KEYS}
-        replace("accuracy", {**kept, **accuracy}, {key: (key,) for key in accuracy})
+    for key, table in (("image", scene.image), ("accuracy", scene.accuracy)):
+        new = {name: given[name] for name in given if name in type(table).model_fields}
+        if new:
+            kept = table.model_dump(exclude_none=True)
+            if not new.keys().isdisjoint(ACCURACY_KEYS):
+                kept = {name: kept[name] for name in kept if name not in ACCURACY_KEYS}
+            replace(key, {**kept, **new}, options)
 
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
@@ -143,10 +145,6 @@ def still(
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
     return scene.model_copy(update={"camera": view, "animation": None, "solids": tuple(solids)})
-
-
-def _is_pair(value: object) -> bool:
-    return isinstance(value, list | tuple | np.ndarray) and len(value) == 2
 
 
 def _given(options: Mapping[str, Any]) -> dict[str, Any]:

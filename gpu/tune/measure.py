@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats
+from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 from halfstep.errors import UsageError
 from halfstep.frames.frame import Frame, Info
 from halfstep.frames.renderer import WARM_UP, Renderer
@@ -26,8 +27,6 @@ from halfstep.scene import Accuracy, Scene, with_overrides
 from halfstep.tune.exact import Exact, exact
 from halfstep.version import __version__
 
-METHODS = ("visible", "article")
-FORMATS = ("float32", "fixed32")
 STEPS = range(4, 25)
 REPEATS = 5
 # The tolerance of a scene that states a number of steps instead.
@@ -160,7 +159,7 @@ def tune(
     tolerance_pixels: float | None = None,
     tolerance: float | None = None,
     methods: Sequence[str] = METHODS,
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] = NUMBER_FORMATS,
     backend: str = "auto",
     adapter: str | int | None = None,
     repeats: int = REPEATS,
