@@ -285,7 +285,7 @@ def test_close_in_the_middle_of_a_frame_comes_after_it(
     with pytest.raises(UsageError, match=CLOSED):
         gpu_renderer.render()
     assert isinstance(gpu_renderer._backend, run_gpu.Device)
-    assert gpu_renderer._backend._device is None
+    assert gpu_renderer._backend._open is None
 
 
 def test_a_render_all_that_is_collected_in_the_middle_of_a_frame_waits_for_nothing(

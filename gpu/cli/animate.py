@@ -10,9 +10,9 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from halfstep.cli.options import add_output, add_rendering, add_scene, overrides
+from halfstep.cli.options import Commands, add_output, add_rendering, add_scene, overrides
 from halfstep.cli.output import print_json, progress_bar, say
 from halfstep.errors import UsageError
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Result = tuple[int, "Info | None"]
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     animate = commands.add_parser("animate", help="render a scene's animation")
     animate.set_defaults(run=run)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
+from halfstep.cli.options import Commands
 from halfstep.cli.output import print_json, print_text, progress_bar, say
 from halfstep.errors import UsageError
 
@@ -23,7 +23,7 @@ PARTS = (
 )
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     bench = commands.add_parser("bench", help="measure this machine's speed, in about a minute")
     bench.set_defaults(run=run)

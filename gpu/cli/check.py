@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from halfstep.cli.options import add_adapter, add_conveyor, add_size, overrides
+from halfstep.cli.options import Commands, add_adapter, add_conveyor, add_size, overrides
 from halfstep.cli.output import print_json, print_text, say
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.version import __version__
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from halfstep.check.checker import SceneReport
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     check = commands.add_parser("check", help="compare a device with NumPy, scene by scene")
     check.set_defaults(run=run)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from halfstep.cli.options import Commands
 from halfstep.cli.output import print_json, print_text
 from halfstep.errors import HalfstepError
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     info = commands.add_parser("info", help="tell how a picture was made")
     info.set_defaults(run=run)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 from halfstep.contract.choices import BACKENDS, METHODS, NUMBER_FORMATS
 
@@ -13,6 +13,13 @@ if TYPE_CHECKING:
 
 # As the path of a file.
 STDOUT = "-"
+
+
+class Commands(Protocol):
+    """Where a command adds itself."""
+
+    def add_parser(self, name: str, *, help: str) -> argparse.ArgumentParser:  # noqa: A002 - theirs
+        """The parser of a new command."""
 
 
 def add_scene(command: argparse.ArgumentParser) -> None:
@@ -30,9 +37,7 @@ def add_scene(command: argparse.ArgumentParser) -> None:
 
 def add_rendering(command: argparse.ArgumentParser) -> None:
     """How a command renders, in place of what the scene says; `overrides` collects it."""
-    accuracy = command.add_mutually_exclusive_group()
-    accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
-    add_tolerances(accuracy)
+    add_accuracy(command, steps=True)
     add_conveyor(command)
     command.add_argument("--samples", metavar="K", type=int, help="KxK samples in each pixel")
 
@@ -90,8 +95,11 @@ def overrides(arguments: argparse.Namespace) -> Overrides:
     return cast(Overrides, {name: getattr(arguments, name, None) for name in names})
 
 
-def add_tolerances(accuracy: argparse._MutuallyExclusiveGroup) -> None:
-    """The two ways to state a tolerance; ``accuracy`` is a group of options of a command."""
+def add_accuracy(command: argparse.ArgumentParser, *, steps: bool) -> None:
+    """The two ways to state a tolerance, or else, with ``steps``, a number of halvings."""
+    accuracy = command.add_mutually_exclusive_group()
+    if steps:
+        accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
     accuracy.add_argument(
         "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"
     )

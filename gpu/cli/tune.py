@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import Any
 
-from halfstep.cli.options import add_conveyor, add_output, add_scene, add_tolerances
+from halfstep.cli.options import Commands, add_accuracy, add_conveyor, add_output, add_scene
 from halfstep.cli.output import print_json, print_text, progress_bar, say
 from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     tune = commands.add_parser("tune", help="measure what accuracy costs, and recommend steps")
     tune.set_defaults(run=run)
@@ -20,8 +19,7 @@ def add(commands: Any) -> None:
     tune.add_argument(
         "--steps", metavar="A:B[:S]", type=_steps, help="numbers of halvings from A to B by S"
     )
-    accuracy = tune.add_mutually_exclusive_group()
-    add_tolerances(accuracy)
+    add_accuracy(tune, steps=False)
     add_conveyor(tune, otherwise="by default both")
     tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
 

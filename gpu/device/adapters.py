@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, TypedDict
 
 from halfstep.device import loader as wgpu_loader
+from halfstep.device.handles import GpuAdapter, GpuDevice, Info
 from halfstep.errors import AdapterError, DeviceError
 
 # The driver of every development and test machine: Mesa's Vulkan on the processor.
@@ -75,7 +76,7 @@ FEATURES = {
 _process: int | None = None
 _loading = threading.Lock()
 # Every wgpu.GPUDevice of `open_device` that is in use.
-_devices: weakref.WeakSet[Any] = weakref.WeakSet()
+_devices: weakref.WeakSet[GpuDevice] = weakref.WeakSet()
 
 
 class Facts(TypedDict):
@@ -112,7 +113,7 @@ class Adapter:
 
     summary: AdapterSummary
     reason: str  # why this one, in words
-    handle: Any  # wgpu.GPUAdapter
+    handle: GpuAdapter
 
 
 def list_adapters() -> list[AdapterSummary]:
@@ -192,7 +193,7 @@ def is_lavapipe(adapter: AdapterSummary) -> bool:
     return adapter.kind == "cpu" and adapter.name.startswith(LAVAPIPE)
 
 
-def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> Any:
+def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> GpuDevice:
     """A wgpu.GPUDevice on ``adapter`` with ``features``, and timestamps where the adapter has them.
 
     Buffers and bindings may be as large as the adapter allows: ``limits`` of the device.
@@ -216,16 +217,17 @@ def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> Any:
     return device
 
 
-def close_device(device: Any) -> None:
+def close_device(device: GpuDevice) -> None:
     """Give back the memory and the threads of a wgpu.GPUDevice; nothing may use it any more.
 
     What was made on it is to be let go of before: each such object keeps the device.
     """
-    queue = device.queue
+    handle: Any = device
+    queue = handle.queue
     device.destroy()
     # In wgpu-py the device refers to itself, and its queue to it. Until Python looks for such
     # cycles, which may be hundreds of devices later, the driver would keep all that it has.
-    device._device = queue._device = None
+    handle._device = queue._device = None
 
 
 @contextmanager
@@ -257,7 +259,7 @@ def wgpu_errors(label: str) -> Iterator[None]:
         raise DeviceError(f"{label}: {error}") from error
 
 
-def stack_of(device: Any) -> dict[str, str]:
+def stack_of(device: GpuDevice) -> dict[str, str]:
     """What a wgpu.GPUDevice stands on: adapter and driver by name, and versions of the parts.
 
     Keys: ``adapter``, ``driver``, ``mesa`` and ``llvm`` (where the driver tells them), ``wgpu``,
@@ -395,7 +397,7 @@ def _seen(adapters: Sequence[AdapterSummary]) -> str:
     return "; the adapters are" + "".join(f"\n  {adapter}" for adapter in adapters)
 
 
-def _summary(index: int, info: Mapping[str, Any]) -> AdapterSummary:
+def _summary(index: int, info: Info) -> AdapterSummary:
     name = info["device"]
     kind = _KIND.get(info["adapter_type"], "unknown")
     if name.startswith(SOFTWARE):
@@ -411,13 +413,13 @@ def _summary(index: int, info: Mapping[str, Any]) -> AdapterSummary:
     )
 
 
-def _driver(info: Mapping[str, Any]) -> str:
+def _driver(info: Info) -> str:
     """Name and version of a driver; SwiftShader tells its name alone, as Vulkan's driverName."""
     driver: str = info["description"] or info["vendor"]
     return driver
 
 
-def _handles() -> tuple[Any, ...]:
+def _handles() -> tuple[GpuAdapter, ...]:
     """wgpu.GPUAdapter of every Vulkan adapter.
 
     Raises:
@@ -430,7 +432,7 @@ def _handles() -> tuple[Any, ...]:
 
 
 @functools.cache
-def _loaded() -> tuple[Any, ...]:
+def _loaded() -> tuple[GpuAdapter, ...]:
     """`_handles`, once; loads the drivers."""
     global _process
     _process = os.getpid()

@@ -19,6 +19,7 @@ import numpy as np
 from halfstep.contract.arrays import Array, Floats, Records
 from halfstep.device.adapters import INT64
 from halfstep.device.compute import UNWRITTEN, Bound, Compute
+from halfstep.device.handles import GpuDevice
 from halfstep.device.probe import loop_limit
 from halfstep.errors import DeviceError
 
@@ -145,7 +146,7 @@ class _Judge:
         return f"within {off.max():.1f} ulp"
 
 
-def fingerprint(device: Any) -> Fingerprint:
+def fingerprint(device: GpuDevice) -> Fingerprint:
     """The choices of the driver beneath a wgpu.GPUDevice.
 
     Raises:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, NoReturn, Self, Unpack
+from typing import NoReturn, Self, Unpack
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from halfstep.frames.passes import Pass, Prepared, render_pass
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import Solids, prepare
 from halfstep.run.backend import open_backend
-from halfstep.scene import Camera, Overrides, Scene, SceneLike, as_scene, with_overrides
+from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, as_scene, with_overrides
 from halfstep.version import __version__
 
 # Frames of a renderer after which no shader is compiled for others like them.
@@ -34,7 +34,7 @@ def render(
     outputs: Iterable[str] | None = None,
     backend: str = "auto",
     adapter: str | int | None = None,
-    camera: Camera | Mapping[str, Any] | None = None,
+    camera: CameraLike | None = None,
     **overrides: Unpack[Overrides],
 ) -> Frame:
     """Render one frame of ``scene``; whatever is not given comes from the scene.
@@ -84,7 +84,7 @@ class Renderer:
         outputs: Iterable[str] = ("image",),
         backend: str = "auto",
         adapter: str | int | None = None,
-        camera: Camera | Mapping[str, Any] | None = None,
+        camera: CameraLike | None = None,
         **overrides: Unpack[Overrides],
     ) -> None:
         self._overrides = overrides
@@ -122,7 +122,7 @@ class Renderer:
         self,
         scene: SceneLike | None = None,
         *,
-        camera: Camera | Mapping[str, Any] | None = None,
+        camera: CameraLike | None = None,
     ) -> Frame:
         """The frame seen by ``camera``, by default the scene's.
 
@@ -175,7 +175,7 @@ class Renderer:
         self,
         scene: SceneLike | None = None,
         *,
-        camera: Camera | Mapping[str, Any] | None = None,
+        camera: CameraLike | None = None,
         outputs: Iterable[str] | None = None,
     ) -> Prepared:
         """The host's part of a frame, which `render_prepared` finishes, here or elsewhere.

@@ -7,14 +7,14 @@ import functools
 import os
 import pickle
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, Unpack
+from typing import Protocol, Unpack
 
 from halfstep.frames.frame import Frame
 from halfstep.frames.outputs import check_outputs
 from halfstep.frames.renderer import Renderer
-from halfstep.scene import Camera, Overrides, Scene, SceneLike, as_scene, with_overrides
+from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, as_scene, with_overrides
 from halfstep.scene.animation import scene_at
 
 # Frames are handed out this many at a time, and the next so many while these are collected: enough
@@ -55,7 +55,7 @@ def render_frames(
     outputs: Iterable[str] = ("image",),
     backend: str = "auto",
     adapter: str | int | None = None,
-    camera: Camera | Mapping[str, Any] | None = None,
+    camera: CameraLike | None = None,
     **overrides: Unpack[Overrides],
 ) -> Iterator[Frame]:
     """Frames of the scene's animation, in the order asked for.

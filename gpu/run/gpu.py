@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from halfstep.device.adapters import (
     wgpu_errors,
 )
 from halfstep.device.compute import Compute
+from halfstep.device.handles import GpuBuffer, GpuDevice
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
 from halfstep.host.pack import Packed, frame_record
@@ -62,7 +63,7 @@ _NAMES = {
     8: "sRGB table",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
-_Binding = tuple[Any, int, int]
+_Binding = tuple[GpuBuffer, int, int]
 
 
 class Device(Turns):
@@ -85,7 +86,8 @@ class Device(Turns):
         # Where a processor plays the device, its memory is the device's.
         shared = {MAPPABLE} if self._played else set()
         wanted = {INT64, SUBGROUP} | shared
-        self._device: Any = open_device(adapter, features=wanted & adapter.handle.features)
+        features = wanted & adapter.handle.features
+        self._open: GpuDevice | None = open_device(adapter, features=features)
         self._mapped = MAPPABLE in self._device.features
         # Where a processor plays the device, a load serves one invocation after another, and no
         # code is jumped over. Both ways round that are worth a factor of 1.3 to 2, measured.
@@ -101,21 +103,26 @@ class Device(Turns):
         self.largest_binding: int = min(
             limits["max-storage-buffer-binding-size"], limits["max-buffer-size"]
         )
-        self._pipelines: dict[Needs, Any] = {}
-        self._layouts: dict[tuple[tuple[int, str], ...], Any] = {}
+        self._pipelines: dict[Needs, object] = {}
+        self._layouts: dict[tuple[tuple[int, str], ...], object] = {}
         # The layout and the bindings of the last frame, and the bind group made of them.
-        self._bound: tuple[Any, Any] = None, None
+        self._bound: tuple[object, object] = None, None
         self._known: dict[Needs, list[Classes]] = {}
         # What the frame buffer shows where nothing is, and which of its tiles show just that.
-        self._blank: tuple[Any, Bools] = None, np.zeros(0, bool)
-        self._buffers: dict[str, Any] = {}
+        self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
+        self._buffers: dict[str, GpuBuffer] = {}
         self._timed = "timestamp-query" in self._device.features
-        self._queries: Any = None
+        self._queries: object = None
         if self._timed:
             self._queries = self._device.create_query_set(type="timestamp", count=2)
 
+    @property
+    def _device(self) -> GpuDevice:
+        assert self._open is not None  # there are no turns once it is given back
+        return self._open
+
     def _give_back(self) -> None:
-        device, self._device = self._device, None
+        device, self._open = self._open, None
         if device is None:
             return
         self._drop_buffers()
@@ -236,7 +243,7 @@ class Device(Turns):
         self._blank = ground, blank
         return planes, milliseconds
 
-    def _left_out(self, needs: Needs, ground: Any, blank: Bools) -> Bools:
+    def _left_out(self, needs: Needs, ground: object, blank: Bools) -> Bools:
         """Which of the tiles ``blank`` need no rendering: in the last frame they were the same."""
         shown, before = self._blank
         # Known again once this frame is rendered: it may fail midway.
@@ -287,7 +294,7 @@ class Device(Turns):
             self._known[needs] = frequent_sets(starts, needs.classes)
         return self._known[needs]
 
-    def _layout(self, needs: Needs) -> Any:
+    def _layout(self, needs: Needs) -> object:
         """The layout of the bindings of a shader."""
         types = tuple(binding_types(needs).items())
         if types not in self._layouts:
@@ -302,7 +309,7 @@ class Device(Turns):
             self._layouts[types] = self._device.create_bind_group_layout(entries=entries)
         return self._layouts[types]
 
-    def _pipeline(self, needs: Needs) -> Any:
+    def _pipeline(self, needs: Needs) -> object:
         if needs not in self._pipelines:
             layout = self._layout(needs)
             module = self._device.create_shader_module(label="halfstep", code=compose(needs))
@@ -328,12 +335,12 @@ class Device(Turns):
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
         return buffer, 0, bound or buffer.size
 
-    def _frame_buffer(self, layout: FrameBuffer) -> Any:
+    def _frame_buffer(self, layout: FrameBuffer) -> GpuBuffer:
         """The buffer that a band is rendered to."""
         access = "MAP_READ" if self._mapped else "COPY_SRC"
         return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|{access}")
 
-    def _buffer(self, name: str, size: int, usage: str) -> Any:
+    def _buffer(self, name: str, size: int, usage: str) -> GpuBuffer:
         """A kept buffer of at least ``size`` bytes."""
         buffer = self._buffers.get(name)
         if buffer is None or buffer.size < size:
@@ -350,9 +357,9 @@ class Device(Turns):
         needs: Needs,
         parts: list[_Part],
         bindings: dict[int, _Binding],
-        frame: Any,
+        frame: GpuBuffer,
         layout: FrameBuffer,
-    ) -> Any:
+    ) -> GpuBuffer:
         """Render to the buffer ``frame``, and wait: a mapped buffer with what it holds."""
         encoder = self._device.create_command_encoder()
         timing = {}
@@ -379,7 +386,7 @@ class Device(Turns):
         memory.map_sync("READ", 0, layout.size)
         return memory
 
-    def _bind_group(self, needs: Needs, bindings: dict[int, _Binding]) -> Any:
+    def _bind_group(self, needs: Needs, bindings: dict[int, _Binding]) -> object:
         """A bind group of parts of buffers, most often that of the last frame."""
         layout = self._layout(needs)
         if (layout, bindings) != self._bound[0]:

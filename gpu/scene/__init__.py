@@ -4,7 +4,7 @@ A scene is built by `load` (a file or a bundled name) or `Scene.from_dict` (a ma
 `as_scene` chooses; `with_overrides` makes a changed copy.
 """
 
-from halfstep.scene.changes import Overrides, still, with_animation, with_overrides
+from halfstep.scene.changes import CameraLike, Overrides, still, with_animation, with_overrides
 from halfstep.scene.keys import Animation, CameraKey, SolidKey
 from halfstep.scene.model import Scene
 from halfstep.scene.reading import SceneLike, as_scene, bundled_scenes, json_schema, load
@@ -38,6 +38,7 @@ __all__ = [
     "Box",
     "Camera",
     "CameraKey",
+    "CameraLike",
     "Cone",
     "Cylinder",
     "Ellipsoid",

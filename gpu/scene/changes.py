@@ -14,6 +14,9 @@ from halfstep.scene.solids import NO_PATCH, PlanePatch, box_cuts_area
 from halfstep.scene.tables import ACCURACY_KEYS, Camera
 from halfstep.scene.values import Table, Vector
 
+# A camera, or the keys that differ from another one.
+CameraLike = Camera | Mapping[str, object]
+
 
 class Overrides(TypedDict, total=False):
     """Options that replace what a scene says, wherever one is rendered; None is not given.
@@ -36,7 +39,7 @@ class Overrides(TypedDict, total=False):
 def with_overrides(
     scene: Scene,
     *,
-    camera: Camera | Mapping[str, Any] | None = None,
+    camera: CameraLike | None = None,
     **overrides: Unpack[Overrides],
 ) -> Scene:
     """The scene with what is given in place of what it says; only that is checked again.
@@ -147,6 +150,6 @@ def still(
     return scene.model_copy(update={"camera": view, "animation": None, "solids": tuple(solids)})
 
 
-def _given(options: Mapping[str, Any]) -> dict[str, Any]:
+def _given(options: Mapping[str, object]) -> dict[str, Any]:
     """The options that are given, as `plain` has them."""
     return {key: value for key, value in plain(options).items() if value is not None}

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from halfstep.contract.arrays import Bools, Bytes
 from halfstep.device.compute import Bound, Compute
+from halfstep.device.handles import GpuDevice
 from halfstep.device.probe import loop_limit
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, UsageError
 from halfstep.testing import loops
@@ -59,7 +60,7 @@ class Kit:
     are, and structs are structured arrays, mappings of their members or tuples of them.
     """
 
-    def __init__(self, device: Any) -> None:
+    def __init__(self, device: GpuDevice) -> None:
         """``device`` is a wgpu.GPUDevice; closing it is its owner's business."""
         self.device = device
         self._compute = Compute(device)
