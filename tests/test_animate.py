@@ -576,6 +576,7 @@ def a_folder(path: Path, scene: Scene, *, overwrite: bool = False) -> FrameFolde
     return FrameFolder(path, manifest(scene, "numpy", None), overwrite=overwrite)
 
 
+@pytest.mark.slow
 def test_equal_runs_at_once_all_succeed(scene_file: Path, tmp_path: Path) -> None:
     folder, whole = tmp_path / "frames", tmp_path / "whole"
     options = [str(scene_file), *NUMPY, "--frames", "30", "-o"]
@@ -683,6 +684,7 @@ def test_a_half_written_frame_is_none(scene_file: Path, tmp_path: Path) -> None:
     assert contents(folder) == contents(whole)
 
 
+@pytest.mark.slow
 def test_a_run_killed_five_times_loses_and_repeats_nothing(tmp_path: Path, seed: int) -> None:
     random_ = random.Random(seed)
     folder, whole = tmp_path / "killed", tmp_path / "whole"

@@ -140,6 +140,7 @@ def test_edges_along_the_grid_are_covered_too(backend: str) -> None:
     assert image <= 1 / 16 + 1 / 255
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_samples(
     backend: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

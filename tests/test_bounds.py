@@ -31,6 +31,7 @@ def _constants(scene: Scene, size: tuple[int, int] = SIZE) -> tuple[Geometry, Vi
 
 
 @pytest.mark.parametrize("place", PLACES)
+@pytest.mark.slow
 def test_every_hit_is_within_its_rectangle_and_its_interval(
     place: str, rng: np.random.Generator
 ) -> None:
@@ -104,6 +105,7 @@ def test_frames_without_preselection_are_the_same(
     assert ties < 1e-3 * hits
 
 
+@pytest.mark.slow
 def test_uncut_solids_have_tight_bounds(rng: np.random.Generator) -> None:
     """Medians: depth extent 1.00, rectangle 1.00 of what hits fill."""
     areas, extents = [], []

@@ -622,6 +622,7 @@ def test_a_result_that_cannot_be_written_is_a_failure(
 
 
 @pytest.mark.parametrize("redirections", ["2>&-", "2>/dev/full", "<&- >&- 2>&-"])
+@pytest.mark.slow
 def test_messages_that_nobody_can_see_are_left_out(
     shell: Shell, tmp_path: Path, redirections: str
 ) -> None:
@@ -646,6 +647,7 @@ sys.exit(cli.main())
 """
 
 
+@pytest.mark.slow
 def test_a_file_does_not_take_the_place_of_a_closed_stream(shell: Shell, tmp_path: Path) -> None:
     assert shell(RENDER.replace("out.png", "plain.png")).returncode == 0
     command = f"{sys.executable} -c {shlex.quote(NOISY)} {RENDER} <&- >&- 2>&-"
@@ -654,6 +656,7 @@ def test_a_file_does_not_take_the_place_of_a_closed_stream(shell: Shell, tmp_pat
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.slow
 def test_a_picture_may_go_to_stdout(scene_file: Path, tmp_path: Path, unbuffered: str) -> None:
     options = ["render", str(scene_file), "--backend", "numpy", "-o"]
     # Larger than what a pipe holds.

@@ -109,6 +109,7 @@ def in_a_band(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
 # ------------------------------------------------------------------------------------- threads
 
 
+@pytest.mark.slow
 def test_interleavings_give_right_frames(backend: str, seed: int) -> None:
     done = subprocess.run(
         [
@@ -382,6 +383,7 @@ def test_an_error_in_a_thread_leaves_the_renderer_usable(renderer: Renderer) -> 
         ),
     ],
 )
+@pytest.mark.slow
 def test_a_forked_child_is_refused_what_needs_the_driver(
     request: pytest.FixtureRequest, backend: str, child: str, said: str
 ) -> None:

@@ -133,6 +133,7 @@ def _projected(scene: Scene, points: Floats) -> Floats:
 
 @pytest.mark.parametrize("slender", [1.0, 6.0])
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_no_solid_shows_outside_its_projection(
     kind: str, slender: float, rng: np.random.Generator
 ) -> None:

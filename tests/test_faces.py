@@ -396,6 +396,7 @@ def test_crossing_planes_look_alike_in_both_formats(method: str) -> None:
 @pytest.mark.parametrize(
     ("method", "backend"), [("visible", "numpy"), ("visible", "gpu"), ("article", "numpy")]
 )
+@pytest.mark.slow
 def test_as_many_half_spaces_as_are_allowed(
     method: str, backend: str, request: pytest.FixtureRequest
 ) -> None:

@@ -115,6 +115,7 @@ def test_the_recipe_makes_a_new_kind(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("left_out", range(len(STEPS_OF_RECIPE)))
+@pytest.mark.slow
 def test_no_step_of_the_recipe_can_be_left_out(left_out: int, tmp_path: Path) -> None:
     steps = [step for k, step in enumerate(STEPS_OF_RECIPE) if k != left_out]
     copy_with(tmp_path, steps)

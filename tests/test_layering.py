@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ FLOOR = ("errors", "lazy", "text", "version", "wgsl", "scenes")
 ROOF = ("__init__", "__main__")
 
 
+@functools.cache
 def modules() -> list[str]:
     """Names of all modules below the package, as ``scene`` and ``twin.halve``."""
     paths = (path.relative_to(SOURCES).with_suffix("") for path in SOURCES.rglob("*.py"))

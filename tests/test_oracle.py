@@ -321,6 +321,7 @@ def _differences(trace: Trace, pixels: tuple[Floats, Floats], world: _World) -> 
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_random_rays_agree_with_400_bits(kind: str) -> None:
     seed = KINDS.index(kind)
     rng = np.random.default_rng(seed)
@@ -356,6 +357,7 @@ def test_float64_is_right_wherever_its_margin_says_so(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_ties_are_decided_as_400_bits_do(kind: str) -> None:
     """Pairs of pixels a rounding apart, on either side of a silhouette or an edge."""
     seed = 100 + KINDS.index(kind)
@@ -395,6 +397,7 @@ def test_nearest_of_many_agrees_with_400_bits() -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "plane"])
+@pytest.mark.slow
 def test_points_along_rays_are_inside_where_the_oracle_says(kind: str) -> None:
     """Samples of the solid's own inequalities, 400 to a ray."""
     seed = 200 + KINDS.index(kind)

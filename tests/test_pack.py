@@ -50,6 +50,7 @@ def test_srgb_is_rounded_correctly_anywhere(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("steps", [None, 1, 17, 30])
 @pytest.mark.parametrize("name", bundled_scenes())
 @pytest.mark.filterwarnings("ignore:.*the tolerance needs more than")
+@pytest.mark.slow
 def test_depth_keys_are_exact(name: str, steps: int | None, rng: np.random.Generator) -> None:
     packed = prepare(with_overrides(load(name), size=SIZE, steps=steps))
     assert len(packed.solids) > 0

@@ -41,6 +41,7 @@ def _reached(scene: Scene) -> NDArray[np.bool_]:
 
 
 @pytest.mark.parametrize("method", ["visible", "article"])
+@pytest.mark.slow
 def test_a_block_with_a_hit_is_never_ruled_out(method: str, rng: np.random.Generator) -> None:
     with_hits = spared = vain = 0
     for number in range(150):

@@ -139,6 +139,7 @@ def test_code_of_a_number_format_is_there_for_it_alone(klass: Class, number_form
             assert not set(other.stages) - set(number_format.stages) & set(stage_names(need))
 
 
+@pytest.mark.slow
 def test_no_built_in_leaves_the_device_a_choice() -> None:
     """Bits do not hang on the order of a dot product, a contracted mix or a power."""
     exact = {"abs", "bitcast", "ceil", "clamp", "countLeadingZeros", "max", "min", "select"}

@@ -59,6 +59,7 @@ def test_the_processor_flushes() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("scene", bundled_scenes())
+@pytest.mark.slow
 def test_a_bundled_scene(scene: str, method: str) -> None:
     loaded = halfstep.load(scene)
     for number_format in FORMATS:
@@ -66,6 +67,7 @@ def test_a_bundled_scene(scene: str, method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.slow
 def test_the_ends_of_every_range(method: str) -> None:
     for name, _, views in extremes():
         for number, view in enumerate(views):
@@ -145,6 +147,7 @@ def shaped_scenes(rng: np.random.Generator) -> Iterator[Scene]:
 
 
 @pytest.mark.parametrize("scenes", [lit_scenes, shaped_scenes])
+@pytest.mark.slow
 def test_faint_numbers_in_a_scene(scenes: Any, rng: np.random.Generator) -> None:
     hits = 0
     for number, scene in enumerate(scenes(rng)):
@@ -189,6 +192,7 @@ def test_unit_vectors() -> None:
         (setup, "NEGLIGIBLE", shaped_scenes, {"solid", "t"}),
     ],
 )
+@pytest.mark.slow
 def test_without_a_bound_frames_differ(
     module: Any, bound: str, scenes: Any, arrays: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
