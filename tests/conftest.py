@@ -27,7 +27,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="skip tests of types of WGSL that the device does not have; else they fail",
     )
 
-
     parser.addoption(
         "--quick",
         action="store_true",

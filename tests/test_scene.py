@@ -18,6 +18,7 @@ from pydantic import ValidationError
 from halfstep.errors import HalfstepError, SceneError
 from halfstep.scene import (
     MAX_HALF_SPACES,
+    Accuracy,
     Box,
     Camera,
     Cone,
@@ -25,7 +26,9 @@ from halfstep.scene import (
     Ellipsoid,
     HyperboloidOneSheet,
     HyperboloidTwoSheets,
+    Image,
     Light,
+    Overrides,
     Paraboloid,
     PlanePatch,
     Polyhedron,
@@ -705,6 +708,11 @@ def test_a_bad_override(options: dict[str, Any], fault: str) -> None:
     with pytest.raises(SceneError) as caught:
         with_overrides(Scene.from_dict(VALID), **options)
     assert caught.value.faults == (fault,)
+
+
+def test_every_option_is_a_key_of_a_table() -> None:
+    keys = Image.model_fields.keys() | Accuracy.model_fields.keys() | {"size"}
+    assert Overrides.__annotations__.keys() <= keys
 
 
 def test_an_option_that_is_not_there() -> None:

@@ -227,7 +227,7 @@ def close_device(device: GpuDevice) -> None:
     device.destroy()
     # In wgpu-py the device refers to itself, and its queue to it. Until Python looks for such
     # cycles, which may be hundreds of devices later, the driver would keep all that it has.
-    handle._device = queue._device = None
+    handle._device = queue._device = None  # noqa: SLF001 - wgpu has no way to say it
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -126,14 +127,53 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     # Numbers of 16 bits or less are sorted in linear time.
     order = np.argsort(classes.astype(np.uint8), kind="stable")
     number_format = format_for(scene.accuracy, int(count.max(initial=0)))
+    keys = _keys(setup, count)
+    offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
+    solids = _solids(tables, setup, steps, number_format, keys, offsets)
+    return Packed(
+        setup=setup,
+        surfaces=tables,
+        steps=steps,
+        order=order,
+        classes=classes[order],
+        format=number_format,
+        solids=solids.take(order),  # a fancy index copies member by member
+        half_spaces=_half_spaces(tables, setup, number_format, offsets),
+        key_bits=keys.bits,
+        lights=_lights(scene, setup),
+        present=_present(classes, outside),
+        shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
+        most_half_spaces=int(geometry.plane_count.max()),
+        solid_count=len(tables.first),
+        surface_count=len(tables.solid) - 1,
+    )
+
+
+class _Keys(NamedTuple):
+    """How depth keys are scaled."""
+
+    bits: int  # depth key = t 2^bits
+    spare: int  # bits below a last step
+
+
+def _keys(setup: Setup, count: Ints) -> _Keys:
+    """The scale of the depth keys of solids that have ``count`` halvings."""
     longest = int((setup.level + np.maximum(count + 1, START_BITS)).max(initial=0))
     # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
     spare = min(SPARE_BITS, 63 - longest, 30 - int(count.max(initial=1)))
-    key_bits = longest + spare
+    return _Keys(longest + spare, spare)
 
-    solid_type, half_space_type = _types(number_format)
-    solids = np.zeros(setup.count, solid_type)
-    offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
+
+def _solids(
+    tables: Surfaces,
+    setup: Setup,
+    steps: Steps,
+    number_format: Format,
+    keys: _Keys,
+    offsets: Floats,
+) -> Records:
+    """Records of the solids in the order of ``setup``; ``offsets`` are largest monomials (V, 6)."""
+    solids = np.zeros(setup.count, _types(number_format)[0])
     quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
     host_error = setup.host_error
     if number_format.integer:
@@ -149,11 +189,11 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     solids["near_u"] = _value(setup.near_u, number_format)
     solids["far_u"] = _value(setup.far_u, number_format)
     solids["depth_middle"], solids["depth_half"] = setup.depth_middle, setup.depth_half
-    solids["last_step"], solids["steps"] = np.exp2(-count), count
-    start = (setup.start * 2.0**key_bits).astype(np.uint64)
+    solids["last_step"], solids["steps"] = np.exp2(-steps.count), steps.count
+    start = (setup.start * 2.0**keys.bits).astype(np.uint64)
     solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
-    solids["key_shift"] = key_bits - (setup.level + count + 1)
-    solids["spare"] = spare
+    solids["key_shift"] = keys.bits - (setup.level + steps.count + 1)
+    solids["spare"] = keys.spare
     facts = {
         Flag.EYE_INSIDE: setup.eye_inside,
         Flag.STARTS_AT_EYE: setup.starts_at_eye,
@@ -169,8 +209,12 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     solids["color"] = tables.color.take(setup.solid, axis=0)
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]
+    return solids
 
-    half_spaces = np.zeros(len(setup.plane), half_space_type)
+
+def _half_spaces(tables: Surfaces, setup: Setup, number_format: Format, offsets: Floats) -> Records:
+    """Records of the half-spaces; ``offsets`` are those of `_solids`."""
+    half_spaces = np.zeros(len(setup.plane), _types(number_format)[1])
     plane_c, plane_b = setup.plane_c, setup.plane_b
     plane_host_error = setup.plane_host_error
     if number_format.integer:
@@ -182,23 +226,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     half_spaces["c"], half_spaces["b"] = plane_c, plane_b
     half_spaces["normal"] = tables.normal.take(setup.plane, axis=0)
     half_spaces["host_error"] = plane_host_error
-    return Packed(
-        setup=setup,
-        surfaces=tables,
-        steps=steps,
-        order=order,
-        classes=classes[order],
-        format=number_format,
-        solids=solids.take(order),  # a fancy index copies member by member
-        half_spaces=half_spaces,
-        key_bits=key_bits,
-        lights=_lights(scene, setup),
-        present=_present(classes, outside),
-        shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
-        most_half_spaces=int(geometry.plane_count.max()),
-        solid_count=len(tables.first),
-        surface_count=len(tables.solid) - 1,
-    )
+    return half_spaces
 
 
 @functools.cache

@@ -76,25 +76,40 @@ def with_overrides(
     elif camera is not None:
         replace("camera", camera, {})
 
-    given = _given(overrides)
-    options: dict[str, Loc] = {name: (name,) for name in names}
-    size = given.pop("size", None)
-    if isinstance(size, list) and len(size) == 2:
-        given |= _given({"width": size[0], "height": size[1]})
-        options |= {"width": ("size", 0), "height": ("size", 1)}
-    elif size is not None:
-        faults.append((("size",), f"{show(size)} is not an array of 2 integers"))
+    given, options = _keys(overrides)
+    if "size" in given:
+        faults.append((("size",), f"{show(given['size'])} is not an array of 2 integers"))
     for key, table in (("image", scene.image), ("accuracy", scene.accuracy)):
         new = {name: given[name] for name in given if name in type(table).model_fields}
         if new:
-            kept = table.model_dump(exclude_none=True)
-            if not new.keys().isdisjoint(ACCURACY_KEYS):
-                kept = {name: kept[name] for name in kept if name not in ACCURACY_KEYS}
-            replace(key, {**kept, **new}, options)
+            replace(key, {**_kept(table, new), **new}, options)
 
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
     return scene.model_copy(update=changes)
+
+
+def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:
+    """What is given by the keys of tables, and by keys the options that they come from.
+
+    A size that is not two numbers stays a size.
+    """
+    given = _given(overrides)
+    options: dict[str, Loc] = {name: (name,) for name in Overrides.__annotations__}
+    size = given.get("size")
+    if isinstance(size, list) and len(size) == 2:
+        del given["size"]
+        given |= _given({"width": size[0], "height": size[1]})
+        options |= {"width": ("size", 0), "height": ("size", 1)}
+    return given, options
+
+
+def _kept(table: Table, new: Mapping[str, object]) -> dict[str, Any]:
+    """What a table has beside new keys, of which one of accuracy replaces another."""
+    kept = table.model_dump(exclude_none=True)
+    if new.keys().isdisjoint(ACCURACY_KEYS):
+        return kept
+    return {name: kept[name] for name in kept if name not in ACCURACY_KEYS}
 
 
 def with_animation(scene: Scene, *, frames: int | None = None, fps: float | None = None) -> Scene:

@@ -92,7 +92,7 @@ class Scene(Table):
             raise SceneError(
                 *dict.fromkeys(line(source, loc, text) for loc, text in faults)
             ) from None
-        scene._name = Path(source).stem
+        scene._name = Path(source).stem  # noqa: SLF001 - its own class
         return scene
 
     @property

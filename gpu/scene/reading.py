@@ -104,7 +104,8 @@ def _parse(source: str, content: bytes) -> Scene:
     except ValueError as error:
         raise SceneError(f"{source}: {error}") from None
     try:
-        return Scene._from_plain(tomllib.loads(text), source)
+        # Nothing in it is of NumPy.
+        return Scene._from_plain(tomllib.loads(text), source)  # noqa: SLF001 - of this room
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{source}: {syntax_fault(str(error), text)}") from None
     except RecursionError:
