@@ -189,7 +189,7 @@ def test_shaders_of_fewer_classes_give_the_same_bits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From the second frame on, tiles that see only some classes have shaders of their own."""
-    monkeypatch.setattr(device, "_known", {})
+    monkeypatch.setattr(device, "_chosen_sets", {})
     monkeypatch.setattr(device, "_pipelines", {})
     loaded = halfstep.load(scene)
     with halfstep.Renderer(loaded, size=(320, 240), outputs=PLAIN, backend="gpu") as renderer:
@@ -204,7 +204,7 @@ def test_shaders_of_fewer_classes_give_the_same_bits(
 def test_shaders_and_buffers_for_a_graphics_card(
     scene: str, adapter: Adapter, composed: list[Needs], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where no processor plays the device, loads, stores and memory are others."""
+    """A device that is not a software adapter has other loads, stores and memory."""
     card = Device(replace(adapter, summary=replace(adapter.summary, kind="discrete")))
     close = card.close
     monkeypatch.setattr(card, "close", lambda: None)
@@ -236,7 +236,7 @@ sys.exit(main(["check", "gallery", "--size", "64x48"]))
 
 @pytest.mark.parametrize("lanes", [4, 8])
 def test_subgroups_of_any_size(lanes: int, adapter: Adapter) -> None:
-    """Where a processor plays the device, a subgroup is as wide as its vectors.
+    """A software adapter has subgroups as wide as the vectors of its processor.
 
     Mesa takes 128 bits without AVX, 256 with it, and 512 only if told, with which 26.2 crashes.
     """

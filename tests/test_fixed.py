@@ -135,7 +135,7 @@ def test_what_the_processor_can_do_does_not_matter() -> None:
 
 
 def test_the_image_has_the_same_bits(backend: str) -> None:
-    """On Mesa's driver shading too; the picture hardly differs from that of float32."""
+    """On lavapipe shading too; the picture hardly differs from that of float32."""
     options: dict[str, Any] = {"size": (160, 120), "outputs": ("image",)}
     scene = load("gallery")
     fixed = halfstep.render(scene, number_format="fixed32", backend=backend, **options).image

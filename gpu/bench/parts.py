@@ -55,12 +55,12 @@ class Bench:
         times: int = 1,
         turn: float = 0.0,
     ) -> dict[Case, Times]:
-        """Median times of ``cases``, taken in turns of ``turn`` ms in so many times the rounds."""
+        """Median times of ``cases``, in turns of ``turn`` ms, of ``times`` times the rounds."""
         return interleaved(cases, times * self.rounds, self.progress, turn=turn)
 
     @property
     def on_processor(self) -> bool:
-        """Whether the processor plays the device."""
+        """Whether the device is a software adapter."""
         return self.adapter.summary.kind == "cpu"
 
 

@@ -50,7 +50,7 @@ def add(commands: Commands) -> None:
 
 
 def _range(text: str) -> range:
-    """Frames A, A + 1, … B of ``A:B``; whether there are so many is the scene's to say."""
+    """Frames A, A + 1, … B of ``A:B``; the scene decides whether they exist."""
     match = re.fullmatch(r"(\d+):(\d+)", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not A:B, as 0:29")

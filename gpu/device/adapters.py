@@ -21,11 +21,11 @@ from halfstep.device import loader as wgpu_loader
 from halfstep.device.handles import GpuAdapter, GpuDevice, Info
 from halfstep.errors import AdapterError, DeviceError
 
-# The driver of every development and test machine: Mesa's Vulkan on the processor.
+# How lavapipe, Mesa's Vulkan driver for the processor, names its adapter.
 LAVAPIPE = "llvmpipe"
 SWIFTSHADER = "SwiftShader"
 SOFTWARE = (LAVAPIPE, SWIFTSHADER)
-# Where browsers bring the latter, which the Vulkan loader takes only if it is told.
+# Where browsers install SwiftShader. The Vulkan loader uses it only if a variable names it.
 SWIFTSHADER_FILES = (
     "/usr/lib/chromium/vk_swiftshader_icd.json",  # Debian, Arch
     "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",  # Fedora
@@ -189,7 +189,7 @@ def is_requested(requested: str | int | None = None) -> bool:
 
 
 def is_lavapipe(adapter: AdapterSummary) -> bool:
-    """Whether ``adapter`` is Mesa's Vulkan driver for the processor."""
+    """Whether ``adapter`` is lavapipe's."""
     return adapter.kind == "cpu" and adapter.name.startswith(LAVAPIPE)
 
 
@@ -347,7 +347,7 @@ def _expected(environ: Mapping[str, str]) -> str:
 
 
 def _expects_lavapipe(environ: Mapping[str, str]) -> bool:
-    """Whether only Mesa's driver for the processor will do.
+    """Whether only lavapipe will do.
 
     Raises:
         AdapterError: the variable is neither a yes nor a no.
@@ -443,8 +443,8 @@ def _loaded() -> tuple[GpuAdapter, ...]:
         _process = None
         raise AdapterError(f"wgpu cannot be loaded: {error}") from error
     with _runtime_directory():
-        # Unasked, wgpu loads OpenGL's drivers as well and lists lavapipe twice. A program that has
-        # used wgpu before keeps its instance.
+        # Otherwise wgpu loads OpenGL's drivers as well and lists lavapipe twice. A program that has
+        # used wgpu before keeps its own settings.
         with suppress(RuntimeError):
             extras.set_instance_extras(backends=["Vulkan"])
         handles = wgpu.gpu.enumerate_adapters_sync()

@@ -19,7 +19,7 @@ MOST_ROUNDS = int(ASKED.max())
 def loop_limit(compute: Compute) -> int | None:
     """Rounds after which the driver ends loops; None where it runs `MOST_ROUNDS`.
 
-    llvmpipe of Mesa 22.3 ends all loops of an invocation after 65,535 rounds, those of its
+    lavapipe of Mesa 22.3 ends all loops of an invocation after 65,535 rounds, those of its
     neighbours in the same vector counted with them.
 
     Raises:

@@ -4,7 +4,7 @@
     frame = render(scene, outputs=names)
     write("figure.exr", frame, names)
 
-`plan` finds before rendering whatever can be wrong with a file. Every file says how its picture
+`plan` finds before rendering what can be wrong with a file. Every file says how its picture
 was made; `read_provenance` reads that.
 """
 
@@ -52,8 +52,9 @@ def plan(
         solids: how many the scene has.
 
     Raises:
-        UsageError: the file cannot be written, or cannot hold these outputs or so many solids; an
-            output or the format is unknown; a package that writes such files is missing.
+        UsageError: the file cannot be written, or cannot hold these outputs or as many solids as
+            the scene has; an output or the format is unknown; a package that writes such files is
+            missing.
     """
     type_ = _type(file, format)
     name = _called(file)

@@ -37,7 +37,7 @@ def render(
     camera: CameraLike | None = None,
     **overrides: Unpack[Overrides],
 ) -> Frame:
-    """Render one frame of ``scene``; whatever is not given comes from the scene.
+    """Render one frame of ``scene``; options that are not given come from the scene.
 
     Args:
         scene: what to render: a `Scene`, the path of a file, the name of a bundled scene, or a
@@ -70,7 +70,7 @@ def render(
 class Renderer:
     """Frames of one scene: device, shaders and buffers are kept from frame to frame.
 
-    Takes what ``render`` takes; ``outputs`` defaults to the image alone.  Use it as a context
+    Takes what ``render`` takes; ``outputs`` defaults to the image alone. Use it as a context
     manager or call ``close``.
 
     Threads may share it, and frames may be asked for while others are on their way: a device

@@ -17,8 +17,8 @@ from halfstep.frames.renderer import Renderer
 from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, as_scene, with_overrides
 from halfstep.scene.animation import scene_at
 
-# Frames are handed out this many at a time, and the next so many while these are collected: enough
-# for the workers of a cluster, few enough for the memory of one machine.
+# Frames are handed out this many at a time, the next ones before these are collected. They are
+# enough for the workers of a cluster, and few enough for the memory of one machine.
 AT_A_TIME = 64
 
 

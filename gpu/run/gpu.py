@@ -47,10 +47,10 @@ SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
 RECORD_BYTES = 4 * TILE_WORDS
 RECORDS_ALIGNMENT = ALIGNMENT // RECORD_BYTES
-# A dispatch has at most so many workgroups.
+# The most workgroups of a dispatch.
 MOST_WORKGROUPS = 1 << 13
 PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
-# A record has at most ten pieces for as many invocations: more would load nothing.
+# A record has at most ten pieces; invocations beyond that would load nothing.
 MOST_TOGETHER = 16
 # What the bindings hold; 5 and 6 are parts of the frame buffer.
 _NAMES = {
@@ -69,7 +69,7 @@ _Binding = tuple[GpuBuffer, int, int]
 class Device(Turns):
     """A device with its pipelines and buffers, kept from frame to frame.
 
-    What a frame is rendered from and to is kept in them: a frame is rendered in one `turn`.
+    The buffers hold one frame at a time, so each frame is rendered in one `turn`.
     """
 
     def __init__(self, adapter: Adapter, number_format: Format = FLOAT32) -> None:
@@ -82,19 +82,20 @@ class Device(Turns):
         super().__init__()
         self.adapter = adapter
         self.check_format(number_format)
-        self._played = adapter.summary.kind == "cpu"
-        # Where a processor plays the device, its memory is the device's.
-        shared = {MAPPABLE} if self._played else set()
+        self._is_software = adapter.summary.kind == "cpu"
+        # The memory of a software adapter is that of the host.
+        shared = {MAPPABLE} if self._is_software else set()
         wanted = {INT64, SUBGROUP} | shared
         features = wanted & adapter.handle.features
         self._open: GpuDevice | None = open_device(adapter, features=features)
         self._mapped = MAPPABLE in self._device.features
-        # Where a processor plays the device, a load serves one invocation after another, and no
-        # code is jumped over. Both ways round that are worth a factor of 1.3 to 2, measured.
+        # A software adapter serves the loads of one invocation after another, and runs code that no
+        # invocation needs. Fetching together avoids the one, a shader for each set of classes the
+        # other. Each is worth a factor of 1.3 to 2, measured.
         self._together = 1
         compute = Compute(self._device)
         self.loop_rounds = loop_limit(compute) or MOST_ROUNDS
-        if self._played and {SUBGROUP, INT64} <= self._device.features:
+        if self._is_software and {SUBGROUP, INT64} <= self._device.features:
             self._together = min(subgroup_size(compute), MOST_TOGETHER)
         limits = self._device.limits
         self._uniform = self._together > 1 and (
@@ -107,8 +108,8 @@ class Device(Turns):
         self._layouts: dict[tuple[tuple[int, str], ...], object] = {}
         # The layout and the bindings of the last frame, and the bind group made of them.
         self._bound: tuple[object, object] = None, None
-        self._known: dict[Needs, list[Classes]] = {}
-        # What the frame buffer shows where nothing is, and which of its tiles show just that.
+        self._chosen_sets: dict[Needs, list[Classes]] = {}
+        # What the frame buffer shows where nothing is hit, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
         self._buffers: dict[str, GpuBuffer] = {}
         self._timed = "timestamp-query" in self._device.features
@@ -132,14 +133,14 @@ class Device(Turns):
         close_device(device)
 
     def _drop_buffers(self) -> None:
-        """Let go of all buffers, and of all that is known of what they hold."""
+        """Destroy all buffers, and forget what they hold."""
         self._bound = None, None
         self._blank = None, np.zeros(0, bool)
         while self._buffers:
             self._buffers.popitem()[1].destroy()
 
     def check_format(self, number_format: Format) -> None:
-        """See whether the device can work in a number format.
+        """See that the device can work in a number format.
 
         Raises:
             AdapterError: it needs 64-bit integers and the device has none.
@@ -236,20 +237,20 @@ class Device(Turns):
                 milliseconds = layout.milliseconds(content) if self._timed else None
                 memory.unmap()
         except BaseException:
-            # Cut short, by Ctrl-C say, it may leave a buffer mapped or about to be: the next frame
-            # takes others.
+            # An exception, such as that of Ctrl-C, may leave a buffer mapped or about to be mapped.
+            # The next frame takes new ones.
             self._drop_buffers()
             raise
         self._blank = ground, blank
         return planes, milliseconds
 
     def _left_out(self, needs: Needs, ground: object, blank: Bools) -> Bools:
-        """Which of the tiles ``blank`` need no rendering: in the last frame they were the same."""
+        """Which of the ``blank`` tiles were rendered blank before, and need no rendering."""
         shown, before = self._blank
-        # Known again once this frame is rendered: it may fail midway.
+        # Unknown until this frame succeeds.
         self._blank = None, blank
-        # The frame that decides on shaders has use for each, so that all are compiled.
-        decided = not self._played or self._known.get(needs)
+        # The frame that picks the shaders renders blank tiles too, so that all compile now.
+        decided = not self._is_software or self._chosen_sets.get(needs)
         return blank & before if shown == ground and decided else np.zeros_like(blank)
 
     def _is_too_large(self, packed: Packed, members: U32) -> bool:
@@ -281,18 +282,18 @@ class Device(Turns):
     def _sets(self, needs: Needs, starts: U32) -> list[Classes]:
         """The classes of each shader of a frame.
 
-        One shader does for a single frame, as compiling takes longer than rendering. The second
-        one decides which sets of classes get a shader of their own, where no code is jumped over.
+        A single frame has one shader, as compiling takes longer than rendering. On a software
+        adapter the second frame picks the sets of classes that get a shader of their own.
         """
         whole = [needs.classes]
-        if not self._played:
+        if not self._is_software:
             return whole
-        if needs not in self._known:
-            self._known[needs] = []
+        if needs not in self._chosen_sets:
+            self._chosen_sets[needs] = []
             return whole
-        if not self._known[needs]:
-            self._known[needs] = frequent_sets(starts, needs.classes)
-        return self._known[needs]
+        if not self._chosen_sets[needs]:
+            self._chosen_sets[needs] = frequent_sets(starts, needs.classes)
+        return self._chosen_sets[needs]
 
     def _layout(self, needs: Needs) -> object:
         """The layout of the bindings of a shader."""
@@ -326,7 +327,7 @@ class Device(Turns):
         content = content if len(content) else np.zeros(1, content.dtype)
         size, bound = content.nbytes, None
         if number == 3:
-            # Bound in parts of one size, so that beyond the last one there must be room.
+            # It is bound in parts of one size, so there must be room beyond the last one.
             size, bound = size + PART_BYTES, PART_BYTES
         elif number in (1, 2) and type_ == "uniform":
             # As large as the shader declares it.

@@ -1,11 +1,10 @@
 """Two frames of one scene compared pixel by pixel.
 
-On Mesa's driver for the processor and in NumPy they are the same bits; in the number format fixed32
-what is decided is the same everywhere. In float32 a device that contracts a·b + c may decide
-otherwise where a decision is within its rounding: there a pixel that differs is ambiguous, and so
-it is where both depths are right within their bounds. Everywhere else it is a failure. Where
-decisions are within rounding a replay in float64 says; without one, the output ``error`` of the
-frames does, and either may excuse itself.
+lavapipe and NumPy give the same bits. In the number format fixed32 every device decides alike. In
+float32 a device that contracts a·b + c may decide otherwise where a decision is within rounding. A
+pixel that differs there is ambiguous. So is a pixel in which both depths are right within their
+bounds. Any other pixel that differs is a failure. A replay in float64 tells where decisions are
+within rounding; without one, the output ``error`` of either frame does.
 """
 
 from __future__ import annotations
@@ -136,7 +135,7 @@ def assert_frames_match(found: Frame, expected: Frame, *, exact: bool | None = N
         found: a frame.
         expected: what it should be.
         exact: whether every bit of every array must be the same; by default where both are from
-            Mesa's driver for the processor or from NumPy. Otherwise see the module.
+            lavapipe or from NumPy. Otherwise see the module.
 
     Raises:
         FrameMismatchError: they do not match.
@@ -193,7 +192,7 @@ def compare_frames(
 
 
 def is_exact(frame: Frame) -> bool:
-    """Whether the frame is from a device that promises every bit: NumPy, or Mesa's processor."""
+    """Whether the frame is from a device that promises every bit: NumPy or lavapipe."""
     adapter: str = frame.info["adapter"]
     return adapter == "numpy" or adapter.startswith(LAVAPIPE)
 

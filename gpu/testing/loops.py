@@ -1,6 +1,6 @@
-"""Loops that a driver ends before their time, told by a loop after them.
+"""Loops that a driver ends early, seen from a loop that follows them.
 
-llvmpipe of Mesa 22.3 grants an invocation and its neighbours 65,535 rounds of all their loops, then
+lavapipe of Mesa 22.3 grants an invocation and its neighbours 65,535 rounds of all their loops, then
 ends each after its first (``device.probe.loop_limit``). So where a loop of two rounds, after all
 others, has only one, the others may have been cut short.
 """

@@ -191,7 +191,7 @@ class Resource:
     ) -> None:
         """Raises UsageError as `conform`, and for elements that would not be bound exactly.
 
-        ``before`` it are so many bytes of a struct of which ``least`` bytes are bound at least.
+        It begins ``before`` bytes into a struct, of which at least ``least`` bytes are bound.
         """
         self._type = type_
         self._rows: int | None = None

@@ -43,7 +43,7 @@ class Exact:
 
 
 def exact(scene: Scene) -> Exact:
-    """The exact answer for ``scene`` at its own picture size, whatever its accuracy says.
+    """The exact answer for ``scene`` at its own picture size; its accuracy does not matter.
 
     Of two surfaces that the rounding of float64 cannot order, the first in the file is seen.
 
