@@ -83,6 +83,9 @@ def test_imports_of_rooms_go_one_way() -> None:
     assert not any(arrows[name] & set(ROOMS) for name in FLOOR)
     # What a reader meets last rests on all that comes before.
     assert not any("cli" in targets for targets in arrows.values())
+    # Host, shaders and twin agree on the contract, and know nothing of one another.
+    assert not arrows["contract"] & set(ROOMS)
+    assert (arrows["shader"] | arrows["twin"]) & set(ROOMS) == {"contract"}
 
 
 @pytest.mark.parametrize("name", ROOMS)
