@@ -9,10 +9,10 @@ from pydantic import ValidationError
 from halfstep.errors import SceneError
 from halfstep.scene.faults import Fault, Loc, line, show
 from halfstep.scene.keys import Animation
-from halfstep.scene.model import Scene, described, plain
+from halfstep.scene.model import Scene
 from halfstep.scene.solids import NO_PATCH, PlanePatch, box_cuts_area
 from halfstep.scene.tables import ACCURACY_KEYS, Camera
-from halfstep.scene.values import Table, Vector
+from halfstep.scene.values import Table, Vector, described, plain
 
 
 def with_overrides(
@@ -53,7 +53,7 @@ def with_overrides(
         try:
             changes[key] = type(getattr(scene, key)).model_validate(data)
         except ValidationError as error:
-            for loc, text in described(error, (key,)):
+            for loc, text in described(error, type(getattr(scene, key)), (key,)):
                 if len(loc) > 1 and loc[1] in options:
                     loc = (*options[str(loc[1])], *loc[2:])
                 faults.append((loc, text))
@@ -108,7 +108,7 @@ def with_animation(scene: Scene, *, frames: int | None = None, fps: float | None
     try:
         animation = Animation.model_validate({**own.model_dump(by_alias=True), **given})
     except ValidationError as error:
-        faults = described(error, ("animation",))
+        faults = described(error, Animation, ("animation",))
         raise SceneError(*(line("", loc[1:], text) for loc, text in faults)) from None
     return scene.model_copy(update={"animation": animation})
 
@@ -132,7 +132,7 @@ def still(
         try:
             view = Camera.model_validate({**view.model_dump(), **camera})
         except ValidationError as error:
-            faults += described(error, ("camera",))
+            faults += described(error, Camera, ("camera",))
     for index, moved in places.items():
         solid = solids[index].model_copy(update={**moved, "keyframes": ()})
         if isinstance(solid, PlanePatch):

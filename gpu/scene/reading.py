@@ -73,6 +73,8 @@ def bundled_scenes() -> dict[str, str]:
 def json_schema() -> dict[str, Any]:
     """JSON Schema of a scene file. Rules between two keys are not in it."""
     schema = Scene.model_json_schema(by_alias=True)
+    # Only Python may leave it out.
+    schema["required"] = ["format", *schema["required"]]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
