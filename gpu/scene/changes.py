@@ -1,18 +1,21 @@
 """Scenes with something in place of what they say."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from pydantic import ValidationError
 
 from halfstep.errors import SceneError
 from halfstep.scene.faults import Fault, Loc, line, show
-from halfstep.scene.keys import Animation
+from halfstep.scene.groups import Fragment, Place
+from halfstep.scene.keys import Animation, SolidKey
 from halfstep.scene.model import Scene
-from halfstep.scene.solids import NO_PATCH, PlanePatch, box_cuts_area
+from halfstep.scene.solids import NO_PATCH, BaseSolid, PlanePatch, box_cuts_area
 from halfstep.scene.tables import ACCURACY_KEYS, Camera
-from halfstep.scene.values import Table, Vector, described, plain
+from halfstep.scene.values import Table, described, plain
+
+Moving = TypeVar("Moving", bound=BaseSolid | Place)
 
 
 def with_overrides(
@@ -114,35 +117,67 @@ def with_animation(scene: Scene, *, frames: int | None = None, fps: float | None
 
 
 def still(
-    scene: Scene, camera: Mapping[str, Any], places: Mapping[int, Mapping[str, Vector]]
+    scene: Scene,
+    camera: Mapping[str, Any],
+    place: Callable[[tuple[SolidKey, ...]], Mapping[str, Any]],
 ) -> Scene:
     """One moment of an animated scene, as a scene that stands still.
 
     Args:
         scene: left as it is.
         camera: the keys of its camera that differ.
-        places: by the index of a solid, its origin, its rotation_degrees or both.
+        place: of the keys of a solid, a part or a place, its origin, its rotation_degrees or both.
 
     Raises:
         SceneError: with every fault of the camera or of a solid at its place.
     """
     faults: list[Fault] = []
-    view, solids = scene.camera, list(scene.solids)
+    view, solids = scene.camera, _at_rest(scene.solids, place)
     if camera:
         try:
             view = Camera.model_validate({**view.model_dump(), **camera})
         except ValidationError as error:
             faults += described(error, Camera, ("camera",))
-    for index, moved in places.items():
-        solid = solids[index].model_copy(update={**moved, "keyframes": ()})
-        if isinstance(solid, PlanePatch):
+    for index, solid in enumerate(solids):
+        if isinstance(solid, PlanePatch) and solid is not scene.solids[index]:
             normal = solid.world_from_local()[:, 2]
             if not box_cuts_area(solid.bounds, np.array(solid.origin), normal):
                 faults.append((("solid", index, "bounds"), NO_PATCH))
-        solids[index] = solid
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
-    return scene.model_copy(update={"camera": view, "animation": None, "solids": tuple(solids)})
+    changes: dict[str, Any] = {"camera": view, "animation": None, "solids": solids}
+    return scene.model_copy(update={**changes, **_still_inside(scene, place)})
+
+
+def _still_inside(
+    fragment: Fragment, place: Callable[[tuple[SolidKey, ...]], Mapping[str, Any]]
+) -> dict[str, Any]:
+    """What of a scene or group moves, standing still."""
+    groups = tuple(
+        group.model_copy(update=changes) if (changes := _still_inside(group, place)) else group
+        for group in fragment.groups
+    )
+    found = {
+        "parts": _at_rest(fragment.parts, place),
+        "places": _at_rest(fragment.places, place),
+        "groups": groups,
+    }
+    # What does not move stays the same object.
+    return {
+        name: tables
+        for name, tables in found.items()
+        if any(new is not old for new, old in zip(tables, getattr(fragment, name), strict=True))
+    }
+
+
+def _at_rest(
+    moving: tuple[Moving, ...], place: Callable[[tuple[SolidKey, ...]], Mapping[str, Any]]
+) -> tuple[Moving, ...]:
+    found: list[Moving] = []
+    for each in moving:
+        changes = {**place(each.keyframes), "keyframes": ()} if each.keyframes else {}
+        found.append(cast("Moving", each.model_copy(update=changes)) if changes else each)
+    return tuple(found)
 
 
 def _is_pair(value: object) -> bool:

@@ -217,8 +217,8 @@ class RectangularLattice(Lattice):
 
 # Steps from corner to corner of a hexagon, clockwise from the one in the direction of y, in units
 # of √3/2 along x and 1/2 along y; with a corner in the direction of x they are the other way round.
-_CORNERS_Y = np.array([[0, 2], [1, 1], [1, -1], [0, -2], [-1, -1], [-1, 1]])
-_CORNERS_X = np.array([[2, 0], [1, -1], [-1, -1], [-2, 0], [-1, 1], [1, 1]])
+_CORNERS_Y: Array = np.array([[0.0, 2], [1, 1], [1, -1], [0, -2], [-1, -1], [-1, 1]])
+_CORNERS_X: Array = np.array([[2.0, 0], [1, -1], [-1, -1], [-2, 0], [-1, 1], [1, 1]])
 
 
 class HexagonalLattice(Lattice):
@@ -288,8 +288,8 @@ class HexagonalLattice(Lattice):
         # Along the side from a corner the way goes in the direction of the next corner but one.
         units = radius[:, None] * corners[corner] + step[:, None] * corners[(corner + 2) % 6]
         long, short = self.pitch[0] * math.sqrt(0.75), self.pitch[0] / 2
-        sizes = [long, short] if self.orientation == "y" else [short, long]
-        return np.stack([units[:, axis] * sizes[axis] for axis in range(2)])
+        sizes: Array = np.array([long, short] if self.orientation == "y" else [short, long])
+        return (units * sizes).T
 
 
 AnyLattice = Annotated[RectangularLattice | HexagonalLattice, Field(discriminator="kind")]
