@@ -111,14 +111,15 @@ def _walk(root: type[BaseModel], loc: Loc) -> tuple[Loc, list[type[BaseModel]]]:
         if len(tables) > 1 and key in (kinds := kinds_of(tables)):
             tables = [tables[kinds.index(str(key))]]
             continue
-        path.append(key)
+        fields = [
+            field
+            for table in tables
+            for name, field in table.model_fields.items()
+            if key in (name, field.alias)
+        ]
+        # Python may give a key by the name of the attribute.
+        path.append(next((field.alias for field in fields if field.alias), key))
         if isinstance(key, str):
-            fields = [
-                field
-                for table in tables
-                for name, field in table.model_fields.items()
-                if key in (name, field.alias)
-            ]
             tables = [table for field in fields for table in _tables(field.annotation)]
     return tuple(path), tables
 
@@ -141,7 +142,8 @@ def _rule(error: ErrorDetails) -> str:
         case "less_than":
             return f"not < {context['lt']:g}"
         case "less_than_equal":
-            return f"not <= {context['le']:g}"
+            limit = context["le"]
+            return f"not <= {limit if isinstance(limit, int) else format(limit, 'g')}"
         case "literal_error":
             return "not " + str(context["expected"]).replace("'", '"')
         case "finite_number":
@@ -152,6 +154,8 @@ def _rule(error: ErrorDetails) -> str:
             return "not an integer"
         case "float_type":
             return "not a number"
+        case "bool_type":
+            return "not true or false"
         case "string_type":
             return "not a string"
         case "tuple_type":

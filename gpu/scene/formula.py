@@ -81,7 +81,8 @@ class Sense(Operand):
     column: int = field(default=0, compare=False)
 
     def __str__(self) -> str:
-        return f"{'' if self.positive else '-'}{self.surface}"
+        number = self.surface if isinstance(self.surface, int) else self.surface.id
+        return f"{'' if self.positive else '-'}{number}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +98,7 @@ class Name(Operand):
     column: int = field(default=0, compare=False)
 
     def __str__(self) -> str:
-        return str(self.of)
+        return str(self.of if isinstance(self.of, str) else self.of.name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
@@ -34,6 +34,12 @@ class Cell(Named, Operand):
     """
 
     positional: ClassVar[tuple[str, ...]] = ("name", "region")
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str | None = None, region: Operand | str | None = None, **keys: Any
+        ) -> None: ...
 
     id: CellId | None = None
     region: RegionFormula | None = None
@@ -78,6 +84,10 @@ class Place(Placed):
     """
 
     positional: ClassVar[tuple[str, ...]] = ("group",)
+
+    if TYPE_CHECKING:
+
+        def __init__(self, group: Group | str, **keys: Any) -> None: ...
 
     group: GroupName
     within: RegionFormula | None = None
@@ -126,6 +136,10 @@ class Group(Fragment, NamedGroup):
     """A named fragment of a scene, seen where a place, a lattice or a cell puts it."""
 
     positional: ClassVar[tuple[str, ...]] = ("name",)
+
+    if TYPE_CHECKING:
+
+        def __init__(self, name: str, **tables: Any) -> None: ...
 
 
 Fragment.model_rebuild()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
@@ -37,19 +36,21 @@ def _layers(value: Any) -> Any:
     """The layers of a lattice: given one array of strings, it is the only one."""
     if not isinstance(value, list | tuple) or not value:
         raise fault(f"{show(value)} is not an array of strings")
-    if all(isinstance(each, str) for each in value):
-        return (tuple(value),)
+    is_one = isinstance(value[0], str)
     faults: list[Fault] = []
-    for index, layer in enumerate(value):
+    for index, layer in enumerate([value] if is_one else value):
+        loc: Loc = () if is_one else (index,)
         if not isinstance(layer, list | tuple) or not layer:
-            faults.append(((index,), f"{show(layer)} is not an array of strings"))
-        else:
-            for line, text in enumerate(layer):
-                if not isinstance(text, str):
-                    faults.append(((index, line), f"{show(text)} is not a string"))
+            faults.append((loc, f"{show(layer)} is not an array of strings"))
+            continue
+        faults += [
+            ((*loc, line), f"{show(text)} is not a string")
+            for line, text in enumerate(layer)
+            if not isinstance(text, str)
+        ]
     if faults:
         raise validation_error("layers", faults)
-    return tuple(map(tuple, value))
+    return (tuple(value),) if is_one else tuple(map(tuple, value))
 
 
 _LINES = {"type": "array", "minItems": 1, "items": {"type": "string"}}
@@ -58,11 +59,10 @@ Layers = Annotated[
     BeforeValidator(_layers),
     WithJsonSchema({"anyOf": [_LINES, {"type": "array", "minItems": 1, "items": _LINES}]}),
 ]
-Letter = Annotated[str, Field(min_length=1, max_length=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_PLACES)]
 
 
-class Lattice(Table, ABC):
+class Lattice(Table):
     """Copies of groups in a regular pattern, none of them turned.
 
     Its elements are counted in the order of the file: layers from the bottom up, in each line by
@@ -78,7 +78,7 @@ class Lattice(Table, ABC):
     place_name: ClassVar[str]
 
     origin: Point = (0.0, 0.0, 0.0)
-    groups: dict[Letter, GroupName] = Field(default_factory=dict)
+    groups: dict[str, GroupName] = Field(default_factory=dict)
     group: GroupName | None = None
 
     def __new__(cls, *_arguments: Any, **keys: Any) -> Self:  # noqa: D102
@@ -90,29 +90,32 @@ class Lattice(Table, ABC):
 
     @field_validator("groups")
     @classmethod
-    def _is_no_letter(cls, groups: dict[str, str]) -> dict[str, str]:
+    def _are_by_letter(cls, groups: dict[str, str]) -> dict[str, str]:
+        for letter in groups:
+            if len(letter) != 1:
+                raise fault(f"{show(letter)} is not one letter")
         if EMPTY in groups:
             raise fault(f"{show(EMPTY)} stands for no group")
         return groups
 
     @property
-    @abstractmethod
     def letters(self) -> tuple[Lines, ...] | None:
         """What stands where, by layer and line; None where one group is everywhere."""
+        raise NotImplementedError
 
     @property
-    @abstractmethod
     def _lengths(self) -> list[int]:
         """How many elements each line of a layer has."""
+        raise NotImplementedError
 
     @property
-    @abstractmethod
     def _heights(self) -> Array:
         """Where the layers are along z, from the middle."""
+        raise NotImplementedError
 
-    @abstractmethod
     def _across(self, line: Ints, place: Ints) -> Array:
         """Where the elements of a layer are, (2, N), from its middle."""
+        raise NotImplementedError
 
     @property
     def size(self) -> int:
@@ -298,7 +301,7 @@ LATTICE_KINDS: tuple[type[Lattice], ...] = get_args(get_args(AnyLattice)[0])
 
 def _centred(count: int) -> Array:
     """0…n-1 from their middle."""
-    return np.arange(count) - (count - 1) / 2
+    return np.arange(count, dtype=np.float64) - (count - 1) / 2
 
 
 def _ring_lengths(rings: int) -> list[int]:
@@ -321,8 +324,9 @@ def _check_lines(
             continue
         for line, (text, length) in enumerate(zip(layer, expected, strict=True)):
             if len(text) != length or not text:
+                number = f"{len(text)} element{'' if len(text) == 1 else 's'}"
                 needs = f"this {name} has {max(length, 1)}"
-                faults.append(((*at, line), f"{show(text)} has {len(text)} elements; {needs}"))
+                faults.append(((*at, line), f"{show(text)} has {number}; {needs}"))
             elif "groups" in data:
                 faults += [((*at, line), what) for what in _unknown(text, data["groups"])]
     if faults:

@@ -11,7 +11,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import (
@@ -22,10 +22,12 @@ from pydantic import (
     ValidationInfo,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from halfstep.errors import SceneError
 from halfstep.scene.copies import Layout
 from halfstep.scene.faults import Fault, fault, line, show
+from halfstep.scene.gathering import with_what_is_named
 from halfstep.scene.groups import Cell, Fragment
 from halfstep.scene.keys import Animation
 from halfstep.scene.limits import limit_faults
@@ -80,6 +82,10 @@ class Scene(Fragment, _Tables):
 
     source: ClassVar[str] = "scene"
 
+    if TYPE_CHECKING:
+
+        def __init__(self, *, camera: Camera, **tables: Any) -> None: ...
+
     _name: str = PrivateAttr(default="scene")
 
     @model_validator(mode="after")
@@ -93,6 +99,10 @@ class Scene(Fragment, _Tables):
     @classmethod
     def other_faults(cls, given: object) -> list[Fault]:
         """Faults of a scene, or of what one was to be made of, that lie between its tables."""
+        try:
+            given = with_what_is_named(given) if isinstance(given, Mapping) else given
+        except PydanticCustomError:
+            return []
         faults = name_faults(given)
         if not any(get(given, key) for key in _SHOWN):
             faults.append(((), f"has none of {', '.join(_SHOWN)}; one must be given"))

@@ -150,7 +150,8 @@ class _Group:
         """What formulas may name: a cell by its index, a part by -1."""
         cells = enumerate(_tables(self.table, "cell"))
         words = {name: index for index, cell in cells if (name := _word(cell, "name"))}
-        return words | {_word(part, "name"): -1 for part in _tables(self.table, "part")}
+        parts = _tables(self.table, "part")
+        return words | {name: -1 for part in parts if (name := _word(part, "name"))}
 
     def _formula_faults(
         self, holder: object, loc: Loc, before: int | None = None

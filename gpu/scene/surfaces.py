@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 import numpy as np
@@ -16,7 +15,7 @@ from halfstep.scene.values import Array, made_of_kind
 SurfaceId = Annotated[int, Field(ge=1, le=MAX_ID)]
 
 
-class Surface(Placed, ABC):
+class Surface(Placed):
     """A surface with a number by which regions name it; ``-s`` is F <= 0, ``+s`` is F > 0.
 
     From Python, ``Surface(kind="sphere", radius=2.0)`` makes one of the kind; without ``id`` the
@@ -38,9 +37,9 @@ class Surface(Placed, ABC):
     def __pos__(self) -> Sense:
         return Sense(self, positive=True)
 
-    @abstractmethod
     def quadric(self) -> Array:
         """Symmetric (4, 4) matrix Q with F(p) = [p 1] Q [p 1]ᵀ, local coordinates."""
+        raise NotImplementedError
 
 
 class SphereSurface(shapes.Sphere, Surface):
