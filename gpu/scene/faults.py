@@ -57,7 +57,8 @@ def describe(error: ErrorDetails, root: type[BaseModel]) -> Fault:
         case "extra_forbidden":
             [table] = _walk(root, error["loc"][:-1])[1]
             allowed = [field.alias or key for key, field in table.model_fields.items()]
-            return loc, f"unknown key; {hint(str(loc[-1]), allowed, 'allowed are')}"
+            key = error["loc"][-1]
+            return (*loc[:-1], key), f"unknown key; {hint(str(key), allowed, 'allowed are')}"
         case "union_tag_invalid":
             what = next((str(key) for key in reversed(loc) if isinstance(key, str)), "table")
             return (*loc, "kind"), no_kind(value["kind"], what, kinds_of(tables))

@@ -46,7 +46,7 @@ def _values(table: Table) -> dict[str, Any]:
 
 
 def _is_table(value: Any) -> bool:
-    """Whether a value stands below a header of its own; keys of an animation are inline."""
+    """Whether a value stands below a header of its own."""
     if isinstance(value, tuple):
         return bool(value) and all(isinstance(each, Table) for each in value)
     return isinstance(value, Table)
