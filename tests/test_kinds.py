@@ -50,6 +50,7 @@ NEW = "taper"
 CHECKS = (
     f"tests/test_kinds.py::{test_every_kind_has_a_scene_that_is_true_from_all_sides.__name__}",
     "tests/test_readme.py::test_all_kinds_are_listed_with_their_parameters",
+    "tests/test_readme.py::test_kinds_of_surfaces_are_those_of_solids_listed_and_the_plane",
 )
 
 
@@ -111,7 +112,7 @@ def test_the_recipe_makes_a_new_kind(tmp_path: Path) -> None:
     copy_with(tmp_path, STEPS_OF_RECIPE)
     result = run_checks(tmp_path, f"{NEW} or listed")
     assert result.returncode == 0, result.stdout + result.stderr
-    assert "2 passed" in result.stdout
+    assert "3 passed" in result.stdout
 
 
 @pytest.mark.parametrize("left_out", range(len(STEPS_OF_RECIPE)))
