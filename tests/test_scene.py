@@ -23,6 +23,7 @@ from halfstep.scene import (
     Cone,
     Cylinder,
     Ellipsoid,
+    Fragment,
     HyperboloidOneSheet,
     HyperboloidTwoSheets,
     Light,
@@ -852,8 +853,11 @@ def test_bundled_scenes_have_titles() -> None:
 def test_bundled_scene_is_valid(name: str) -> None:
     scene = load(name)
     assert scene.name == name
-    used = {solid.material for solid in scene.solids if solid.material is not None}
+    fragments: list[Fragment] = [scene, *scene.groups]
+    tables = [*scene.solids, *(each for it in fragments for each in (*it.parts, *it.cells))]
+    used = {each.material for each in tables if each.material is not None}
     assert used == {material.name for material in scene.materials}
+    assert not any(group.groups for group in scene.groups)
 
 
 def test_the_crowd_is_a_thousand_of_all_kinds() -> None:
