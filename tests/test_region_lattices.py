@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -30,15 +31,24 @@ def lattice(**keys: Any) -> Any:
     return scene(lattice=[keys]).lattices[0]
 
 
-def listed(layout: Layout) -> dict[int, tuple[str, Array, int]]:
-    """Name, map and number of cuts of every copy, by number."""
+class Copy(NamedTuple):
+    """One copy, and what cuts it: groups, and maps of its points to their coordinates."""
+
+    name: str
+    map: Array
+    cuts: list[tuple[Any, Array]]
+
+
+def listed(layout: Layout) -> dict[int, Copy]:
+    """Every copy by its number."""
     found = {}
     for copies in layout.copies():
-        name = getattr(copies.group, "name", "scene")
+        name = str(getattr(copies.group, "name", "scene"))
         assert copies.maps.shape == (len(copies.number), 3, 4)
         for index, number in enumerate(copies.number.tolist()):
             assert number not in found
-            found[number] = (str(name), copies.maps[index], len(copies.within))
+            cuts = [(each.group, each.maps[index]) for each in copies.within]
+            found[number] = Copy(name, copies.maps[index], cuts)
     return found
 
 
@@ -222,35 +232,43 @@ def random_group(name: str, depth: int, rng: np.random.Generator) -> Table:
     return group
 
 
-def walked(group: Any, scopes: list[Any], world: Array, cuts: int, path: str) -> Any:
-    """(name, map, number of cuts, way) of copies, one at a time, as the words of the docs say."""
-    scopes = [group, *scopes]
+def after(outer: Array, inner: Array) -> Array:
+    """The map (3, 4) that does first the inner one."""
+    last = [[0, 0, 0, 1]]
+    return np.asarray((np.vstack([outer, last]) @ np.vstack([inner, last]))[:3])
 
-    def entered(name: str, local: Array, cut: bool) -> Any:
+
+def walked(scopes: list[Any], copy: Copy, path: str) -> Iterator[tuple[Copy, str]]:
+    """All copies one at a time, each with its way, as the words of the page have it.
+
+    The first of ``scopes`` is the group that ``copy`` is of, the next the one that defines it.
+    """
+    group = scopes[0]
+
+    def entered(name: str, local: Array, is_cut: bool) -> Iterator[tuple[Copy, str]]:
         for level, scope in enumerate(scopes):
             for inner in scope.groups:
                 if inner.name == name:
-                    to_world = np.vstack([world, [0, 0, 0, 1]]) @ np.vstack([local, [0, 0, 0, 1]])
-                    yield from walked(
-                        inner, scopes[level:], to_world[:3], cuts + cut, path + "/" + name
-                    )
+                    cuts = [(holder, after(to_it, local)) for holder, to_it in copy.cuts]
+                    cuts += [(group, local)] if is_cut else []
+                    one = Copy(name, after(copy.map, local), cuts)
+                    yield from walked([inner, *scopes[level:]], one, f"{path}/{name}")
                     return
         raise AssertionError(name)
 
     if group.cells and path:
-        yield group.name, world, cuts, path
+        yield copy, path
     for place in group.places:
         local = np.column_stack([place.world_from_local(), place.origin])
         yield from entered(place.group, local, place.within is not None)
-    for each in group.lattices:
-        for which, at in zip(each.which().tolist(), each.positions(), strict=True):
+    for lattice in group.lattices:
+        for which, at in zip(lattice.which().tolist(), lattice.positions(), strict=True):
             if which >= 0:
-                yield from entered(
-                    each.named_groups()[which], np.column_stack([np.eye(3), at]), False
-                )
+                local = np.column_stack([np.eye(3), at])
+                yield from entered(lattice.named_groups()[which], local, is_cut=False)
     for cell in group.cells:
         if cell.fill is not None:
-            yield from entered(cell.fill, np.eye(3, 4), True)
+            yield from entered(cell.fill, np.eye(3, 4), is_cut=True)
 
 
 def test_copies_are_those_of_a_walk_through_the_scene(rng: np.random.Generator) -> None:
@@ -265,17 +283,20 @@ def test_copies_are_those_of_a_walk_through_the_scene(rng: np.random.Generator) 
         found = listed(layout)
         scene_itself = found.pop(-1, None)
         assert (scene_itself is not None) == bool(whole.cells)
-        expected = list(walked(whole, [], np.eye(3, 4), 0, ""))
+        expected = list(walked([whole], Copy("scene", np.eye(3, 4), []), ""))
         assert layout.count == len(expected) == len(found)
-        for number, (name, world, cuts, path) in enumerate(expected):
-            assert found[number][0] == name
-            assert found[number][1] == pytest.approx(world, abs=1e-13)
-            assert found[number][2] == cuts
-            lines = layout.path(number)
-            assert ["/" + line.split(",")[0].removeprefix("group ") for line in lines] == [
-                f"/{each}" for each in path.split("/")[1:]
+        for number, (copy, path) in enumerate(expected):
+            assert found[number].name == copy.name
+            assert found[number].map == pytest.approx(copy.map, abs=1e-13)
+            assert [id(holder) for holder, _ in found[number].cuts] == [
+                id(holder) for holder, _ in copy.cuts
             ]
-            cut += cuts
+            for (_, to_holder), (_, again) in zip(found[number].cuts, copy.cuts, strict=True):
+                assert to_holder == pytest.approx(again, abs=1e-13)
+            lines = layout.path(number)
+            names = [line.split(",")[0].removeprefix("group ") for line in lines]
+            assert names == path.split("/")[1:]
+            cut += len(copy.cuts)
             deepest = max(deepest, len(lines))
         total += len(expected)
     assert total > 1500

@@ -24,9 +24,7 @@ def add(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the file and report; the exit code."""
-    # Files of pictures have an ending; what has none is the name of a bundled scene.
-    is_scene = Path(arguments.file).suffix in (".toml", "")
-    facts = _scene(arguments.file) if is_scene else _picture(arguments.file)
+    facts = _scene(arguments.file) if _is_scene(arguments.file) else _picture(arguments.file)
     if arguments.json:
         print_json(facts)
         return 0
@@ -34,6 +32,14 @@ def run(arguments: argparse.Namespace) -> int:
     for name, value in facts.items():
         print_text(f"{name:{width}}  {_plain(value)}".rstrip())
     return 0
+
+
+def _is_scene(file: str) -> bool:
+    from halfstep.scene import bundled_scenes
+
+    suffix = Path(file).suffix
+    # Files of pictures have an ending.
+    return suffix == ".toml" or (suffix == "" and file in bundled_scenes())
 
 
 def _picture(file: str) -> dict[str, Any]:
