@@ -337,6 +337,7 @@ RULES: list[tuple[Table, str]] = [
         scene(lattice=[{**ROWS, "groups": {"P": "pin", ".": "pin"}}]),
         'lattice[0].groups: "." stands for no group',
     ),
+    (scene(lattice=[{**ROWS, "groups": "pin"}]), 'lattice[0].groups: "pin" is not a table'),
     (
         scene(lattice=[{**ROWS, "groups": {"P": "pin", "QQ": "pin"}}]),
         'lattice[0].groups: "QQ" is not one letter',

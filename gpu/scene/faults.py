@@ -161,7 +161,7 @@ def _rule(error: ErrorDetails) -> str:
             return "not a string"
         case "tuple_type":
             return "not an array"
-        case "model_type" | "model_attributes_type":
+        case "model_type" | "model_attributes_type" | "dict_type":
             return "not a table"
     return f"not valid: {error['msg']}"
 
