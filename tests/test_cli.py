@@ -52,9 +52,12 @@ radius = 1
 
 # The command, with a line on stdout when it begins to render.
 TELLS_WHEN_IT_RENDERS = """
+import signal
 import sys
 from halfstep import cli
 from halfstep.frames import renderer as api
+# What was started in the background, as these tests may be, has it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 render = api.Renderer.render
 def told(*args, **options):
     print("rendering", flush=True)
