@@ -268,6 +268,13 @@ def test_what_a_file_holds_is_rendered(
         ("render s -o=", "halfstep render: error: argument -o/--output: is empty"),
         ("animate s --output=", "halfstep animate: error: argument -o/--output: is empty"),
         ("tune s -o=", "halfstep tune: error: argument -o/--output: is empty"),
+        ("check s -o=", "halfstep check: error: argument -o/--output: is empty"),
+        (
+            "check s -o -",
+            "halfstep check: error: argument -o/--output: only render writes to stdout; ./- is a "
+            "file",
+        ),
+        ("bench -o=", "halfstep bench: error: argument -o/--output: is empty"),
         ("render s -o o.png --layers z", "halfstep: error: unrecognized arguments: --layers z"),
     ],
 )

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from halfstep.cli.options import add_adapter, add_conveyor, add_size
+from halfstep.cli.options import add_adapter, add_conveyor, add_output, add_size
 from halfstep.cli.output import print_json, print_text, say
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.version import __version__
@@ -28,11 +28,11 @@ def add(commands: Any) -> None:
     add_size(check)
     add_conveyor(check)
     add_adapter(check)
-    check.add_argument(
-        "-o",
-        "--output",
-        metavar="DIR",
-        help="folder for check.json and a picture of the differences of each scene that has some",
+    add_output(
+        check,
+        "DIR",
+        "folder for check.json and a picture of the differences of each scene that has some",
+        required=False,
     )
     check.add_argument("--json", action="store_true", help="the report for machines on stdout")
 

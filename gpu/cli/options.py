@@ -33,7 +33,12 @@ def add_rendering(command: argparse.ArgumentParser) -> None:
 
 
 def add_output(
-    command: argparse.ArgumentParser, metavar: str, help_: str, *, stdout: bool = False
+    command: argparse.ArgumentParser,
+    metavar: str,
+    help_: str,
+    *,
+    stdout: bool = False,
+    required: bool = True,
 ) -> None:
     """Where a command writes to; ``stdout`` says whether that may be ``-``."""
 
@@ -45,7 +50,9 @@ def add_output(
             raise argparse.ArgumentTypeError("only render writes to stdout; ./- is a file")
         return text
 
-    command.add_argument("-o", "--output", metavar=metavar, type=path, required=True, help=help_)
+    command.add_argument(
+        "-o", "--output", metavar=metavar, type=path, required=required, help=help_
+    )
 
 
 def add_size(command: argparse.ArgumentParser) -> None:
