@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import av
 import imageio.v3 as imageio
@@ -424,7 +425,7 @@ def test_a_large_picture_is_read(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("none.png", "{path}: there is no such file"),
-        ("folder.png", "{path}: there is no such file"),
+        ("folder.png", "{path}: is a folder, not a file"),
         ("a.jpg", "{path}: the ending '.jpg' is not one of those read: " + ", ".join(READ)),
     ],
 )
@@ -472,6 +473,22 @@ def test_what_cannot_be_written_is_refused_before_rendering(
         plan(path, outputs)
     assert str(caught.value) == message.format(path=path)
     assert caught.value.exit_code == 2
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("file", [None, 3, b"a.png"], ids=str)
+def test_what_is_no_file_is_said_to_be_none(file: Any, frame: Frame) -> None:
+    for options in ({}, {"format": "png"}):
+        with pytest.raises(UsageError) as caught:
+            write(file, frame, **options)
+        assert str(caught.value) == f"file: {file!r} is neither a path nor a file object"
+
+
+@pytest.mark.parametrize("given", [None, [], np.zeros((2, 3, 3), np.uint8)], ids=type)
+def test_what_is_no_frame_is_said_to_be_none(given: Any, tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as caught:
+        write(tmp_path / "a.png", given)
+    assert str(caught.value) == f"frame: {type(given).__name__} is not Frame"
     assert os.listdir(tmp_path) == []
 
 

@@ -87,12 +87,15 @@ def write(
         are spread over its grey levels, ``range``, the numbers that 1 and 65535 stand for.
 
     Raises:
-        UsageError: as `plan`; the frame has several outputs, of which one must be named.
+        UsageError: as `plan`; ``frame`` is none, or has several outputs, of which one must be
+            named.
         AttributeError: an output was not computed.
         HalfstepError: the system refuses to write, as on a full disk; a path is as before.
         OSError: the file object refuses.
     """
     type_ = _type(file, format)
+    if not isinstance(frame, Frame):
+        raise UsageError(f"frame: {type(frame).__name__} is not Frame")
     names = _held(_called(file), type_, frame, outputs)
     facts = provenance(frame.info) | {"outputs": list(names)}
     if isinstance(file, str | os.PathLike):
@@ -162,8 +165,11 @@ def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
         ask(path)
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
-    if not path.is_file():
+    if not path.exists():
         raise UsageError(f"{path}: there is no such file")
+    if not path.is_file():
+        other = "a folder" if path.is_dir() else "a device or a pipe"
+        raise UsageError(f"{path}: is {other}, not a file")
     if _ending(path) not in READ:
         raise UsageError(
             f"{path}: the ending {path.suffix!r} is not one of those read: {', '.join(READ)}"
@@ -174,7 +180,8 @@ def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
         text = type_.read(path)
     # Libraries raise what they like.
     except Exception as error:
-        raise HalfstepError(f"{path}: cannot be read as {type_.name}: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise HalfstepError(f"{path}: cannot be read as {type_.name}: {reason}") from error
     return None if text is None else from_text(text)
 
 
@@ -186,6 +193,8 @@ def _type(file: File, format_: str | None) -> FrameType:
         check_output_path(file, ENDINGS)
         type_ = ENDINGS[_ending(file)]
     else:
+        if not hasattr(file, "write"):
+            raise UsageError(f"file: {file!r} is neither a path nor a file object")
         known = [ending.removeprefix(".") for ending in ENDINGS]
         if format_ not in known:
             raise UsageError(f"format: {format_!r} is not one of {', '.join(known)}")
