@@ -207,8 +207,8 @@ def test_one_frame_is_the_first() -> None:
     assert scene_at(scene, 0).camera.fov_degrees == 20
 
 
-@pytest.mark.parametrize("frame", [-1, 4])
-def test_a_frame_that_is_not_there(frame: int) -> None:
+@pytest.mark.parametrize("frame", [-1, 4, 0.5, "1"])
+def test_a_frame_that_is_not_there(frame: Any) -> None:
     with pytest.raises(UsageError) as caught:
         scene_at(animated(frames=4, orbit_degrees=360), frame)
     assert str(caught.value) == f"frame {frame}: the frames are 0 to 3"

@@ -220,6 +220,7 @@ def test_options_out_of_range_are_faults(options: dict[str, Any], message: str) 
             {"outputs": ("depth", "albedo")},
             f"outputs: 'albedo' unknown; known are {', '.join(SOURCES)}",
         ),
+        ({"outputs": 3}, "outputs: 3 is not an array of names"),
     ],
 )
 def test_arguments_that_cannot_be_used_are_refused(options: dict[str, Any], message: str) -> None:
@@ -386,6 +387,17 @@ def test_a_bad_camera_leaves_the_renderer_usable(backend: str) -> None:
             "camera.up: [0, -6, 2] is parallel to the view, look_at - center"
         )
         assert renderer.render().image.any()
+
+
+@pytest.mark.parametrize(
+    "scenes",
+    ["figure", Path("figure.toml"), halfstep.load("figure"), {"format": 1}],
+    ids=["name", "path", "scene", "mapping"],
+)
+def test_one_scene_is_not_taken_for_several(scenes: Any) -> None:
+    with Renderer(SCENE, backend="numpy") as renderer, pytest.raises(UsageError) as caught:
+        next(renderer.render_all(scenes))
+    assert str(caught.value) == "scenes: render_all takes several scenes; for one, give [scene]"
 
 
 def test_a_closed_renderer_says_so(backend: str) -> None:

@@ -785,6 +785,13 @@ def test_faults_name_the_file(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("given", [None, 0, {}], ids=str)
+def test_what_is_no_path_is_not_loaded(given: Any) -> None:
+    with pytest.raises(SceneError) as caught:
+        load(given)
+    assert str(caught.value).endswith(" is not a path or a bundled name")
+
+
 def test_what_stands_for_a_scene(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(SMALLEST)

@@ -116,6 +116,8 @@ def check_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
     Raises:
         UsageError: a name is not an output.
     """
+    if not isinstance(outputs, Iterable):
+        raise UsageError(f"outputs: {outputs!r} is not an array of names")
     if isinstance(outputs, str):
         outputs = (outputs,)
     wanted = {*outputs, "solid"}

@@ -234,9 +234,12 @@ class Renderer:
 
         Raises:
             SceneError: one of the scenes, or an option for it, is not valid.
-            UsageError: the renderer is closed.
+            UsageError: the renderer is closed; ``scenes`` is a single scene.
             DeviceError: the device was lost or the driver failed.
         """
+        # The names and keys of one scene would be taken for scenes.
+        if isinstance(scenes, Scene | str | os.PathLike | Mapping):
+            raise UsageError("scenes: render_all takes several scenes; for one, give [scene]")
         process = os.getpid()
         worker = ThreadPoolExecutor(1)
         rendering: Future[Frame] | None = None

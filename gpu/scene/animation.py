@@ -35,7 +35,9 @@ def scene_at(scene: Scene, frame: int) -> Scene:
         SceneError: a fault of the camera or a solid at this moment.
     """
     animation = scene.effective_animation()
-    if not 0 <= frame < animation.frames:
+    # There is no frame 0.5, nor one of a name.
+    is_whole = hasattr(frame, "__index__")
+    if not (is_whole and 0 <= frame < animation.frames):
         raise UsageError(f"frame {frame}: the frames are 0 to {animation.frames - 1}")
     steps = animation.frames if _closes(scene, animation) else animation.frames - 1
     time = frame / max(steps, 1)

@@ -27,6 +27,8 @@ def load(path_or_name: str | os.PathLike[str]) -> Scene:
     Raises:
         SceneError: where there is no such scene, or with every fault it has.
     """
+    if not isinstance(path_or_name, str | os.PathLike):
+        raise SceneError(f"scene: {show(path_or_name)} is not a path or a bundled name")
     given = os.fspath(path_or_name)
     path = Path(given)
     if path.suffix == ".toml":
