@@ -20,6 +20,7 @@ from halfstep.cli import main
 from halfstep.device.adapters import Adapter
 from halfstep.errors import UsageError
 from halfstep.host.pack import Class
+from halfstep.run import gpu as run_gpu
 from halfstep.scene import with_overrides
 from tests.test_source import NEEDS
 
@@ -286,6 +287,23 @@ def test_every_part_measures(adapter: Adapter, tmp_path: Path) -> None:
     assert whole.machine["adapter"] == adapter.summary.name
     plot.write(whole, tmp_path / "bench.png")
     assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.usefixtures("small")
+def test_what_needs_64_bit_integers_is_left_out_where_there_are_none(
+    adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_gpu, "INT64", "no such feature")
+    monkeypatch.setattr(parts, "_STEPS", (4, 12, 20))
+    whole = measure(adapter, ("halving", "steps"), rounds=1)
+    halving, steps = whole.parts
+    assert [row["where"] for row in halving.rows if row["where"] != "C"] == ["float32"]
+    assert [row["n"] for row in steps.rows] == [4, 12]
+    assert list(halving.summary) == ["one halving of one ray on one solid"]
+    for part, what in ((halving, "fixed32, which needs"), (steps, "n that need")):
+        assert f"Left out: {what} 64-bit integers in shaders, which this adapter lacks." in (
+            part.notes
+        )
 
 
 # ------------------------------------------------------------------------------ the command

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import statistics
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
@@ -169,6 +170,9 @@ def tune(
 ) -> Report:
     """Measure ``scene`` with every setting.
 
+    Where the device has no 64-bit integers in shaders, settings that need them are left out, and a
+    warning says so.
+
     Args:
         scene: what to render.
         size: (width, height) in pixels, by default the scene's.
@@ -186,7 +190,7 @@ def tune(
     Raises:
         SceneError: an option is out of range.
         UsageError: nothing to try, or an unknown backend.
-        AdapterError: no suitable adapter.
+        AdapterError: no suitable adapter, or one that can work with none of the settings.
         DeviceError: the device was lost or the driver failed.
     """
     if repeats < 1:
@@ -206,6 +210,7 @@ def tune(
         raise UsageError("there is no number of steps, number format or method to try")
     stated = scene.accuracy
     with _Bench(automatic[0], outputs=_MEASURED, backend=backend, adapter=adapter) as bench:
+        settings = bench.possible(settings)
         everything = [*settings, automatic[0]]
         total = len(everything) * (1 + repeats)
         rows: list[Row] = []
@@ -328,6 +333,25 @@ class _Bench(Renderer):
     def pixel_width(self) -> Floats:
         """Widths (H, W) of a pixel at the exact depth, scene units; NaN where nothing is hit."""
         return np.asarray(self.exact.view.pixel * self.exact.depth)
+
+    def possible(self, settings: list[Scene]) -> list[Scene]:
+        """Those of ``settings`` that the device can work with; all, where it can with none."""
+        if self.most_steps is None:
+            return settings
+        kept = [
+            setting
+            for setting in settings
+            if not format_for(setting.accuracy, setting.accuracy.steps or 0).integer
+        ]
+        if not kept or len(kept) == len(settings):
+            return settings
+        warnings.warn(
+            f"{len(settings) - len(kept)} of {len(settings)} settings are left out: fixed32 and "
+            f"more than {self.most_steps} steps need 64-bit integers in shaders, which this "
+            "adapter lacks",
+            stacklevel=3,
+        )
+        return kept
 
     def measure(self, setting: Scene, stated: Accuracy) -> tuple[Row, Frame]:
         """The row of ``setting`` without times, and its frame; ``stated`` has the tolerance."""
