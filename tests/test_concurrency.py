@@ -41,7 +41,7 @@ from tests.interleavings import SCENES
 # For the process ``child``, which is not to outlive a test that fails.
 WAIT = """
 end = time.monotonic() + 30
-while os.waitpid(child, os.WNOHANG) == (0, 0):
+while (ended := os.waitpid(child, os.WNOHANG)) == (0, 0):
     if time.monotonic() > end:
         os.kill(child, 9)
         sys.exit("the child waits for ever")
@@ -228,7 +228,7 @@ def test_closed_renderers_give_memory_and_threads_back(adapter: Adapter) -> None
     del adapter
     script = """
 gc.disable()
-kept = []
+kept, used = [], []
 def usage():
     status = dict(line.split(":", 1) for line in open("/proc/self/status"))
     return int(status["VmRSS"].split()[0]) >> 10, int(status["Threads"])
@@ -240,15 +240,18 @@ for count in range(30):
         next(left)
     left.close()
     kept.append(renderer)
-    if count == 9:
-        memory, threads = usage()
+    used.append(usage())
+memory, threads = zip(*used)
+# The least of some rounds: allocators take more for a while.
+more = min(memory[20:]) - min(memory[10:20])
+threads = threads[9]
 end = time.monotonic() + 20
 while usage()[1] > threads and time.monotonic() < end:
     time.sleep(0.1)
-print(usage()[0] - memory, usage()[1] - threads)
+print(more, usage()[1] - threads)
 """
     megabytes, threads = map(int, run(script).split())
-    assert megabytes <= 8
+    assert megabytes <= 4
     assert threads <= 0
 
 
@@ -422,6 +425,25 @@ if child == 0:
 print(renderer.render().image.shape)
 """
     assert run(script) == "(30, 40, 3)\n"
+
+
+def test_a_forked_child_ends_though_the_driver_would_wait(adapter: Adapter) -> None:
+    del adapter
+    script = f"""
+import ctypes
+renderer = halfstep.Renderer(SCENES[0], backend="gpu")
+libc = ctypes.CDLL(None)
+# As that of a driver that waits for its threads when the process exits.
+libc.on_exit(libc.pause, None)
+child = os.fork()
+if child == 0:
+    libc.printf(b"what C has in a buffer, ")
+    sys.exit(7)
+{WAIT}
+print("and the exit code", os.waitstatus_to_exitcode(ended[1]), flush=True)
+os._exit(0)
+"""
+    assert run(script) == "what C has in a buffer, and the exit code 7\n"
 
 
 def test_a_worker_of_render_frames_can_be_forked_while_a_thread_renders() -> None:

@@ -447,6 +447,20 @@ def _leave_to_parent() -> None:
     _loading = threading.Lock()  # a thread that is not here may have it
     for device in _devices:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(device))
+    if is_forked():
+        _leave_out_exit_handlers()
+
+
+def _leave_out_exit_handlers() -> None:
+    """Let this process, a forked child, end without the exit handlers of its parent's drivers.
+
+    That of Mesa 26 waits for threads of the driver that are not here. Handlers run in reverse
+    order: those that the child registers still run, and then these, of which the second ends it.
+    """
+    libc = ctypes.CDLL(None)
+    if hasattr(libc, "on_exit"):  # of glibc alone; it hands on the exit code
+        libc.on_exit(libc._exit, None)
+        libc.on_exit(libc.fcloseall, None)
 
 
 os.register_at_fork(after_in_child=_leave_to_parent)
