@@ -20,6 +20,7 @@ from halfstep.testing.kernel import WORKGROUP, Kernel, first_free, kernel
 from halfstep.testing.module import Module
 from halfstep.testing.results import keep
 from halfstep.testing.source import Source, named_text
+from halfstep.testing.tokens import check_depth, tokens_of
 from halfstep.testing.types import (
     FEATURES,
     DType,
@@ -262,7 +263,10 @@ class Kit:
 
     def _module(self, source: Source) -> Module:
         name, text = named_text(source)
-        return self._modules.setdefault((name, text), Module(name, text))
+        if (name, text) not in self._modules:
+            check_depth(tokens_of(text, name), name)
+            self._modules[name, text] = Module(name, text)
+        return self._modules[name, text]
 
     def _shader(self, module: Module, entry_point: str) -> str:
         """The text in which an entry point is run."""
@@ -415,6 +419,10 @@ class _CompilerFirst:
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         if isinstance(error, UsageError | RecursionError):
             self.compute.compile(self.module.text, self.module.name)
+        if isinstance(error, RecursionError):
+            raise UsageError(
+                f"{self.module.name}: a type or a constant is nested too deeply"
+            ) from None
 
 
 @dataclass(frozen=True)
