@@ -44,7 +44,9 @@ class Tolerance:
     def __post_init__(self) -> None:
         for name in ("ulp", "atol", "rtol"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
+            if not (
+                isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0
+            ):
                 raise UsageError(f"{name}: {value} is not a finite number >= 0")
 
     def __str__(self) -> str:

@@ -313,6 +313,7 @@ class Kit:
         inputs: Mapping[str, Any],
         bindings: Mapping[str, Any],
     ) -> _Call:
+        _check_mapping("inputs", inputs)
         module = self._module(source)
         with _CompilerFirst(self._compute, module):
             parameters = tuple(module.signature(function).parameters)
@@ -325,24 +326,33 @@ class Kit:
             resources = self._resources(module, function, bindings)
             types = [module.binding(name).type for name in resources]
             self._check_features(function, [kernel_.row, kernel_.result, *types])
+            if self._rows_at_once(kernel_) == 0:
+                raise UsageError(
+                    f"{module.name}: {function}: a row is larger than a buffer of the device"
+                )
         values = _rows_of(kernel_.row, inputs)
         bound = [_bound(module, name, resource) for name, resource in resources.items()]
         return _Call(module.name, kernel_, parameters, values, bound)
 
     def _run(self, call: _Call) -> Values:
-        kernel_ = call.kernel
-        limits = self.device.limits
-        size = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
-        rows = min(
-            size // stride_of(kernel_.row),
-            size // stride_of(kernel_.result),
-            limits["max-compute-workgroups-per-dimension"] * WORKGROUP,
-        )
+        rows = self._rows_at_once(call.kernel)
         return np.concatenate(
             [
                 self._run_part(call, first, min(rows, call.rows - first))
                 for first in range(0, call.rows, rows)
             ]
+        )
+
+    def _rows_at_once(self, kernel_: Kernel) -> int:
+        """As many rows as buffers of the device hold."""
+        limits = self.device.limits
+        size = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
+        return int(
+            min(
+                size // stride_of(kernel_.row),
+                size // stride_of(kernel_.result),
+                limits["max-compute-workgroups-per-dimension"] * WORKGROUP,
+            )
         )
 
     def _run_part(self, call: _Call, first: int, rows: int) -> Values:
@@ -367,6 +377,7 @@ class Kit:
         self, module: Module, function: str, bindings: Mapping[str, Any]
     ) -> dict[str, Resource]:
         """What is bound to the resource variables that a function needs."""
+        _check_mapping("bindings", bindings)
         used = [binding.name for binding in module.buffers(function)]
         for name in bindings:
             if name not in used:
@@ -478,6 +489,11 @@ def _variables(module: Module, function: str, inputs: Mapping[str, Any]) -> list
     if not inputs:
         raise UsageError(f"{where}: without inputs there is no row")
     return [name for name in inputs if name not in parameters]
+
+
+def _check_mapping(name: str, given: Mapping[str, Any]) -> None:
+    if not isinstance(given, Mapping):
+        raise UsageError(f"{name}: {type(given).__name__} is not a mapping")
 
 
 def _rows_of(row: Struct, inputs: Mapping[str, Any]) -> dict[str, Values]:
