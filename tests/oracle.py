@@ -630,9 +630,10 @@ class _Body:
         self._near_is_base_plane = near > 0
         self._screen_box = screen_box
 
-        # The pixel nearest the solid's origin: offsets from it are small where it is seen.
+        # The pixel nearest the solid's origin: offsets from it are small where it is seen. The
+        # centre of pixel i is i + 1/2 from the edge of the picture.
         self._column, self._row = (
-            int(min(max(MP.nint(side / (depth * view.pitch) + count / 2), 0), count - 1))
+            int(min(max(MP.nint(side / (depth * view.pitch) + (count - 1) / 2), 0), count - 1))
             if depth > 0
             else count // 2
             for side, count in ((right, view.width), (down, view.height))

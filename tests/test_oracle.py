@@ -444,6 +444,16 @@ def test_sphere_head_on() -> None:
     assert (surface, depth, leave) == (0, 6.0, 10.0)
 
 
+@pytest.mark.parametrize("size", [5, 7, 9])
+def test_a_dot_far_below_a_pixel_costs_no_digit(size: int) -> None:
+    radius = 1e-6
+    oracle = Oracle(_scene([{"kind": "sphere", "radius": radius}], fov_degrees=90.0), (size, size))
+    middle = np.array([size // 2])
+    trace = oracle.trace_in(Double, (middle, middle))
+    assert trace.solid.tolist() == [0]
+    assert abs(trace.depth[0] - (8.0 - radius)) <= 2 * np.spacing(8.0)
+
+
 def test_sphere_tangent_is_a_hit_and_a_tie() -> None:
     # Directions of a 5x5 picture 90° wide are multiples of 0.4; 3-4-5: the ray of slope 0.75
     # touches the sphere of radius 3 from 5 away, at depth 4·4/5.
