@@ -6,7 +6,8 @@ VENV := .venv
 PYTHON := $(VENV)/bin/python
 INSTALLED := $(VENV)/installed
 
-.PHONY: render test test-swiftshader lint bench clean adapter lavapipe swiftshader
+.PHONY: render test quick shaders test-swiftshader lint fix layout tables bench clean adapter \
+    lavapipe swiftshader
 
 render: adapter
 	$(PYTHON) -m halfstep render gallery -o gallery.png
@@ -14,6 +15,14 @@ render: adapter
 
 test: lavapipe
 	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m pytest
+
+# What needs no device and no patience: about a minute on an idle core, lint aside.
+quick: lint
+	$(PYTHON) -m pytest -q --quick
+
+# Whether the device's compiler takes every shader, composed and as the files lie.
+shaders: lavapipe
+	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m pytest -q tests/test_source.py tests/test_layout.py
 
 # A second driver: another compiler, without 64-bit integers in shaders. What needs those, and types
 # of floats that it lacks, is skipped here, and here alone.
@@ -36,6 +45,18 @@ lint: $(INSTALLED)
 	$(PYTHON) -m ruff check
 	$(PYTHON) -m ruff format --check
 	$(PYTHON) -m mypy
+
+# What ruff can mend by itself.
+fix: $(INSTALLED)
+	$(PYTHON) -m ruff check --fix
+	$(PYTHON) -m ruff format
+
+# Files and tables that are written from the code.
+layout: $(INSTALLED)
+	$(PYTHON) -m halfstep.contract.layout
+
+tables: $(INSTALLED)
+	$(PYTHON) -m tests.tables
 
 bench: adapter
 	$(PYTHON) -m halfstep bench

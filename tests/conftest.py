@@ -27,13 +27,35 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="skip tests of types of WGSL that the device does not have; else they fail",
     )
 
+    parser.addoption(
+        "--quick",
+        action="store_true",
+        help="leave out tests that take a device, and those marked slow",
+    )
+
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", "needs(*types): types of WGSL that the device must have: i64, f16, f64"
     )
+    config.addinivalue_line("markers", "slow: takes seconds; left out by --quick")
     if config.option.halfstep_seed < 0:
         config.option.halfstep_seed = random.SystemRandom().randrange(2**32)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if not config.option.quick:
+        return
+    left_out = [item for item in items if _takes_a_device(item) or item.get_closest_marker("slow")]
+    config.hook.pytest_deselected(items=left_out)
+    kept = set(items) - set(left_out)
+    items[:] = [item for item in items if item in kept]
+
+
+def _takes_a_device(item: pytest.Item) -> bool:
+    assert isinstance(item, pytest.Function)
+    params = item.callspec.params if hasattr(item, "callspec") else {}
+    return "halfstep_adapter" in item.fixturenames or params.get("backend") == "gpu"
 
 
 def pytest_report_header(config: pytest.Config) -> str:

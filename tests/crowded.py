@@ -16,7 +16,8 @@ import numpy as np
 
 import halfstep
 from halfstep.contract.layout import TILE
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.scene import Scene
 
 STEPS = (4, 12, 24, 30)
@@ -67,7 +68,7 @@ def main() -> None:
     for number_format, steps in product(FORMATS, STEPS):
         scene = spheres(solids, steps=steps, number_format=number_format)
         found, expected = (
-            halfstep.render(scene, backend=backend, outputs=SOURCES) for backend in ("gpu", "numpy")
+            halfstep.render(scene, backend=backend, outputs=OUTPUTS) for backend in ("gpu", "numpy")
         )
         seen = len(np.unique(expected.solid))
         faults = ", ".join(different(found, expected)) or "none"

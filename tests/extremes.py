@@ -18,15 +18,14 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import halfstep
+from halfstep.contract.arrays import Floats
 from halfstep.scene import Scene
 from tests.judge import DELTA, DELTA_ON_SURFACE, Judge, Verdict
 from tests.scenes_random import KINDS, random_solid
 
 Table = dict[str, Any]
-Floats = NDArray[np.float64]
 
 SIZE = (65, 49)
 STEPS = 16

@@ -16,13 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats
 from halfstep.host.camera import view
 from halfstep.scene import QuadricSolid, Scene, Volume
 from tests.oracle import Oracle, Trace
 from tests.scenes_random import intervals
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Coefficients rounded to float32 move an edge by 2^-22 of a solid's rectangle or so: 1e-4 of a
 # pixel across the pictures here, more where a surface meets the edge at a small angle.

@@ -32,11 +32,10 @@ import numpy as np
 from mpmath.ctx_mp import MPContext
 from numpy.typing import ArrayLike, NDArray
 
+from halfstep.contract.arrays import Bools, Floats
 from halfstep.scene import Camera, Scene, Solid
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 # A 400-bit number of `MP`, which has no static type.
 Exact = Any
 # Values along rays: Floats in the first pass, DoubleDouble in the second.
@@ -630,9 +629,10 @@ class _Body:
         self._near_is_base_plane = near > 0
         self._screen_box = screen_box
 
-        # The pixel nearest the solid's origin: offsets from it are small where it is seen.
+        # The pixel nearest the solid's origin: offsets from it are small where it is seen. The
+        # centre of pixel i is i + 1/2 from the edge of the picture.
         self._column, self._row = (
-            int(min(max(MP.nint(side / (depth * view.pitch) + count / 2), 0), count - 1))
+            int(min(max(MP.nint(side / (depth * view.pitch) + (count - 1) / 2), 0), count - 1))
             if depth > 0
             else count // 2
             for side, count in ((right, view.width), (down, view.height))

@@ -9,16 +9,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
 from halfstep.errors import SceneError
-from halfstep.host.camera import base_planes, view
-from halfstep.host.geometry import build, volume_box
-from halfstep.host.setup import setup
+from halfstep.host.prepare import Solids, frame_setup
 from halfstep.scene import PlanePatch, Scene, with_overrides
 
 Table = dict[str, Any]
-Floats = NDArray[np.float64]
 
 KINDS = (
     "sphere",
@@ -84,8 +81,7 @@ def intervals(scene: Scene, size: tuple[int, int]) -> tuple[float, float, Floats
 
     What the accuracy of a frame is stated in: its depth cells are these lengths times 2^-n.
     """
-    geometry, eye = build(scene), view(scene.camera, size)
-    constants = setup(geometry, eye, *base_planes(eye, *volume_box(scene, geometry)))
+    constants = frame_setup(with_overrides(scene, size=size))
     length = np.full(len(scene.solids), np.nan)
     length[constants.solid] = constants.far * 2.0**-constants.level
     return constants.near, constants.far, length
@@ -261,7 +257,7 @@ def _scene(solids: list[Table], center: Floats, size: float, rng: np.random.Gene
         return Scene.from_dict(tables | {"volume": volume})
     scene = Scene.from_dict(tables)
     try:
-        volume_box(scene, build(scene))
+        Solids.of(scene)
     except SceneError:
         return Scene.from_dict(tables | {"volume": volume})
     return scene

@@ -21,20 +21,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
 from halfstep.device.adapters import choose_adapter
-from halfstep.frames.frame import Frame, arrays_of, device_outputs
-from halfstep.host.camera import base_planes, view
-from halfstep.host.geometry import build, volume_box
-from halfstep.host.pack import pack, surfaces
-from halfstep.host.setup import setup
-from halfstep.host.steps import steps_for
+from halfstep.frames.outputs import Lookup, arrays_of, device_outputs
+from halfstep.host.camera import view
+from halfstep.host.prepare import Solids, frame_setup, prepare
 from halfstep.run import twin as run_twin
 from halfstep.run.gpu import Device
 from halfstep.scene import Scene, Volume, with_overrides
 from tests.oracle import Oracle, Trace
 from tests.scenes_random import KINDS, Drawn, random_scene, random_solid
 
-Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 SIZE = COARSE = (64, 48)
@@ -61,11 +58,8 @@ class Shot:
 
     def __init__(self, scene: Scene, size: tuple[int, int]) -> None:
         self.scene, self.size = scene, size
-        self._geometry = build(scene)
-        self._tables = surfaces(scene, self._geometry)
-        eye = view(scene.camera, size)
-        planes = base_planes(eye, *volume_box(scene, self._geometry))
-        self.setup = setup(self._geometry, eye, *planes)
+        self._solids = Solids.of(scene)
+        self.setup = frame_setup(with_overrides(scene, size=size), solids=self._solids)
 
     def oracle(self) -> Oracle:
         """The truth; without a volume, unbounded solids end where the renderer ends them."""
@@ -79,13 +73,14 @@ class Shot:
         self, way: Way, device: Device | None = None, outputs: tuple[str, ...] = OUTPUTS
     ) -> Arrays:
         """Outputs of a frame, from the twin where there is no device."""
-        scene = with_overrides(self.scene, **way._asdict())
-        count = steps_for(scene, self.setup).count
-        packed = pack(scene, self._geometry, self._tables, self.setup, count)
+        scene = with_overrides(self.scene, size=self.size, **way._asdict())
+        packed = prepare(scene, solids=self._solids)
         job = (scene, packed, 0, self.size[1], device_outputs(outputs))
         planes = run_twin.render_band(*job) if device is None else device.render_band(*job)[0]
-        frame = Frame(arrays_of(outputs, planes, packed, self._tables), {})
-        return {name: getattr(frame, name) for name in outputs}
+        return {
+            name: array.found() if isinstance(array, Lookup) else array
+            for name, array in arrays_of(outputs, planes, packed).items()
+        }
 
 
 # ------------------------------------------------------------------------------ scenes

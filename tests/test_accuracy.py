@@ -170,6 +170,7 @@ def test_a_tolerance_that_can_be_met_is_met_in_silence() -> None:
 # ------------------------------------------------------------------------------ the promise
 
 
+@pytest.mark.slow
 def test_nothing_is_seen_before_the_nearest_depth(seed: int) -> None:
     rng = np.random.default_rng(seed)
     slack = []
@@ -217,6 +218,7 @@ def test_a_bundled_scene_is_exact_to_half_a_pixel(name: str) -> None:
     assert errors.max(initial=0.0) <= (scene.accuracy.tolerance_pixels or 0.5)
 
 
+@pytest.mark.slow
 def test_any_scene_is_exact_to_half_a_pixel(seed: int) -> None:
     rng = np.random.default_rng(seed)
     worst, count = 0.0, 0
@@ -249,6 +251,7 @@ def _sweep(
 @pytest.mark.parametrize(
     ("number_format", "floor"), [("float32", (-27, -24)), ("fixed32", (-29, -26))]
 )
+@pytest.mark.slow
 def test_a_step_halves_the_error_until_the_floor(
     number_format: str, floor: tuple[int, int]
 ) -> None:

@@ -26,11 +26,23 @@ from halfstep.cli import main, output
 from halfstep.files import read_provenance
 from halfstep.files.folder import FrameFolder, manifest
 from halfstep.files.movie import MOVIES, write_movie
+from halfstep.files.provenance import Provenance
 from halfstep.frames import sequence
 from halfstep.frames.renderer import Renderer
 from halfstep.scene import Scene, load, with_animation
 
 Pictures = list[NDArray[np.uint8]]
+# What a film says of itself.
+FACTS: Provenance = {
+    "version": "9.9",
+    "scene_title": "a ball that rises",
+    "scene_sha256": "0123",
+    "number_format": "float32",
+    "method": "visible",
+    "steps": [10],
+    "adapter": "a card",
+    "driver": "a driver",
+}
 
 MOVING = """
 format = 1
@@ -185,7 +197,7 @@ def test_what_stands_still_has_all_its_frames_and_time(
 def test_a_movie_may_stand_still_for_long(tmp_path: Path, ending: str) -> None:
     """Longer than one frame of a GIF, 655 s, or of a PNG, 66 s, can last."""
     pictures = [np.full((16, 16, 3), 99, np.uint8)] * 70 + [np.full((16, 16, 3), 9, np.uint8)]
-    write_movie(tmp_path / f"m{ending}", pictures, 0.1, {"version": "9.9"})
+    write_movie(tmp_path / f"m{ending}", pictures, 0.1, FACTS)
     assert times(tmp_path / f"m{ending}") == pytest.approx([10] * 71)
     for picture, found in zip(pictures, read_movie(tmp_path / f"m{ending}"), strict=True):
         assert np.abs(found.astype(int) - picture).max() <= 2
@@ -204,7 +216,7 @@ def test_whatever_changes_comes_back(tmp_path: Path, rng: np.random.Generator, e
         pictures.append(colors[numbers])
         equal += len(pictures) > 1 and np.array_equal(pictures[-1], pictures[-2])
     assert 3 <= equal <= 20
-    write_movie(tmp_path / f"m{ending}", pictures, 25, {"version": "9.9"})
+    write_movie(tmp_path / f"m{ending}", pictures, 25, FACTS)
     for picture, found in zip(pictures, read_movie(tmp_path / f"m{ending}"), strict=True):
         np.testing.assert_array_equal(found, picture)
 
@@ -220,7 +232,7 @@ def test_a_full_disk_leaves_what_was_there(
     resource.setrlimit(resource.RLIMIT_FSIZE, (300, most))
     try:
         with pytest.raises(halfstep.HalfstepError) as caught:
-            write_movie(path, pictures, 25, {"version": "9.9"})
+            write_movie(path, pictures, 25, FACTS)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, most))
     assert str(caught.value) == f"{path}: File too large"
@@ -235,7 +247,7 @@ def test_a_film_has_the_colours_of_the_pictures(tmp_path: Path) -> None:
     """In ITU-R BT.709, as the film says and players expect."""
     colors = [(200, 60, 30), (30, 200, 60), (60, 30, 200), (240, 240, 240), (5, 5, 7)]
     pictures = [np.full((16, 16, 3), color, np.uint8) for color in colors]
-    write_movie(tmp_path / "m.mp4", pictures, 25, {})
+    write_movie(tmp_path / "m.mp4", pictures, 25, FACTS)
     for picture, found in zip(pictures, read_movie(tmp_path / "m.mp4"), strict=True):
         assert np.abs(found.astype(int) - picture).max() <= 3
 
@@ -382,7 +394,7 @@ def test_a_fault_on_the_way_is_said_before_rendering(
 def test_a_failed_film_leaves_what_was_there(
     scene_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    finished = Renderer._finished
+    finished = Renderer.render_prepared
     calls: list[None] = []
 
     def failing(self: Any, frame: Any) -> Any:
@@ -391,7 +403,7 @@ def test_a_failed_film_leaves_what_was_there(
             raise halfstep.DeviceError("lost")
         return finished(self, frame)
 
-    monkeypatch.setattr(Renderer, "_finished", failing)
+    monkeypatch.setattr(Renderer, "render_prepared", failing)
     for ending in (".gif", ".mp4"):
         calls.clear()
         path = tmp_path / f"m{ending}"
@@ -550,7 +562,7 @@ def test_a_failure_before_the_first_frame_touches_nothing(
     def failing(*_: object) -> None:
         raise halfstep.AdapterError("none")
 
-    monkeypatch.setattr(Renderer, "_finished", failing)
+    monkeypatch.setattr(Renderer, "render_prepared", failing)
     assert animate(scene_file, folder, "--overwrite", "--steps", "4") == 3
     assert contents(folder) == before
     assert animate(scene_file, tmp_path / "new") == 3
@@ -564,6 +576,7 @@ def a_folder(path: Path, scene: Scene, *, overwrite: bool = False) -> FrameFolde
     return FrameFolder(path, manifest(scene, "numpy", None), overwrite=overwrite)
 
 
+@pytest.mark.slow
 def test_equal_runs_at_once_all_succeed(scene_file: Path, tmp_path: Path) -> None:
     folder, whole = tmp_path / "frames", tmp_path / "whole"
     options = [str(scene_file), *NUMPY, "--frames", "30", "-o"]
@@ -671,6 +684,7 @@ def test_a_half_written_frame_is_none(scene_file: Path, tmp_path: Path) -> None:
     assert contents(folder) == contents(whole)
 
 
+@pytest.mark.slow
 def test_a_run_killed_five_times_loses_and_repeats_nothing(tmp_path: Path, seed: int) -> None:
     random_ = random.Random(seed)
     folder, whole = tmp_path / "killed", tmp_path / "whole"

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
 from halfstep.errors import SceneError, UsageError
 from halfstep.scene import Scene, bundled_scenes, load, with_animation
 from halfstep.scene.animation import scene_at
-
-Floats = NDArray[np.float64]
 
 CAMERA: dict[str, Any] = {"center": [3, -8, 3], "look_at": [1, 0, 0.5], "fov_degrees": 40}
 BALL: dict[str, Any] = {"kind": "sphere", "radius": 1, "color": [1, 1, 1]}
@@ -207,8 +205,8 @@ def test_one_frame_is_the_first() -> None:
     assert scene_at(scene, 0).camera.fov_degrees == 20
 
 
-@pytest.mark.parametrize("frame", [-1, 4])
-def test_a_frame_that_is_not_there(frame: int) -> None:
+@pytest.mark.parametrize("frame", [-1, 4, 0.5, "1"])
+def test_a_frame_that_is_not_there(frame: Any) -> None:
     with pytest.raises(UsageError) as caught:
         scene_at(animated(frames=4, orbit_degrees=360), frame)
     assert str(caught.value) == f"frame {frame}: the frames are 0 to 3"

@@ -10,12 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
+from halfstep.contract.arrays import Floats
 from halfstep.frames.frame import Frame
 from halfstep.host.camera import View, view
 from halfstep.run import gpu as run_gpu
 from halfstep.scene import Scene
-
-Floats = NDArray[np.float64]
 
 SIZE = (90, 70)
 # The sphere stands off the view axis, where its outline is an ellipse.
@@ -141,6 +140,7 @@ def test_edges_along_the_grid_are_covered_too(backend: str) -> None:
     assert image <= 1 / 16 + 1 / 255
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_samples(
     backend: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,11 +13,13 @@ import pytest
 
 import halfstep
 import halfstep.scenes
+from halfstep.contract.layout import TILE
 from halfstep.device import adapters as device
 from halfstep.errors import AdapterError, SceneError, UsageError
-from halfstep.frames import renderer as api
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.frames.renderer import Renderer
+from halfstep.run import backend as backends
 from halfstep.run import gpu as run_gpu
 from halfstep.scene import Camera, Material, Scene, with_overrides
 from halfstep.shader.needs import Needs
@@ -112,12 +114,12 @@ def test_a_mapping_that_is_no_scene_lists_its_faults() -> None:
 
 
 def test_everything_is_computed_by_default_and_the_image_by_a_renderer(backend: str) -> None:
-    assert render(backend=backend).outputs == tuple(SOURCES)
+    assert render(backend=backend).outputs == tuple(OUTPUTS)
     with Renderer(SCENE, backend=backend) as renderer:
         assert renderer.render().outputs == ("image", "solid")
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@pytest.mark.parametrize("name", OUTPUTS)
 def test_an_output_does_not_depend_on_the_others(backend: str, name: str) -> None:
     frame = render(outputs=(name,), backend=backend)
     assert set(frame.outputs) == {name, "solid"}
@@ -218,8 +220,9 @@ def test_options_out_of_range_are_faults(options: dict[str, Any], message: str) 
         ({"backend": "cuda"}, "backend: 'cuda' is not one of auto, gpu, numpy"),
         (
             {"outputs": ("depth", "albedo")},
-            f"outputs: 'albedo' unknown; known are {', '.join(SOURCES)}",
+            f"outputs: 'albedo' unknown; known are {', '.join(OUTPUTS)}",
         ),
+        ({"outputs": 3}, "outputs: 3 is not an array of names"),
     ],
 )
 def test_arguments_that_cannot_be_used_are_refused(options: dict[str, Any], message: str) -> None:
@@ -257,7 +260,7 @@ def test_samples_are_averaged_in_linear_light(backend: str, samples: int) -> Non
 def test_other_arrays_are_those_of_pixel_centres(backend: str) -> None:
     once, averaged = (render(samples=samples, backend=backend) for samples in (1, 3))
     assert averaged.outputs == once.outputs
-    for name in set(SOURCES) - {"image", "color"}:
+    for name in set(OUTPUTS) - {"image", "color"}:
         np.testing.assert_array_equal(getattr(averaged, name), getattr(once, name), err_msg=name)
     assert not np.array_equal(averaged.color, once.color)
 
@@ -292,7 +295,7 @@ def test_a_picture_in_bands_is_the_picture(monkeypatch: pytest.MonkeyPatch) -> N
             patch.setattr(run_gpu.Device, "render_band", counted)
             assert_equal(render(size=size, samples=samples, backend="gpu"), frame)
         assert len(calls) > 4
-        assert max(calls) <= 32 * samples
+        assert max(calls) == TILE * samples
 
 
 def test_samples_do_not_need_a_larger_device(adapter: device.Adapter) -> None:
@@ -312,14 +315,14 @@ def test_samples_do_not_need_a_larger_device(adapter: device.Adapter) -> None:
 
 
 def test_a_renderer_gives_what_fresh_renders_give(backend: str) -> None:
-    with Renderer(SCENE, outputs=SOURCES, backend=backend) as renderer:
+    with Renderer(SCENE, outputs=OUTPUTS, backend=backend) as renderer:
         for camera in (*CAMERAS, *CAMERAS[:2]):
             assert_equal(renderer.render(camera=camera), render(camera=camera, backend=backend))
 
 
 def test_a_renderer_takes_its_own_camera_as_default(backend: str) -> None:
     camera = CAMERAS[1]
-    with Renderer(SCENE, outputs=SOURCES, backend=backend, camera=camera) as renderer:
+    with Renderer(SCENE, outputs=OUTPUTS, backend=backend, camera=camera) as renderer:
         assert_equal(renderer.render(), render(camera=camera, backend=backend))
         # Keys replace those of the renderer's camera, not of the scene's.
         frame = renderer.render(camera={"fov_degrees": 20.0})
@@ -341,7 +344,7 @@ def test_a_renderer_takes_another_scene(backend: str) -> None:
         SCENE.model_copy(update={"materials": (Material(name="clay", color=(0.1, 0.9, 0.1)),)}),
         SCENE.model_copy(update={"solids": SCENE.solids[:1]}),
     ]
-    with Renderer(SCENE, outputs=SOURCES, backend=backend) as renderer:
+    with Renderer(SCENE, outputs=OUTPUTS, backend=backend) as renderer:
         for scene in others:
             assert_equal(renderer.render(scene), halfstep.render(scene, backend=backend))
             # Its own scene is as before.
@@ -351,7 +354,7 @@ def test_a_renderer_takes_another_scene(backend: str) -> None:
 def test_another_scene_gets_the_options_but_its_own_camera(backend: str) -> None:
     options: dict[str, Any] = {"size": (20, 20), "steps": 7, "samples": 2, "backend": backend}
     other = with_overrides(moved(SCENE, (0, 0, 1), (1, 1, 0)), camera=CAMERAS[1], steps=3)
-    with Renderer(SCENE, outputs=SOURCES, camera=CAMERAS[2], **options) as renderer:
+    with Renderer(SCENE, outputs=OUTPUTS, camera=CAMERAS[2], **options) as renderer:
         assert_equal(renderer.render(other), halfstep.render(other, **options))
         frame = renderer.render(other, camera=CAMERAS[3])
     assert_equal(frame, halfstep.render(other, camera=CAMERAS[3], **options))
@@ -370,7 +373,7 @@ def test_solids_that_move_compile_nothing(composed: list[Needs]) -> None:
 
 
 def test_frames_do_not_share_memory(backend: str) -> None:
-    with Renderer(SCENE, outputs=SOURCES, backend=backend) as renderer:
+    with Renderer(SCENE, outputs=OUTPUTS, backend=backend) as renderer:
         first = renderer.render()
         kept = {name: getattr(first, name).copy() for name in first.outputs}
         renderer.render(camera=CAMERAS[2])
@@ -386,6 +389,17 @@ def test_a_bad_camera_leaves_the_renderer_usable(backend: str) -> None:
             "camera.up: [0, -6, 2] is parallel to the view, look_at - center"
         )
         assert renderer.render().image.any()
+
+
+@pytest.mark.parametrize(
+    "scenes",
+    ["figure", Path("figure.toml"), halfstep.load("figure"), {"format": 1}],
+    ids=["name", "path", "scene", "mapping"],
+)
+def test_one_scene_is_not_taken_for_several(scenes: Any) -> None:
+    with Renderer(SCENE, backend="numpy") as renderer, pytest.raises(UsageError) as caught:
+        next(renderer.render_all(scenes))
+    assert str(caught.value) == "scenes: render_all takes several scenes; for one, give [scene]"
 
 
 def test_a_closed_renderer_says_so(backend: str) -> None:
@@ -463,7 +477,7 @@ def test_the_numpy_backend_never_asks_for_an_adapter(monkeypatch: pytest.MonkeyP
     def refuse(_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(api, "choose_adapter", refuse)
+    monkeypatch.setattr(backends, "choose_adapter", refuse)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert render(backend="numpy").info["adapter"] == "numpy"

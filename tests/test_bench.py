@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.bench import closed_form, machine, native, parts, plot, povray, report, scenes, timing
+from halfstep.bench import machine, native, parts, plot, povray, report, scenes, timing
 from halfstep.bench.measure import measure
 from halfstep.cli import bench as command
 from halfstep.cli import main
 from halfstep.contract.classes import Class
 from halfstep.device.adapters import Adapter
 from halfstep.errors import UsageError
+from halfstep.run import gpu as run_gpu
+from halfstep.run.gpu import Device
 from halfstep.scene import with_overrides
 from halfstep.shader.source import compose
 from tests.test_source import NEEDS
@@ -85,13 +87,12 @@ def test_c_sees_what_halfstep_sees() -> None:
     assert (seen != native.Native(scene, SIZE, threads=1).render(1)).mean() > 0.01
 
 
-@pytest.mark.usefixtures("adapter")
-def test_closed_forms_find_the_same_cells() -> None:
+def test_closed_forms_find_the_same_cells(adapter: Adapter) -> None:
     scene = with_overrides(scenes.overlapping(), size=SIZE, steps=9)
     outputs = ("solid", "depth")
     halved = halfstep.render(scene, outputs=outputs, backend="gpu")
-    with halfstep.Renderer(scene, outputs=outputs, backend="gpu") as renderer:
-        closed_form.use_closed_form(renderer)
+    device = Device(adapter, conveyor="closed")
+    with halfstep.Renderer(scene, outputs=outputs, backend=device) as renderer:
         closed = renderer.render()
     same = halved.solid == closed.solid
     assert same.mean() > 0.999
@@ -287,6 +288,23 @@ def test_every_part_measures(adapter: Adapter, tmp_path: Path) -> None:
     assert whole.machine["adapter"] == adapter.summary.name
     plot.write(whole, tmp_path / "bench.png")
     assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.usefixtures("small")
+def test_what_needs_64_bit_integers_is_left_out_where_there_are_none(
+    adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_gpu, "INT64", "no such feature")
+    monkeypatch.setattr(parts, "_STEPS", (4, 12, 20))
+    whole = measure(adapter, ("halving", "steps"), rounds=1)
+    halving, steps = whole.parts
+    assert [row["where"] for row in halving.rows if row["where"] != "C"] == ["float32"]
+    assert [row["n"] for row in steps.rows] == [4, 12]
+    assert list(halving.summary) == ["one halving of one ray on one solid"]
+    for part, what in ((halving, "fixed32, which needs"), (steps, "n that need")):
+        assert f"Left out: {what} 64-bit integers in shaders, which this adapter lacks." in (
+            part.notes
+        )
 
 
 # ------------------------------------------------------------------------------ the command

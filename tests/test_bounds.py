@@ -9,10 +9,11 @@ import pytest
 
 import halfstep
 from halfstep.host.bounds import Bounds, bounds
-from halfstep.host.camera import View, base_planes, view
-from halfstep.host.geometry import Geometry, build, volume_box
-from halfstep.host.setup import Setup, setup
-from halfstep.scene import QuadricSolid, Scene
+from halfstep.host.camera import View
+from halfstep.host.geometry import Geometry
+from halfstep.host.prepare import Solids, frame_setup
+from halfstep.host.setup import Setup
+from halfstep.scene import QuadricSolid, Scene, with_overrides
 from tests.judge import OUTPUTS, Judge, Verdict
 from tests.oracle import Oracle
 from tests.scenes_random import KINDS, PLACES, random_scene
@@ -24,11 +25,13 @@ CLOSED_FORMS = tuple(kind for kind in KINDS if kind not in ("quadric", "plane"))
 
 
 def _constants(scene: Scene, size: tuple[int, int] = SIZE) -> tuple[Geometry, View, Setup]:
-    geometry, eye = build(scene), view(scene.camera, size)
-    return geometry, eye, setup(geometry, eye, *base_planes(eye, *volume_box(scene, geometry)))
+    solids = Solids.of(scene)
+    constants = frame_setup(with_overrides(scene, size=size), solids=solids)
+    return solids.geometry, constants.view, constants
 
 
 @pytest.mark.parametrize("place", PLACES)
+@pytest.mark.slow
 def test_every_hit_is_within_its_rectangle_and_its_interval(
     place: str, rng: np.random.Generator
 ) -> None:
@@ -102,6 +105,7 @@ def test_frames_without_preselection_are_the_same(
     assert ties < 1e-3 * hits
 
 
+@pytest.mark.slow
 def test_uncut_solids_have_tight_bounds(rng: np.random.Generator) -> None:
     """Medians: depth extent 1.00, rectangle 1.00 of what hits fill."""
     areas, extents = [], []

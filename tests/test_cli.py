@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import imageio.v3 as imageio
 import numpy as np
@@ -23,7 +23,8 @@ from halfstep.cli import main
 from halfstep.device import adapters as device
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, SceneError
 from halfstep.files import read_provenance
-from halfstep.frames.frame import Frame, device_outputs
+from halfstep.frames.frame import Frame, Info, Origin
+from halfstep.frames.outputs import device_outputs
 from halfstep.run import gpu as run_gpu
 
 COMMAND = [sys.executable, "-m", "halfstep"]
@@ -52,9 +53,12 @@ radius = 1
 
 # The command, with a line on stdout when it begins to render.
 TELLS_WHEN_IT_RENDERS = """
+import signal
 import sys
 from halfstep import cli
 from halfstep.frames import renderer as api
+# What was started in the background, as these tests may be, has it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 render = api.Renderer.render
 def told(*args, **options):
     print("rendering", flush=True)
@@ -90,7 +94,7 @@ def fake_render(monkeypatch: pytest.MonkeyPatch) -> Fake:
     return install
 
 
-PROVENANCE = {
+PROVENANCE: Origin = {
     "version": "0.1",
     "scene_title": "one sphere",
     "scene_sha256": "0123",
@@ -108,7 +112,8 @@ def frame() -> Frame:
         "solid": np.array([[0, 1, -1], [1, 0, -1]]),
         "depth": np.array([[2.5, 3, np.nan], [4, 3, np.nan]]),
     }
-    return Frame(arrays, {**PROVENANCE, "wall_ms": 1234.5})
+    info = cast(Info, PROVENANCE | {"wall_ms": 1234.5})
+    return Frame(arrays, info)
 
 
 def failing(error: BaseException) -> Callable[[], object]:
@@ -265,6 +270,13 @@ def test_what_a_file_holds_is_rendered(
         ("render s -o=", "halfstep render: error: argument -o/--output: is empty"),
         ("animate s --output=", "halfstep animate: error: argument -o/--output: is empty"),
         ("tune s -o=", "halfstep tune: error: argument -o/--output: is empty"),
+        ("check s -o=", "halfstep check: error: argument -o/--output: is empty"),
+        (
+            "check s -o -",
+            "halfstep check: error: argument -o/--output: only render writes to stdout; ./- is a "
+            "file",
+        ),
+        ("bench -o=", "halfstep bench: error: argument -o/--output: is empty"),
         ("render s -o o.png --layers z", "halfstep: error: unrecognized arguments: --layers z"),
     ],
 )
@@ -641,6 +653,7 @@ def test_a_result_that_cannot_be_written_is_a_failure(
 
 
 @pytest.mark.parametrize("redirections", ["2>&-", "2>/dev/full", "<&- >&- 2>&-"])
+@pytest.mark.slow
 def test_messages_that_nobody_can_see_are_left_out(
     shell: Shell, tmp_path: Path, redirections: str
 ) -> None:
@@ -665,6 +678,7 @@ sys.exit(cli.main())
 """
 
 
+@pytest.mark.slow
 def test_a_file_does_not_take_the_place_of_a_closed_stream(shell: Shell, tmp_path: Path) -> None:
     assert shell(RENDER.replace("out.png", "plain.png")).returncode == 0
     command = f"{sys.executable} -c {shlex.quote(NOISY)} {RENDER} <&- >&- 2>&-"
@@ -673,6 +687,7 @@ def test_a_file_does_not_take_the_place_of_a_closed_stream(shell: Shell, tmp_pat
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.slow
 def test_a_picture_may_go_to_stdout(scene_file: Path, tmp_path: Path, unbuffered: str) -> None:
     options = ["render", str(scene_file), "--backend", "numpy", "-o"]
     # Larger than what a pipe holds.

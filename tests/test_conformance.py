@@ -15,7 +15,8 @@ import pytest
 
 import halfstep
 from halfstep.device.adapters import Adapter, is_lavapipe
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.run import gpu as run_gpu
 from halfstep.run.gpu import Device
 from halfstep.scene import bundled_scenes
@@ -26,7 +27,7 @@ SIZE = (160, 120)
 # A thousand solids cost the twin more than pixels do.
 SMALL = {"crowd": (40, 30)}
 # Bounds of the error have a kernel of their own.
-PLAIN = set(SOURCES) - {"error"}
+PLAIN = set(OUTPUTS) - {"error"}
 METHODS = ("visible", "article")
 INT64 = pytest.mark.needs("i64")
 # One asks for a tolerance that needs more steps than floats of 32 bits have.
@@ -124,7 +125,7 @@ def test_error_bounds(scene: str, method: str) -> None:
 def test_everything_at_once(method: str) -> None:
     options = {"size": SIZE, "method": method}
     frame = render("figure", "gpu", **options)
-    assert set(frame.outputs) == set(SOURCES)
+    assert set(frame.outputs) == set(OUTPUTS)
     assert differences(frame, render("figure", "numpy", **options)) == {}
 
 
@@ -133,7 +134,7 @@ def test_everything_at_once(method: str) -> None:
 @pytest.mark.parametrize("scene", ["figure", "edge_eye_inside_cylinder", "one_plane"])
 @pytest.mark.usefixtures("device")
 def test_any_number_of_steps(scene: str, steps: int, method: str) -> None:
-    outputs = set(SOURCES) - {"image", "color"}
+    outputs = set(OUTPUTS) - {"image", "color"}
     options = {"size": SIZE, "method": method, "steps": steps, "outputs": outputs}
     frame = render(scene, "gpu", **options)
     assert differences(frame, render(scene, "numpy", **options)) == {}
@@ -188,7 +189,7 @@ def test_shaders_of_fewer_classes_give_the_same_bits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From the second frame on, tiles that see only some classes have shaders of their own."""
-    monkeypatch.setattr(device, "_known", {})
+    monkeypatch.setattr(device, "_chosen_sets", {})
     monkeypatch.setattr(device, "_pipelines", {})
     loaded = halfstep.load(scene)
     with halfstep.Renderer(loaded, size=(320, 240), outputs=PLAIN, backend="gpu") as renderer:
@@ -203,7 +204,7 @@ def test_shaders_of_fewer_classes_give_the_same_bits(
 def test_shaders_and_buffers_for_a_graphics_card(
     scene: str, adapter: Adapter, composed: list[Needs], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where no processor plays the device, loads, stores and memory are others."""
+    """A device that is not a software adapter has other loads, stores and memory."""
     card = Device(replace(adapter, summary=replace(adapter.summary, kind="discrete")))
     close = card.close
     monkeypatch.setattr(card, "close", lambda: None)
@@ -235,7 +236,7 @@ sys.exit(main(["check", "gallery", "--size", "64x48"]))
 
 @pytest.mark.parametrize("lanes", [4, 8])
 def test_subgroups_of_any_size(lanes: int, adapter: Adapter) -> None:
-    """Where a processor plays the device, a subgroup is as wide as its vectors.
+    """A software adapter has subgroups as wide as the vectors of its processor.
 
     Mesa takes 128 bits without AVX, 256 with it, and 512 only if told, with which 26.2 crashes.
     """

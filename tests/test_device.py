@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
@@ -20,6 +21,7 @@ from halfstep.device.adapters import (
     open_device,
     select_adapter,
 )
+from halfstep.device.handles import GpuAdapter, Info
 from halfstep.errors import AdapterError, DeviceError
 
 LAVAPIPE = AdapterSummary(
@@ -147,7 +149,7 @@ def test_the_adapter_of_this_machine_is_described(adapter: Adapter) -> None:
 
 
 def test_swiftshader_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    info = {
+    info: Info = {
         "device": "SwiftShader Device (Subzero)",
         "adapter_type": "CPU",
         "vendor": "SwiftShader driver",
@@ -193,7 +195,7 @@ def test_a_missing_feature_names_the_adapter_and_the_others(adapter: Adapter) ->
         features = frozenset({"timestamp-query"})
 
     with pytest.raises(AdapterError) as caught:
-        open_device(replace(adapter, handle=Poor()), features={"shader-int64"})
+        open_device(replace(adapter, handle=cast(GpuAdapter, Poor())), features={"shader-int64"})
     others = "".join(f"\n  {summary}" for summary in device.list_adapters())
     assert str(caught.value) == (
         f"adapter {adapter.summary} has no shader-int64 (64-bit integers in shaders); "

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
+from halfstep.host.prepare import prepare
 from halfstep.scene import Scene, with_overrides
 from tests.judge import DELTA_ON_SURFACE, OUTPUTS, Judge, Verdict
-from tests.test_pack import packed_frame
 
 Table = dict[str, Any]
 
@@ -335,7 +335,7 @@ def test_a_plane_seen_edge_on_has_numbers_that_fit(tilt: float) -> None:
     solid = {"kind": "plane", "axis": [1.0, 0.0, tilt], "color": [1.0, 1.0, 1.0], "bounds": box}
     camera = {"center": [0.0, -4.0, 0.0], "look_at": [0.0, 0.0, 0.0]}
     scene = Scene.from_dict({"format": 1, "camera": camera, "solid": [solid]})
-    packed = packed_frame(with_overrides(scene, size=(41, 31)))
+    packed = prepare(with_overrides(scene, size=(41, 31)))
     for name in ("c", "b"):
         assert np.abs(packed.half_spaces[name]).max() < 2.0**66
     frame = halfstep.render(scene, size=(41, 31), backend="numpy")

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.contract.arrays import Floats
 from halfstep.scene import Camera, Scene
-from tests.scenes_random import KINDS, Floats, random_solid
+from tests.scenes_random import KINDS, random_solid
 from tests.soundness import Shot, Way
 
 Table = dict[str, Any]
@@ -132,6 +133,7 @@ def _projected(scene: Scene, points: Floats) -> Floats:
 
 @pytest.mark.parametrize("slender", [1.0, 6.0])
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_no_solid_shows_outside_its_projection(
     kind: str, slender: float, rng: np.random.Generator
 ) -> None:

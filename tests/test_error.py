@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
 from halfstep.device.adapters import Adapter
 from halfstep.host import camera as cameras
 from halfstep.host import geometry
@@ -31,9 +31,8 @@ from tests.soundness import (
     survey,
 )
 
-Floats = NDArray[np.float64]
 
-
+@pytest.mark.slow
 def test_no_pixel_is_further_off_than_its_error(seed: int) -> None:
     report = survey(1_000_000, seed, None)
     everything, visible = report.total(), report.total("visible")
@@ -44,6 +43,7 @@ def test_no_pixel_is_further_off_than_its_error(seed: int) -> None:
 
 
 @pytest.mark.parametrize("family", ["ordinary", "near", "near_cut"])
+@pytest.mark.slow
 def test_ordinary_pixels_are_certain_and_their_bound_is_tight(family: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     report = Report()
@@ -214,6 +214,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("module", "name", "fault", "family", "way", "steps"), FAULTS)
+@pytest.mark.slow
 def test_a_forgotten_term_is_a_violation(
     module: Any,
     name: str,

@@ -53,6 +53,7 @@ def test_every_bundled_scene(name: str) -> None:
 
 # Whether an eye on the surface is inside is for rounding to say, and every ray asks it.
 @pytest.mark.parametrize("place", sorted(set(PLACES) - {"on the surface"}))
+@pytest.mark.slow
 def test_random_scenes_from_every_place(place: str, rng: np.random.Generator) -> None:
     hits, depths = np.sum(
         [judged(random_scene(rng, place).scene, f"{place}, scene {n}") for n in range(12)], axis=0

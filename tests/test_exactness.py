@@ -41,6 +41,7 @@ def _judge(place: str, backend: str, method: str, seed: int, scenes: int, most: 
 
 
 @pytest.mark.parametrize("place", PLACES)
+@pytest.mark.slow
 def test_visible_shows_exactly_what_is_there(place: str, backend: str, seed: int) -> None:
     scenes, (width, height) = WORK[backend]
     verdict = _judge(place, backend, "visible", seed, scenes, most=8)
@@ -61,6 +62,7 @@ def test_these_are_five_million_rays() -> None:
 # An eye on the surface is F_h = 0, which (9) cannot tell from F_h < 0 in rounded numbers: the
 # sequences then begin on a tie, and what they show there is not judged.
 @pytest.mark.parametrize("place", [place for place in PLACES if place != "on the surface"])
+@pytest.mark.slow
 def test_article_misses_only_what_lies_between_grid_points(
     place: str, backend: str, seed: int
 ) -> None:

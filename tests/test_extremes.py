@@ -28,6 +28,7 @@ EXTREMES = list(extremes())
 
 @pytest.mark.parametrize("number_format", FORMATS)
 @pytest.mark.parametrize(("extreme", "range_", "views"), EXTREMES, ids=[e[0] for e in EXTREMES])
+@pytest.mark.slow
 def test_nothing_is_silently_wrong(
     extreme: str, range_: str, views: list[View], number_format: str
 ) -> None:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.contract.arrays import Floats
 from halfstep.frames.frame import Frame
 from halfstep.host.camera import view
 from halfstep.host.faces import Faces, alone, distinct, slab_of
 from halfstep.host.geometry import build
 from halfstep.scene import MAX_HALF_SPACES, Scene
-from tests.scenes_random import Floats
 
 Table = dict[str, Any]
 
@@ -396,6 +396,7 @@ def test_crossing_planes_look_alike_in_both_formats(method: str) -> None:
 @pytest.mark.parametrize(
     ("method", "backend"), [("visible", "numpy"), ("visible", "gpu"), ("article", "numpy")]
 )
+@pytest.mark.slow
 def test_as_many_half_spaces_as_are_allowed(
     method: str, backend: str, request: pytest.FixtureRequest
 ) -> None:

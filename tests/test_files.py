@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import av
 import imageio.v3 as imageio
@@ -26,10 +27,12 @@ from PIL import Image
 
 import halfstep
 from halfstep import files
+from halfstep.contract.arrays import Array
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.files import ENDINGS, READ, plan, read_provenance, write
 from halfstep.frames import png
-from halfstep.frames.frame import SOURCES, Array, Frame
+from halfstep.frames.frame import Frame, Info
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.scene import Scene
 
 # A sphere behind a box before nothing; the title is no ASCII, and two lines.
@@ -66,7 +69,7 @@ NONE = 0xFFFFFFFF
 def frame() -> Frame:
     """All outputs, with every value that they can have."""
     rendered = halfstep.render(SCENE, backend="numpy")
-    arrays = {name: getattr(rendered, name).copy() for name in SOURCES}
+    arrays = {name: getattr(rendered, name).copy() for name in OUTPUTS}
     hit = arrays["solid"] >= 0
     assert 0.1 < hit.mean() < 0.6
     arrays["error"][tuple(np.argwhere(hit)[0])] = np.inf
@@ -179,8 +182,8 @@ def test_an_exr_always_has_colors_and_ids(tmp_path: Path, frame: Frame) -> None:
 def test_an_npz_holds_the_frame(tmp_path: Path, frame: Frame) -> None:
     write(tmp_path / "a.npz", frame)
     with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
-        assert set(arrays) == {*SOURCES, "provenance"}
-        for name in SOURCES:
+        assert set(arrays) == {*OUTPUTS, "provenance"}
+        for name in OUTPUTS:
             array = getattr(frame, name)
             assert arrays[name].dtype == array.dtype
             np.testing.assert_array_equal(arrays[name], array)
@@ -193,7 +196,7 @@ def test_an_npz_holds_what_is_asked_for(tmp_path: Path, frame: Frame) -> None:
         assert set(arrays) == {"t", "normal", "solid", "provenance"}
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@pytest.mark.parametrize("name", OUTPUTS)
 def test_a_tiff_holds_an_output(tmp_path: Path, frame: Frame, name: str) -> None:
     path = tmp_path / "a.tif"
     write(path, frame, [name])
@@ -293,7 +296,7 @@ def test_more_solids_than_16_bits_are_no_png(tmp_path: Path) -> None:
 
 # ----------------------------------------------------------------------------------- provenance
 
-INFO = {
+INFO: Info = {
     "adapter": "a card",
     "driver": "a driver 1.2",
     "device_ms": 1.5,
@@ -340,8 +343,8 @@ def test_the_range_is_told(tmp_path: Path, frame: Frame) -> None:
 
 
 def test_the_same_frame_gives_the_same_bytes_at_any_time(tmp_path: Path, frame: Frame) -> None:
-    slower = {**frame.info, "wall_ms": 1e4, "device_ms": 1e3}
-    again = Frame({name: getattr(frame, name) for name in SOURCES}, slower)
+    slower: Info = {**frame.info, "wall_ms": 1e4, "device_ms": 1e3}
+    again = Frame({name: getattr(frame, name) for name in OUTPUTS}, slower)
     for ending in ENDINGS:
         write(tmp_path / f"first{ending}", frame)
     time.sleep(2.1)  # NPZ files would hold times to two seconds
@@ -424,7 +427,7 @@ def test_a_large_picture_is_read(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("none.png", "{path}: there is no such file"),
-        ("folder.png", "{path}: there is no such file"),
+        ("folder.png", "{path}: is a folder, not a file"),
         ("a.jpg", "{path}: the ending '.jpg' is not one of those read: " + ", ".join(READ)),
     ],
 )
@@ -456,7 +459,7 @@ def test_a_plan_names_what_to_render(ending: str) -> None:
          ".exr, .npz"),
         ("none/a.exr", None, "{path}: there is no folder {path.parent}"),
         ("a.npz", ["depth", "z", "w"], "outputs: 'w', 'z' unknown; known are "
-         + ", ".join(SOURCES)),
+         + ", ".join(OUTPUTS)),
         ("a.png", ["depth", "solid"], "{path}: PNG files hold one output, not solid, depth; .exr "
          "and .npz hold several"),
         ("a.tif", [], "{path}: TIFF files hold one output, not none; .exr and .npz hold several"),
@@ -472,6 +475,22 @@ def test_what_cannot_be_written_is_refused_before_rendering(
         plan(path, outputs)
     assert str(caught.value) == message.format(path=path)
     assert caught.value.exit_code == 2
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("file", [None, 3, b"a.png"], ids=str)
+def test_what_is_no_file_is_said_to_be_none(file: Any, frame: Frame) -> None:
+    for options in ({}, {"format": "png"}):
+        with pytest.raises(UsageError) as caught:
+            write(file, frame, **options)
+        assert str(caught.value) == f"file: {file!r} is neither a path nor a file object"
+
+
+@pytest.mark.parametrize("given", [None, [], np.zeros((2, 3, 3), np.uint8)], ids=type)
+def test_what_is_no_frame_is_said_to_be_none(given: Any, tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as caught:
+        write(tmp_path / "a.png", given)
+    assert str(caught.value) == f"frame: {type(given).__name__} is not Frame"
     assert os.listdir(tmp_path) == []
 
 

@@ -22,10 +22,7 @@ from halfstep.contract.layout import TILE
 from halfstep.device.adapters import Adapter
 from halfstep.errors import AdapterError
 from halfstep.frames.frame import Frame
-from halfstep.host.camera import base_planes, view
-from halfstep.host.geometry import build, volume_box
-from halfstep.host.pack import pack, surfaces
-from halfstep.host.setup import setup
+from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
 from halfstep.run.gpu import Device
 from halfstep.scene import Scene, load, with_overrides
@@ -138,7 +135,7 @@ def test_what_the_processor_can_do_does_not_matter() -> None:
 
 
 def test_the_image_has_the_same_bits(backend: str) -> None:
-    """On Mesa's driver shading too; the picture hardly differs from that of float32."""
+    """On lavapipe shading too; the picture hardly differs from that of float32."""
     options: dict[str, Any] = {"size": (160, 120), "outputs": ("image",)}
     scene = load("gallery")
     fixed = halfstep.render(scene, number_format="fixed32", backend=backend, **options).image
@@ -219,11 +216,7 @@ def test_the_largest_picture_overflows_nothing(name: str, rng: np.random.Generat
     scene = with_overrides(
         _large_scene(LARGE[name]), number_format="fixed32", steps=30, size=(16384, 16384)
     )
-    solids = build(scene)
-    eye = view(scene.camera, (16384 * 8, 16384 * 8))
-    constants = setup(solids, eye, *base_planes(eye, *volume_box(scene, solids)))
-    steps = np.full(constants.count, 30)
-    packed = pack(scene, solids, surfaces(scene, solids), constants, steps)
+    packed = prepare(scene, samples=8)
     solid = packed.solids[0]
     assert np.ptp(packed.setup.rectangle[0, :2]) > 100_000
     reach = 1 << 16
@@ -310,11 +303,9 @@ def test_what_is_positive_stays_positive_when_reduced(rng: np.random.Generator) 
 
 
 def test_forms_keep_29_bits_on_every_ray(rng: np.random.Generator) -> None:
-    shot = Shot(load("gallery"), (160, 120))
-    scene = with_overrides(shot.scene, number_format="fixed32", steps=20)
-    solids = build(scene)
-    steps = np.full(shot.setup.count, 20)
-    packed = pack(scene, solids, surfaces(scene, solids), shot.setup, steps)
+    packed = prepare(
+        with_overrides(load("gallery"), size=(160, 120), number_format="fixed32", steps=20)
+    )
     assert packed.format is FIXED32
     x = np.arange(-40, 40, dtype=np.int64)[None]
     y = rng.integers(-40, 40, (50, 1))

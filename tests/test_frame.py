@@ -14,15 +14,14 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import halfstep
+from halfstep.contract.arrays import Array
 from halfstep.errors import UsageError
-from halfstep.frames.frame import SOURCES, Frame, check_outputs, device_outputs
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS, check_outputs, device_outputs
 from halfstep.host.camera import view
 from halfstep.scene import PlanePatch, QuadricSolid, Scene, Solid, bundled_scenes
-
-Array = NDArray[Any]
 
 WIDTH, HEIGHT, STEPS = 72, 54, 16
 # Name -> trailing axes, dtype, value where nothing is hit (None: tested on its own).
@@ -314,7 +313,7 @@ def test_frames_can_be_copied_and_sent() -> None:
         ("depth", ("solid", "depth")),
         (("normal", "image"), ("image", "solid", "normal")),
         (["t", "t"], ("solid", "t")),
-        (SOURCES, tuple(SOURCES)),
+        (OUTPUTS, tuple(OUTPUTS)),
     ],
 )
 def test_outputs_come_in_one_order_with_solid(given: Any, checked: tuple[str, ...]) -> None:
@@ -324,7 +323,7 @@ def test_outputs_come_in_one_order_with_solid(given: Any, checked: tuple[str, ..
 def test_unknown_outputs_are_all_named() -> None:
     with pytest.raises(UsageError) as caught:
         check_outputs(("Z", "depth", "albedo"))
-    assert str(caught.value) == f"outputs: 'Z', 'albedo' unknown; known are {', '.join(SOURCES)}"
+    assert str(caught.value) == f"outputs: 'Z', 'albedo' unknown; known are {', '.join(OUTPUTS)}"
     assert caught.value.exit_code == 2
 
 

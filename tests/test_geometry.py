@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from halfstep.contract.arrays import Floats
 from halfstep.errors import SceneError
 from halfstep.host.geometry import build, volume_box
 from halfstep.scene import PlanePatch, Scene
-from tests.scenes_random import QUADRICS, Floats, random_scene
+from tests.scenes_random import QUADRICS, random_scene
 
 Table = dict[str, Any]
 

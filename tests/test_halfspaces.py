@@ -82,6 +82,7 @@ def assert_same_points(got: Array, expected: Array, tolerance: float) -> None:
     assert distance.min(axis=0).max() <= tolerance
 
 
+@pytest.mark.slow
 def test_vertices_of_degenerate_integer_solids(rng: np.random.Generator) -> None:
     compared = 0
     for _ in range(300):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +15,9 @@ from PIL import Image
 import halfstep
 from halfstep.cli import main
 from halfstep.files import READ
-from halfstep.frames.frame import Frame
+from halfstep.frames.frame import Frame, Info
 
-INFO = {
+INFO: Info = {
     "adapter": "a card",
     "driver": "a driver 1.2",
     "number_format": "float32",
@@ -28,7 +31,9 @@ INFO = {
 
 
 def frame(title: str = "A vase") -> Frame:
-    return Frame({"solid": np.array([[0, -1, 2]])}, {**INFO, "scene_title": title})
+    info = INFO.copy()
+    info["scene_title"] = title
+    return Frame({"solid": np.array([[0, -1, 2]])}, info)
 
 
 def test_a_file_tells_how_it_was_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -87,7 +92,10 @@ def test_a_file_that_tells_nothing_is_said_to(
     [
         ("none.png", 2, "{path}: there is no such file\n"),
         ("a.txt", 2, "{path}: the ending '.txt' is not one of those read: {endings}\n"),
+        ("folder", 2, "{path}: is a folder, not a file\n"),
+        ("pipe", 2, "{path}: is a device or a pipe, not a file\n"),
         ("a.png", 1, "{path}: cannot be read as PNG: not a PNG file\n"),
+        ("a.tif", 1, "{path}: cannot be read as TIFF: not a TIFF file\n"),
     ],
 )
 def test_what_cannot_be_read_is_refused(
@@ -95,6 +103,23 @@ def test_what_cannot_be_read_is_refused(
 ) -> None:
     (tmp_path / "a.txt").touch()
     (tmp_path / "a.png").write_bytes(b"text")
+    (tmp_path / "a.tif").write_bytes(b"text")
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
     path = tmp_path / name
     assert main(["info", str(path)]) == code
     assert capsys.readouterr() == ("", message.format(path=path, endings=", ".join(READ)))
+
+
+def test_what_a_library_logs_of_a_broken_file_is_not_printed(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    halfstep.write(path, frame(), ["solid"])
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    # In a process of its own: here pytest has a handler.
+    told = subprocess.run(
+        [sys.executable, "-m", "halfstep", "info", str(path)], capture_output=True, text=True
+    )
+    assert told.returncode == 1
+    assert len(told.stderr.splitlines()) == 1
+    assert told.stderr.startswith(f"{path}: ")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ FLOOR = ("errors", "lazy", "text", "version", "wgsl", "scenes")
 ROOF = ("__init__", "__main__")
 
 
+@functools.cache
 def modules() -> list[str]:
     """Names of all modules below the package, as ``scene`` and ``twin.halve``."""
     paths = (path.relative_to(SOURCES).with_suffix("") for path in SOURCES.rglob("*.py"))
@@ -81,6 +83,9 @@ def test_imports_of_rooms_go_one_way() -> None:
     assert not any(arrows[name] & set(ROOMS) for name in FLOOR)
     # What a reader meets last rests on all that comes before.
     assert not any("cli" in targets for targets in arrows.values())
+    # Host, shaders and twin agree on the contract, and know nothing of one another.
+    assert not arrows["contract"] & set(ROOMS)
+    assert (arrows["shader"] | arrows["twin"]) & set(ROOMS) == {"contract"}
 
 
 @pytest.mark.parametrize("name", ROOMS)

@@ -11,18 +11,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import halfstep
-from halfstep.host.camera import base_planes, view
-from halfstep.host.geometry import build, volume_box
-from halfstep.scene import PlanePatch, QuadricSolid, Scene
+from halfstep.contract.arrays import Bools, Floats
+from halfstep.host.camera import view
+from halfstep.host.prepare import frame_setup
+from halfstep.scene import PlanePatch, QuadricSolid, Scene, with_overrides
 from tests.judge import OUTPUTS
 from tests.oracle import Oracle
 
 Table = dict[str, Any]
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SIZE = (160, 120)
 STEPS = 16
@@ -86,7 +84,7 @@ def _rays(scene: Scene) -> tuple[Ray, float]:
     """The whole rays of every pixel in the first solid's coordinates, and the far depth."""
     eye, solid = view(scene.camera, SIZE), scene.solids[0]
     assert isinstance(solid, QuadricSolid)
-    _, far = base_planes(eye, *volume_box(scene, build(scene)))
+    far = frame_setup(with_overrides(scene, size=SIZE)).far
     j, i = np.mgrid[: SIZE[1], : SIZE[0]]
     rotation, matrix = solid.world_from_local(), solid.quadric()
     h = np.append((eye.eye - solid.origin) @ rotation, 1.0)
@@ -205,7 +203,7 @@ def test_literal_14_rejects_every_hit_of_an_axis_parallel_patch(steps: int) -> N
     assert isinstance(patch, PlanePatch)
     truth = Oracle(scene, SIZE).trace()
     eye = view(scene.camera, SIZE)
-    _, far = base_planes(eye, *volume_box(scene, build(scene)))
+    far = frame_setup(with_overrides(scene, size=SIZE)).far
     j, i = np.mgrid[: SIZE[1], : SIZE[0]]
     v = far * eye.directions(i, j)
     t = np.ones(i.shape)

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from halfstep.contract.arrays import Floats
 from halfstep.scene import Scene, Solid
-from tests.oracle import ESCALATE, MP, Double, DoubleDouble, Extended, Floats, Oracle, Trace
+from tests.oracle import ESCALATE, MP, Double, DoubleDouble, Extended, Oracle, Trace
 from tests.scenes_random import KINDS
 
 Table = dict[str, Any]
@@ -320,6 +321,7 @@ def _differences(trace: Trace, pixels: tuple[Floats, Floats], world: _World) -> 
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_random_rays_agree_with_400_bits(kind: str) -> None:
     seed = KINDS.index(kind)
     rng = np.random.default_rng(seed)
@@ -355,6 +357,7 @@ def test_float64_is_right_wherever_its_margin_says_so(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_ties_are_decided_as_400_bits_do(kind: str) -> None:
     """Pairs of pixels a rounding apart, on either side of a silhouette or an edge."""
     seed = 100 + KINDS.index(kind)
@@ -394,6 +397,7 @@ def test_nearest_of_many_agrees_with_400_bits() -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "plane"])
+@pytest.mark.slow
 def test_points_along_rays_are_inside_where_the_oracle_says(kind: str) -> None:
     """Samples of the solid's own inequalities, 400 to a ray."""
     seed = 200 + KINDS.index(kind)
@@ -442,6 +446,16 @@ def test_sphere_head_on() -> None:
     sphere = {"kind": "sphere", "origin": [0.0, 0.0, 0.0], "radius": 2.0}
     surface, depth, leave, _ = _at(sphere, (0, -8, 0), 2, 2)
     assert (surface, depth, leave) == (0, 6.0, 10.0)
+
+
+@pytest.mark.parametrize("size", [5, 7, 9])
+def test_a_dot_far_below_a_pixel_costs_no_digit(size: int) -> None:
+    radius = 1e-6
+    oracle = Oracle(_scene([{"kind": "sphere", "radius": radius}], fov_degrees=90.0), (size, size))
+    middle = np.array([size // 2])
+    trace = oracle.trace_in(Double, (middle, middle))
+    assert trace.solid.tolist() == [0]
+    assert abs(trace.depth[0] - (8.0 - radius)) <= 2 * np.spacing(8.0)
 
 
 def test_sphere_tangent_is_a_hit_and_a_tie() -> None:

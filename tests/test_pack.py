@@ -8,25 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from halfstep.contract.formats import FRACTION_BITS
 from halfstep.contract.layout import TILE
-from halfstep.host import camera, geometry
-from halfstep.host.pack import FRACTION_BITS, Packed, pack, srgb_table, surfaces
-from halfstep.host.setup import setup
-from halfstep.host.steps import steps_for
-from halfstep.scene import Scene, bundled_scenes, load, with_overrides
+from halfstep.contract.srgb import srgb_table
+from halfstep.host.prepare import prepare
+from halfstep.scene import bundled_scenes, load, with_overrides
 from halfstep.twin import encode, nearest
 
 SIZE = (160, 120)
-
-
-def packed_frame(scene: Scene) -> Packed:
-    """The records of a frame as the renderer packs them."""
-    solids = geometry.build(scene)
-    view = camera.view(scene.camera, (scene.image.width, scene.image.height))
-    near, far = camera.base_planes(view, *geometry.volume_box(scene, solids))
-    constants = setup(solids, view, near, far)
-    steps = steps_for(scene, constants).count
-    return pack(scene, solids, surfaces(scene, solids), constants, steps)
 
 
 def level_of(linear: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -61,8 +50,9 @@ def test_srgb_is_rounded_correctly_anywhere(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("steps", [None, 1, 17, 30])
 @pytest.mark.parametrize("name", bundled_scenes())
 @pytest.mark.filterwarnings("ignore:.*the tolerance needs more than")
+@pytest.mark.slow
 def test_depth_keys_are_exact(name: str, steps: int | None, rng: np.random.Generator) -> None:
-    packed = packed_frame(with_overrides(load(name), size=SIZE, steps=steps))
+    packed = prepare(with_overrides(load(name), size=SIZE, steps=steps))
     assert len(packed.solids) > 0
     for row, record in zip(packed.order, packed.solids, strict=True):
         n, level = int(record["steps"]), int(packed.setup.level[row])
@@ -80,7 +70,7 @@ def test_depth_keys_are_exact(name: str, steps: int | None, rng: np.random.Gener
 
 @pytest.mark.parametrize("name", bundled_scenes())
 def test_integer_forms_do_not_overflow(name: str) -> None:
-    packed = packed_frame(with_overrides(load(name), size=SIZE, steps=24))
+    packed = prepare(with_overrides(load(name), size=SIZE, steps=24))
     assert packed.format.integer
     powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
     for row, record in zip(packed.order, packed.solids, strict=True):
@@ -103,7 +93,7 @@ def test_integer_forms_do_not_overflow(name: str) -> None:
 
 
 def test_solids_are_ordered_by_class_then_by_place_in_the_scene() -> None:
-    packed = packed_frame(with_overrides(load("gallery"), size=SIZE))
+    packed = prepare(with_overrides(load("gallery"), size=SIZE))
     rows = list(
         zip(packed.classes.tolist(), packed.setup.solid[packed.order].tolist(), strict=True)
     )

@@ -9,11 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
-from halfstep.host.camera import base_planes, view
-from halfstep.host.geometry import build, volume_box
+from halfstep.host.prepare import Solids, frame_setup
 from halfstep.host.reach import Blocks, Reach
-from halfstep.host.setup import setup
-from halfstep.scene import Scene
+from halfstep.scene import Scene, with_overrides
 from tests.scenes_random import PLACES, random_scene
 
 SIZE = (96, 72)
@@ -23,12 +21,12 @@ STEPS = 10
 
 def _reached(scene: Scene) -> NDArray[np.bool_]:
     """Blocks (72/8, 96/8) that the tests leave the only solid of ``scene``."""
-    geometry, eye = build(scene), view(scene.camera, SIZE)
-    constants = setup(geometry, eye, *base_planes(eye, *volume_box(scene, geometry)))
+    solids = Solids.of(scene)
+    constants = frame_setup(with_overrides(scene, size=SIZE), solids=solids)
     y, x = np.mgrid[0 : SIZE[1] : SIDE, 0 : SIZE[0] : SIDE]
     if not constants.count:
         return np.zeros(x.shape, bool)
-    is_patch = geometry.is_patch[constants.solid]
+    is_patch = solids.geometry.is_patch[constants.solid]
     reach = Reach(constants, is_patch, np.full(constants.count, 2.0**-STEPS))
     half = np.full(x.size, (SIDE - 1) / 2)
     center_x, center_y = constants.center[0]
@@ -43,6 +41,7 @@ def _reached(scene: Scene) -> NDArray[np.bool_]:
 
 
 @pytest.mark.parametrize("method", ["visible", "article"])
+@pytest.mark.slow
 def test_a_block_with_a_hit_is_never_ruled_out(method: str, rng: np.random.Generator) -> None:
     with_hits = spared = vain = 0
     for number in range(150):

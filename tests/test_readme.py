@@ -14,22 +14,31 @@ from pydantic import BaseModel
 from halfstep import cli
 from halfstep.device import adapters as device
 from halfstep.files import ENDINGS
-from halfstep.files.exr import CHANNELS, EXR
 from halfstep.files.movie import MOVIES
-from halfstep.frames.frame import SOURCES
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.scene import (
     SOLID_KINDS,
+    SURFACE_KINDS,
     Accuracy,
     Animation,
     Camera,
     CameraKey,
+    Cell,
+    Group,
     Image,
     Light,
     Material,
+    Overrides,
+    Place,
+    QuadricSolid,
     Scene,
     SolidKey,
 )
 from halfstep.scene.animation import scene_at
+from halfstep.scene.formula import MAX_FORMULA_BYTES, MAX_LEVELS
+from halfstep.scene.lattices import LATTICE_KINDS, MAX_PLACES
+from halfstep.scene.limits import MAX_LITERALS, MAX_SURFACES
+from tests.tables import TABLES, written
 from tests.test_layering import ROOMS, imports, modules, room
 
 ROOT = Path(__file__).parents[1]
@@ -73,7 +82,7 @@ def tables(file: str, heading: str) -> list[list[list[str]]]:
 
 
 [VASE] = blocks(README, "toml")
-[ANIMATION] = blocks(SCENES, "toml")
+FUEL, PINS, ANIMATION = blocks(SCENES, "toml")
 ANIMATED_VASE = VASE + ANIMATION
 
 
@@ -135,7 +144,7 @@ def test_the_map_has_all_rooms_each_below_those_it_rests_on() -> None:
 def test_python_programs_run() -> None:
     names: dict[str, Any] = {}
     programs = [(file, program) for file in (README, SCENES) for program in blocks(file, "python")]
-    assert [file for file, _ in programs] == [README, SCENES]
+    assert [file for file, _ in programs] == [README, SCENES, SCENES]
     for file, program in programs:
         exec(compile(program, file, "exec"), names)
     assert names["frame"].image.any()
@@ -163,7 +172,7 @@ def test_make_has_the_targets() -> None:
     targets = set(re.findall(r"^([a-z]+):", makefile, re.MULTILINE))
     for file, names in (
         (README, {"render", "test", "lint", "bench"}),
-        (CONTRIBUTING, {"render", "test", "lint", "bench", "clean"}),
+        (CONTRIBUTING, set(targets) - {"adapter", "lavapipe", "swiftshader"}),
     ):
         assert set(re.findall(r"(?:^|`)make ([a-z]+)", text_of(file), re.MULTILINE)) == names
         assert names <= targets
@@ -203,7 +212,8 @@ def test_all_tables_are_listed_with_their_defaults() -> None:
     }
     assert set(listed) == {
         "top level", "camera", "animation", "animation.key", "image", "accuracy", "volume",
-        "ambient", "light", "material", "solid", "solid.key",
+        "ambient", "light", "material", "solid", "solid.key", "surface", "part", "cell", "group",
+        "place", "lattice",
     }  # fmt: skip
     models: dict[str, type[BaseModel]] = {
         "camera": Camera,
@@ -227,6 +237,51 @@ def test_all_tables_are_listed_with_their_defaults() -> None:
                 assert (tuple(value) if isinstance(value, list) else value) == default
 
 
+def test_kinds_of_surfaces_are_those_of_solids_listed_and_the_plane() -> None:
+    quadrics = {kind.model_fields["kind"].default for kind in get_args(QuadricSolid)}
+    assert {kind.model_fields["kind"].default for kind in SURFACE_KINDS} == {*quadrics, "plane"}
+
+
+def test_kinds_of_lattices_are_listed_with_their_parameters() -> None:
+    common = {"kind", "origin", "groups", "group"}
+    heading = "| kind of lattice | parameters | elements |"
+    assert {
+        quoted(kind)[0]: {name.partition(" =")[0] for name in quoted(parameters)}
+        for kind, parameters, _ in rows(SCENES, heading)
+    } == {
+        kind.model_fields["kind"].default: set(kind.model_fields) - common for kind in LATTICE_KINDS
+    }
+
+
+def test_keys_of_cells_and_places_are_listed() -> None:
+    listed = {
+        table.strip("`[]"): {name.partition(" =")[0] for name in quoted(keys)}
+        for table, keys in rows(SCENES, "| table | keys and defaults |")
+    }
+    for name, model in (("cell", Cell), ("place", Place), ("group", Group)):
+        assert listed[name] == {field.alias or key for key, field in model.model_fields.items()}
+
+
+def test_the_examples_of_regions_are_scenes() -> None:
+    """They show what the text says: where a point is in a cell, and how many copies there are."""
+    camera = "[camera]\ncenter = [0, -8, 3]\nlook_at = [0, 0, 0]\n"
+    fuel = Scene.from_dict(tomllib.loads("format = 1\n" + camera + FUEL))
+    assert [str(cell.region) for cell in fuel.cells] == ["-1 & -2", "body - bore"]
+    assert Scene.from_dict(tomllib.loads("format = 1\n" + camera + PINS)).layout().count == 8
+
+
+def test_the_limits_are_those_listed() -> None:
+    text = text_of(SCENES)
+    for number, what in (
+        (MAX_SURFACES, "surfaces"),
+        (MAX_LITERALS, "sides of surfaces"),
+        (MAX_PLACES, "copies"),
+        (MAX_LEVELS, "nested levels"),
+        (MAX_FORMULA_BYTES >> 10, "KiB"),
+    ):
+        assert f"{number:,} {what}" in " ".join(text.split())
+
+
 def test_the_example_of_an_animation_can_be_added_to_that_of_a_scene() -> None:
     scene = Scene.from_dict(tomllib.loads(ANIMATED_VASE))
     assert scene.animation is not None
@@ -245,16 +300,24 @@ def test_the_default_accuracy_is_the_one_listed() -> None:
     assert f"`tolerance_pixels = {accuracy.tolerance_pixels}`" in keys
 
 
-def test_all_outputs_are_listed() -> None:
-    assert [
-        quoted(row[0])[0] for row in rows(README, "| name | type | meaning | nothing hit |")
-    ] == list(SOURCES)
+@pytest.mark.parametrize("page", TABLES)
+def test_tables_are_those_that_the_code_prints(page: str) -> None:
+    text = text_of(page)
+    for table in TABLES[page]:
+        assert written(text, table) == text, "make tables"
+
+
+def test_all_overrides_are_listed() -> None:
+    text = " ".join(text_of(README).split())
+    [listed] = re.findall(r"`render` and `Renderer` take (.*?); all others come", text)
+    own = {"outputs", "backend", "adapter", "camera"}
+    assert set(quoted(listed)) - own == set(Overrides.__annotations__)
 
 
 def test_all_files_are_listed() -> None:
     listed: dict[str, tuple[bool, tuple[str, ...]]] = {}
     for endings, outputs, usual, _ in rows(FILES, "| ending | outputs | usual | numbers |"):
-        names = tuple(SOURCES) if usual == "all" else tuple(quoted(usual))
+        names = tuple(OUTPUTS) if usual == "all" else tuple(quoted(usual))
         listed |= dict.fromkeys(quoted(endings), (outputs == "one", names))
     assert listed == {ending: (type_.single, type_.default) for ending, type_ in ENDINGS.items()}
 
@@ -262,14 +325,6 @@ def test_all_files_are_listed() -> None:
 def test_all_animated_files_are_listed() -> None:
     endings = [quoted(row[0])[0] for row in rows(FILES, "| `-o` | what is written | limits |")]
     assert set(endings[:-1]) == set(MOVIES)
-
-
-def test_all_channels_are_listed() -> None:
-    listed = {}
-    for name, _, channels in rows(FILES, "| output | in a PNG | in an EXR |"):
-        listed[quoted(name)[0]] = tuple(quoted(channels))
-        assert ("always there" in channels) == (quoted(name)[0] in EXR.always)
-    assert listed == CHANNELS
 
 
 def test_all_shader_files_are_listed() -> None:

@@ -15,8 +15,10 @@ import pytest
 
 import halfstep
 from halfstep.errors import DeviceError, SceneError, UsageError
+from halfstep.files.provenance import provenance
 from halfstep.frames import sequence
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.frames.renderer import Renderer
 from halfstep.scene import Scene
 from halfstep.scene.animation import scene_at
@@ -85,13 +87,12 @@ def assert_equal(frame: Frame, other: Frame) -> None:
         mine, others = getattr(frame, name), getattr(other, name)
         assert mine.dtype == others.dtype
         assert mine.tobytes() == others.tobytes(), name
-    times = {"wall_ms", "device_ms"}
-    assert all(frame.info[key] == other.info[key] for key in frame.info.keys() - times)
+    assert provenance(frame.info) == provenance(other.info)
 
 
 @pytest.fixture(scope="module")
 def serial() -> list[Frame]:
-    return list(halfstep.render_frames(SCENE, outputs=SOURCES))
+    return list(halfstep.render_frames(SCENE, outputs=OUTPUTS))
 
 
 @pytest.mark.usefixtures("adapter")
@@ -108,7 +109,7 @@ def test_any_executor_gives_the_serial_frames_in_order(
     serial: list[Frame], workers: Callable[[], Any]
 ) -> None:
     with workers() as executor:
-        frames = list(halfstep.render_frames(SCENE, executor=executor, outputs=SOURCES))
+        frames = list(halfstep.render_frames(SCENE, executor=executor, outputs=OUTPUTS))
         # Another job of the same workers, of which each renders at least one.
         again = halfstep.render_frames(SCENE, [5, 0, 3, 1], executor, outputs=("depth",), steps=9)
         depths = list(again)
@@ -194,13 +195,13 @@ def test_here_frames_are_rendered_one_ahead_of_what_is_asked_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     shown: list[str] = []
-    prepared = Renderer._prepared
+    prepare = Renderer.prepare
 
-    def told(self: Any, scene: Any, camera: Any) -> Any:
+    def told(self: Any, scene: Any) -> Any:
         shown.append(scene.sha256)
-        return prepared(self, scene, camera)
+        return prepare(self, scene)
 
-    monkeypatch.setattr(Renderer, "_prepared", told)
+    monkeypatch.setattr(Renderer, "prepare", told)
     frames = halfstep.render_frames(SCENE, backend="numpy")
     assert shown == []
     for k, _ in enumerate(frames):
@@ -212,7 +213,7 @@ def test_here_frames_are_rendered_one_ahead_of_what_is_asked_for(
     [
         ({"frames": [0, 6]}, "frame 6: the frames are 0 to 5"),
         ({"steps": 99}, "steps: 99 is not <= 30"),
-        ({"outputs": ("albedo",)}, f"outputs: 'albedo' unknown; known are {', '.join(SOURCES)}"),
+        ({"outputs": ("albedo",)}, f"outputs: 'albedo' unknown; known are {', '.join(OUTPUTS)}"),
         (
             {"camera": {"look_at": (0, 6, -2), "center": (0, -6, 2), "up": (0, 6, -2)}},
             "camera.up: [0, 6, -2] is parallel to the view, look_at - center",

@@ -13,8 +13,9 @@ import pytest
 
 import halfstep
 from halfstep import twin
-from halfstep.check.checker import Twin
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.check.replay import replay
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.scene import Scene, with_overrides
 from halfstep.testing.frames import Replay, compare_frames
 from halfstep.tune.exact import exact
@@ -26,10 +27,9 @@ def small(name: str, steps: int) -> Scene:
 
 
 def rendered(scene: Scene) -> tuple[Frame, Replay]:
-    renderer = Twin(scene, backend="numpy", outputs=SOURCES)
-    frame, replayed = renderer.render(), renderer.replayed()
-    assert replayed is not None
-    return frame, replayed
+    with halfstep.Renderer(scene, backend="numpy", outputs=OUTPUTS) as renderer:
+        prepared = renderer.prepare()
+        return renderer.render_prepared(prepared), replay(scene, prepared.packed)
 
 
 # With more than 16 halvings coefficients are integers.

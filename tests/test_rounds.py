@@ -15,15 +15,16 @@ from halfstep.device import probe
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.device.compute import Compute
 from halfstep.errors import DeviceError, SceneError
-from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.frames.outputs import OUTPUTS, device_outputs
+from halfstep.host.prepare import prepare
 from halfstep.host.tiles import tile_lists
 from halfstep.run import gpu as run_gpu
 from halfstep.run import rounds
+from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, load, with_overrides
-from halfstep.shader.needs import Needs, needs_of
+from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.crowded import different, one_tile, spheres
-from tests.test_pack import packed_frame
 
 SIZE = (96, 72)
 SCENES = ("gallery", "figure", "one_polyhedron", "edge_eye_inside_sphere", "one_plane")
@@ -90,7 +91,7 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = with_overrides(load(name), size=SIZE, steps=11, method=method)
-    packed = packed_frame(scene)
+    packed = prepare(scene)
     wanted = device_outputs(outputs)
     monkeypatch.setattr(run_gpu, "compose", counting)
     monkeypatch.setattr("halfstep.run.framebuffer.MOST_TAGS", 0)
@@ -142,7 +143,7 @@ def barrels(count: int) -> Scene:
     [
         (spheres(2_600, steps=24), ("image",)),
         (spheres(2_600, steps=24, number_format="fixed32"), ("t", "error")),
-        (barrels(12), tuple(SOURCES)),
+        (barrels(12), tuple(OUTPUTS)),
     ],
     ids=["float32", "fixed32", "article"],
 )

@@ -18,14 +18,18 @@ from pydantic import ValidationError
 from halfstep.errors import HalfstepError, SceneError
 from halfstep.scene import (
     MAX_HALF_SPACES,
+    Accuracy,
     Box,
     Camera,
     Cone,
     Cylinder,
     Ellipsoid,
+    Fragment,
     HyperboloidOneSheet,
     HyperboloidTwoSheets,
+    Image,
     Light,
+    Overrides,
     Paraboloid,
     PlanePatch,
     Polyhedron,
@@ -118,6 +122,8 @@ def test_the_control_is_valid() -> None:
     assert scene.accuracy.tolerance_pixels == 0.25
 
 
+NOTHING = "has none of solid, cell, place, lattice; one must be given"
+FRAGMENT = '"surface", "part", "cell", "group", "place", "lattice"'
 RULES: list[tuple[dict[str, Any], str]] = [
     # The file as a whole.
     (without(VALID, "format"), "format: missing; the only format is 1"),
@@ -127,8 +133,8 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (changed(title=3), "title: 3 is not a string"),
     (without(VALID, "camera"), "camera: missing"),
     (changed(camera=3), "camera: 3 is not a table"),
-    (without(VALID, "solid"), "solid: missing"),
-    (changed(solid=[]), "solid: length 0 is not >= 1"),
+    (without(VALID, "solid"), NOTHING),
+    (changed(solid=[]), NOTHING),
     (changed(solid=SPHERE), "solid: a table is not an array; write [[solid]]"),
     (changed(light="sun"), 'light: "sun" is not an array'),
     (changed(solids=[SPHERE]), 'solids: unknown key; did you mean "solid"?'),
@@ -136,12 +142,12 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (
         changed(fog=1),
         'fog: unknown key; allowed are "format", "title", "camera", "animation", "image", '
-        '"accuracy", "volume", "ambient", "light", "material", "solid"',
+        f'"accuracy", "volume", "ambient", "light", "material", "solid", {FRAGMENT}',
     ),
     (
         changed(**{"a b\x1b": 1}),
         '"a b\\u001b": unknown key; allowed are "format", "title", "camera", "animation", '
-        '"image", "accuracy", "volume", "ambient", "light", "material", "solid"',
+        f'"image", "accuracy", "volume", "ambient", "light", "material", "solid", {FRAGMENT}',
     ),
     (changed(image={2: 3}), "image: 2 is not a key, which is a string"),
     ({**VALID, 2: 3}, "2 is not a key, which is a string"),  # type: ignore[dict-item]
@@ -468,6 +474,7 @@ def test_all_faults_at_once() -> None:
         f'x.toml: solid[1].kind: "ball" is not a kind of solid; the kinds are {KINDS}',
         'x.toml: material[1].name: "brass" is already the name of material[0]',
         'x.toml: solid[0].material: "tin" is not a material of the scene; the scene has "brass"',
+        "x.toml: solid[1]: has neither material nor color; one must be given",
         'x.toml: solid[3].name: "s" is already the name of solid[2]',
     )
 
@@ -475,8 +482,11 @@ def test_all_faults_at_once() -> None:
 def test_types_check_names_when_built_directly() -> None:
     camera = Camera(center=(0.0, -8.0, 0.0), look_at=(0.0, 0.0, 0.0))
     ball = Sphere(radius=1.0, material="tin")
-    with pytest.raises(ValidationError, match='"tin" is not a material of the scene'):
-        Scene(format=1, camera=camera, solid=(ball,))
+    with pytest.raises(SceneError) as caught:
+        Scene(camera=camera, solids=(ball,))
+    assert caught.value.faults == (
+        'scene: solid[0].material: "tin" is not a material of the scene; the scene has none',
+    )
 
 
 def test_defaults() -> None:
@@ -707,6 +717,18 @@ def test_a_bad_override(options: dict[str, Any], fault: str) -> None:
     assert caught.value.faults == (fault,)
 
 
+def test_every_option_is_a_key_of_a_table() -> None:
+    keys = Image.model_fields.keys() | Accuracy.model_fields.keys() | {"size"}
+    assert Overrides.__annotations__.keys() <= keys
+
+
+def test_an_option_that_is_not_there() -> None:
+    options: Any = {"stpes": 3, "size": (4, 3), "albedo": 1}
+    with pytest.raises(TypeError) as caught:
+        with_overrides(Scene.from_dict(VALID), **options)
+    assert str(caught.value).startswith("albedo, stpes: no such option; there are size, samples, ")
+
+
 def test_all_bad_overrides_at_once() -> None:
     with pytest.raises(SceneError) as caught:
         with_overrides(
@@ -780,9 +802,16 @@ def test_faults_name_the_file(tmp_path: Path) -> None:
         "figure.toml: format: 2 is not 1",
         "figure.toml: camera.center: [1, 2] has 2 numbers, not 3",
         "figure.toml: camera.look_at: missing",
-        "figure.toml: solid[0]: has neither material nor color; one must be given",
         "figure.toml: solid[0].size: missing",
+        "figure.toml: solid[0]: has neither material nor color; one must be given",
     ]
+
+
+@pytest.mark.parametrize("given", [None, 0, {}], ids=str)
+def test_what_is_no_path_is_not_loaded(given: Any) -> None:
+    with pytest.raises(SceneError) as caught:
+        load(given)
+    assert str(caught.value).endswith(" is not a path or a bundled name")
 
 
 def test_what_stands_for_a_scene(tmp_path: Path) -> None:
@@ -802,7 +831,7 @@ def test_what_stands_for_a_scene(tmp_path: Path) -> None:
         ("nowhere/x.toml", "nowhere/x.toml: no such file"),
         ({**VALID, "format": 2}, "scene: format: 2 is not 1"),
         ({}, "scene: format: missing; the only format is 1\nscene: camera: missing\n"
-         "scene: solid: missing"),
+         f"scene: {NOTHING}"),
         (5, "scene: 5 is not a scene, a path, a bundled name or a mapping"),
         (None, "scene: None is not a scene, a path, a bundled name or a mapping"),
         ([VALID], "scene: [a table] is not a scene, a path, a bundled name or a mapping"),
@@ -846,8 +875,11 @@ def test_bundled_scenes_have_titles() -> None:
 def test_bundled_scene_is_valid(name: str) -> None:
     scene = load(name)
     assert scene.name == name
-    used = {solid.material for solid in scene.solids if solid.material is not None}
+    fragments: list[Fragment] = [scene, *scene.groups]
+    tables = [*scene.solids, *(each for it in fragments for each in (*it.parts, *it.cells))]
+    used = {each.material for each in tables if each.material is not None}
     assert used == {material.name for material in scene.materials}
+    assert not any(group.groups for group in scene.groups)
 
 
 def test_the_crowd_is_a_thousand_of_all_kinds() -> None:
@@ -864,8 +896,8 @@ def test_json_schema() -> None:
     schema = json_schema()
     json.dumps(schema, allow_nan=False)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
-    assert set(schema["properties"]) == set(VALID)
-    assert schema["required"] == ["format", "camera", "solid"]
+    assert set(schema["properties"]) == {*VALID, *json.loads(f"[{FRAGMENT}]")}
+    assert schema["required"] == ["format", "camera"]
     solid = schema["properties"]["solid"]["items"]
     assert set(solid["discriminator"]["mapping"]) == set(json.loads(f"[{KINDS}]"))
     half_spaces = schema["$defs"]["Polyhedron"]["properties"]["half_spaces"]

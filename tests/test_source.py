@@ -15,14 +15,16 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.stages import FACTS, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
-from halfstep.frames.frame import SOURCES, device_outputs
+from halfstep.frames.outputs import OUTPUTS, device_outputs
+from halfstep.host.prepare import prepare
+from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
 from halfstep.shader.expand import marks
 from halfstep.shader.fetch import fetches
 from halfstep.shader.library import definitions, joined, reached, stage
-from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs, needs_of
+from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs
 from halfstep.shader.source import bindings, compose, constants, stage_files
-from tests.test_pack import SIZE, packed_frame
+from tests.test_pack import SIZE
 
 METHODS = ("visible", "article")
 FORMATS = (FLOAT32, FLOAT32_EXACT, FIXED32)
@@ -73,7 +75,7 @@ def device(adapter: Adapter) -> Iterator[Any]:
 
 def needs(scene: Scene, outputs: frozenset[str] = ALL) -> Needs:
     small = with_overrides(scene, size=SIZE, steps=12)
-    return needs_of(packed_frame(small), scene.accuracy.method, outputs)
+    return needs_of(prepare(small), scene.accuracy.method, outputs)
 
 
 def code(text: str) -> str:
@@ -115,7 +117,7 @@ def test_a_shader_holds_code_of_its_own_solids_alone() -> None:
         assert word not in box, word
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@pytest.mark.parametrize("name", OUTPUTS)
 def test_code_of_an_output_is_there_for_it_alone(name: str) -> None:
     need = replace(NEEDS, outputs=device_outputs([name]))
     text = compose(need)
@@ -143,6 +145,7 @@ def test_code_of_a_number_format_is_there_for_it_alone(klass: Class, number_form
             assert not set(other.stages) - set(number_format.stages) & set(stage_files(need))
 
 
+@pytest.mark.slow
 def test_no_built_in_leaves_the_device_a_choice() -> None:
     """Bits do not hang on the order of a dot product, a contracted mix or a power."""
     exact = {"abs", "bitcast", "ceil", "clamp", "countLeadingZeros", "max", "min", "select"}

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.contract.arrays import Planes
 from halfstep.contract.layout import SOLID
 from halfstep.device.adapters import Adapter
 from halfstep.errors import DeviceError
 from halfstep.host.pack import Packed
 from halfstep.run import gpu as run_gpu
 from halfstep.run import split
+from halfstep.run.gpu import Device
 from halfstep.scene import load
 
 SIZE = (160, 120)
@@ -38,7 +40,9 @@ def test_a_frame_in_parts_is_that_of_one_piece(
     ) as renderer:
         whole = renderer.render()
         assert not parts
-        renderer._device.largest_binding = 6 * SOLID.dtype().itemsize
+        device = renderer._backend
+        assert isinstance(device, Device)
+        device.largest_binding = 6 * SOLID.dtype().itemsize
         joined = renderer.render()
     assert len(parts) > 3
     assert (whole.solid >= 0).sum() > 5000
@@ -50,7 +54,7 @@ def test_a_frame_in_parts_is_that_of_one_piece(
 def test_the_nearer_of_two_parts_is_seen_and_the_earlier_of_the_equally_near() -> None:
     far = np.uint64(0xFFFFFFFFFFFFFFFF)
 
-    def planes(keys: list[np.uint64], surfaces: list[int], low: list[int]) -> split.Planes:
+    def planes(keys: list[np.uint64], surfaces: list[int], low: list[int]) -> Planes:
         surface = np.array([surfaces], np.uint32)
         return {
             "key": np.array([keys], np.uint64),

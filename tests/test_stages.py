@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.layout import Flag
+from halfstep.contract.srgb import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.contract.stages import FACTS, STAGES, VISITS, Kind, files_of
-from halfstep.host.pack import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.shader.library import stage
 from halfstep.testing import Kit, MismatchError, near_ties
 from halfstep.testing.census import leaves

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.host import pack, setup
 from halfstep.scene import Scene, bundled_scenes
 from halfstep.twin import normal, shade
@@ -33,7 +34,7 @@ LEAST = 1e-45  # of numbers drawn
 
 
 def render(scene: Scene, **options: Any) -> Frame:
-    options = {"size": SIZE, "backend": "numpy", "outputs": SOURCES} | options
+    options = {"size": SIZE, "backend": "numpy", "outputs": OUTPUTS} | options
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*the tolerance needs more than")
         return halfstep.render(scene, **options)
@@ -58,6 +59,7 @@ def test_the_processor_flushes() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("scene", bundled_scenes())
+@pytest.mark.slow
 def test_a_bundled_scene(scene: str, method: str) -> None:
     loaded = halfstep.load(scene)
     for number_format in FORMATS:
@@ -65,6 +67,7 @@ def test_a_bundled_scene(scene: str, method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.slow
 def test_the_ends_of_every_range(method: str) -> None:
     for name, _, views in extremes():
         for number, view in enumerate(views):
@@ -144,6 +147,7 @@ def shaped_scenes(rng: np.random.Generator) -> Iterator[Scene]:
 
 
 @pytest.mark.parametrize("scenes", [lit_scenes, shaped_scenes])
+@pytest.mark.slow
 def test_faint_numbers_in_a_scene(scenes: Any, rng: np.random.Generator) -> None:
     hits = 0
     for number, scene in enumerate(scenes(rng)):
@@ -188,6 +192,7 @@ def test_unit_vectors() -> None:
         (setup, "NEGLIGIBLE", shaped_scenes, {"solid", "t"}),
     ],
 )
+@pytest.mark.slow
 def test_without_a_bound_frames_differ(
     module: Any, bound: str, scenes: Any, arrays: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

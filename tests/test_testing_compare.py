@@ -138,6 +138,8 @@ X = np.arange(4, dtype=np.float32)
         (lambda k: k.compare({"a": X}, {"a": X[:2]}), "a.expected: 2 rows, not 4"),
         (lambda k: k.compare(X[0], X), "expected: shape (1, 4), not (rows)"),
         (lambda k: k.compare({}, {}), "found: nothing to compare"),
+        (lambda k: k.compare(X[:0], X[:0]), "found: nothing to compare"),
+        (lambda k: k.compare({"a": X[:0]}, {"a": X[:0]}), "a.found: nothing to compare"),
         (lambda k: k.compare({"a": X}, {"a": X}, margin=X),
          "found: a mapping has no rows for margin and inputs"),
         (lambda k: k.compare(X, X, inputs={"y": X[:2]}), "inputs: y: 2 rows, not 4"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from typing import Any
+from typing import Any, cast
 
 import imageio.v3 as imageio
 import numpy as np
@@ -12,7 +12,8 @@ import pytest
 
 import halfstep
 from halfstep.errors import UsageError
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame, Info
+from halfstep.frames.outputs import OUTPUTS
 from halfstep.testing import FrameCensus, FrameMismatchError, assert_frames_match
 from halfstep.testing.frames import Replay, compare_frames, picture_file
 
@@ -29,7 +30,7 @@ def expected() -> Frame:
 def changed(frame: Frame, info: dict[str, Any] | None = None, /, **arrays: Any) -> Frame:
     """A frame with other arrays; ``info`` says where it is from."""
     own = {name: getattr(frame, name).copy() for name in frame.outputs}
-    return Frame(own | arrays, frame.info | (info or {}))
+    return Frame(own | arrays, cast(Info, frame.info | (info or {})))
 
 
 def place(frame: Frame, *, sure: bool = True) -> tuple[int, int]:
@@ -65,7 +66,7 @@ def test_equal_frames_match(expected: Frame) -> None:
         assert census.arrays == {}
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@pytest.mark.parametrize("name", OUTPUTS)
 def test_a_bit_of_any_array_is_seen(expected: Frame, name: str) -> None:
     pixel = place(expected)
     array = np.ascontiguousarray(getattr(expected, name)).copy()

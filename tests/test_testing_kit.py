@@ -332,6 +332,16 @@ def one(x: Any) -> Any:
          "bindings: gain: shape (1, 2), not (rows, 4)"),
         (lambda k: k.check(TEXT, "looked_up", one, {"ix": 1}, bindings={"table": 5, "gain": X}),
          "bindings: table: no elements along a first axis: shape ()"),
+        (lambda k: k.check(TEXT, "twice", one, {"x": [1, [2]]}),
+         "inputs: x: not an array: setting an array element with a sequence. The requested array "
+         "has an inhomogeneous shape after 1 dimensions. The detected shape was (2,) + "
+         "inhomogeneous part."),
+        (lambda k: k.check(TEXT, "twice", one, None), "inputs: NoneType is not a mapping"),
+        (lambda k: k.check(TEXT, "twice", one, {"x": X}, bindings=[X]),
+         "bindings: list is not a mapping"),
+        (lambda k: k.kernel(SHADER, "main", [X]), "bindings: list is not a mapping"),
+        (lambda k: k.run("fn f(a: array<f32, 250000000>) -> f32 { return 0; }", "f", {"a": X}),
+         "WGSL: f: a row is larger than a buffer of the device"),
         (lambda k: k.kernel(SHADER, "out", {}),
          "WGSL: there is no function 'out'; there are main"),
         (lambda k: k.kernel(SHADER, "main", {}),

@@ -253,6 +253,13 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
          "text: variable a: vec2<f32> is not a scalar"),
         (lambda _: Module("text", "var<private> a: array<f32, 4 / 0>;").variable("a"),
          "text: variable a: 4 / 0 is not a constant that can be worked out here"),
+        (lambda _: Module("text", "var<private> a: array<f32, 0>;").variable("a"),
+         "text: variable a: an array has 0 elements"),
+        (lambda _: Module("text", "var<private> a: array<f32, 4000000000>;").variable("a"),
+         "text: variable a: NumPy has no such array: invalid shape in fixed-type tuple: dimension "
+         "does not fit into a C int."),
+        (lambda _: Module("text", f"var<private> a: {'array<' * 65}f32{', 1>' * 65};").variable(
+            "a"), "text: variable a: NumPy has no such array: invalid shape in fixed-type tuple."),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_named(module: Module, call: object, message: str) -> None:

@@ -72,6 +72,7 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return fresh
 
 
+@pytest.mark.slow
 def test_the_wheel_has_the_shaders_and_scenes_but_not_their_readmes(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}

@@ -148,6 +148,7 @@ canary.shader = lambda name: text(name).replace("x.i * x.j", "x.i")
     assert "1 error" in result.stdout
 
 
+@pytest.mark.slow
 def test_without_an_adapter_tests_are_skipped(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(PASSING, test_plain="def test_plain(): pass")
     result = run_alone(pytester, **NO_DRIVER)
@@ -159,6 +160,7 @@ def test_without_an_adapter_tests_are_skipped(pytester: pytest.Pytester) -> None
 @pytest.mark.parametrize(
     ("expected", "message"), [("1", "no lavapipe"), ("Yes", "no lavapipe"), ("2", "neither a yes ")]
 )
+@pytest.mark.slow
 def test_where_lavapipe_is_expected_its_absence_is_a_failure(
     pytester: pytest.Pytester, expected: str, message: str
 ) -> None:
@@ -181,6 +183,7 @@ def test_where_lavapipe_is_expected_its_absence_is_a_failure(
         ("VK_ICD_FILENAMES", "/none.json"),
     ],
 )
+@pytest.mark.slow
 def test_an_adapter_that_is_asked_for_and_absent_is_a_failure(
     pytester: pytest.Pytester, variable: str, value: str
 ) -> None:

@@ -17,6 +17,7 @@ from halfstep.errors import DeviceError
 from halfstep.host import pack as packing
 from halfstep.host import tiles
 from halfstep.host.pack import Packed
+from halfstep.host.prepare import prepare
 from halfstep.host.tiles import frequent_sets, tile_groups, tile_lists
 from halfstep.run import gpu as run_gpu
 from halfstep.run.framebuffer import FrameBuffer
@@ -25,7 +26,6 @@ from halfstep.shader import needs
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.scenes_random import PLACES, random_scene
-from tests.test_pack import packed_frame
 
 SIZE = (160, 120)
 OUTPUTS = ("solid", "surface", "t", "normal")
@@ -143,7 +143,7 @@ def test_frames_without_lists_are_the_same(
             for name in OUTPUTS:
                 got, expected = getattr(selected, name), getattr(whole, name)
                 assert np.array_equal(got, expected, equal_nan=True), f"scene {number}: {name}"
-            packed = packed_frame(with_overrides(scene, size=SIZE))
+            packed = prepare(with_overrides(scene, size=SIZE))
             listed = len(tile_lists(packed, packed.present, 0, SIZE[1])[1])
             struck += len(everything(packed, packed.present, 0, SIZE[1])[1]) - listed
             hits += int((selected.solid >= 0).sum())
@@ -233,7 +233,7 @@ def test_records_in_uniform_memory_or_not_give_the_same_bits(
 
 def test_a_loose_rectangle_is_not_what_its_solid_costs() -> None:
     """The crowd's saddles are bounded by F and by cuts together: each could be anywhere."""
-    packed = packed_frame(load("crowd"))
+    packed = prepare(load("crowd"))
     tested = len(tile_lists(packed, packed.present, 0, 480)[1])
     loose = np.where(packed.setup.is_loose, 0, 1)
     i0, i1, j0, j1 = packed.setup.rectangle.T // TILE

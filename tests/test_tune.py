@@ -18,8 +18,9 @@ import pytest
 
 import halfstep
 from halfstep.cli import main
-from halfstep.errors import SceneError, UsageError
+from halfstep.errors import AdapterError, SceneError, UsageError
 from halfstep.frames.renderer import WARM_UP
+from halfstep.run import gpu as run_gpu
 from halfstep.scene import with_overrides
 from halfstep.tune import measure as module
 from halfstep.tune import plot
@@ -104,16 +105,16 @@ def test_times_are_medians_of_interleaved_frames(monkeypatch: pytest.MonkeyPatch
     order: list[tuple[str, int]] = []
     times = iter([1.0, 10.0, 100.0, 5.0, 70.0, 300.0, 3.0, 20.0, 200.0])
 
-    def frame(bench: Any, setting: halfstep.Scene, outputs: Any) -> Any:
-        result = original(bench, setting, outputs)
+    def frame(trials: Any, setting: halfstep.Scene, outputs: Any) -> Any:
+        result = original(trials, setting, outputs)
         if outputs == ("image",) and len(order) < warm + 9:
             order.append((setting.accuracy.method, setting.accuracy.steps or 0))
             if len(order) > warm:
                 result.info["wall_ms"] = next(times)
         return result
 
-    warm, original = WARM_UP, module._Bench.frame
-    monkeypatch.setattr(module._Bench, "frame", frame)
+    warm, original = WARM_UP, module._Trials.frame
+    monkeypatch.setattr(module._Trials, "frame", frame)
     found = tune(
         halfstep.load("one_sphere"),
         size=SIZE,
@@ -192,6 +193,30 @@ def test_nothing_to_see() -> None:
     assert found.recommended.max_error_pixels == 0
     assert "nothing is seen" in found.as_table()
     assert plot.error_map(found).shape[2] == 3
+
+
+@pytest.mark.usefixtures("adapter")
+def test_what_needs_64_bit_integers_is_left_out_where_there_are_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(run_gpu, "INT64", "no such feature")
+    options: dict[str, Any] = {"size": (32, 24), "backend": "gpu", "repeats": 1}
+    options["methods"] = ("visible",)
+    scene = halfstep.load("one_sphere")
+    with pytest.warns(UserWarning, match="left out") as told:
+        found = tune(scene, steps=(8, 16, 17), **options)
+    assert [(row.number_format, row.steps) for row in found.rows] == [
+        ("float32", 8),
+        ("float32", 16),
+    ]
+    assert [str(warning.message) for warning in told] == [
+        "4 of 6 settings are left out: fixed32 and more than 16 steps need 64-bit integers in "
+        "shaders, which this adapter lacks"
+    ]
+    with pytest.raises(AdapterError, match="which more than 16 steps need"):
+        tune(scene, steps=(17, 18), **options)
+    with pytest.raises(AdapterError, match="which fixed32 needs"):
+        tune(scene, steps=(8,), formats=("fixed32",), **options)
 
 
 # ------------------------------------------------------------------------------ what is advised
@@ -399,7 +424,7 @@ def test_an_interrupt_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module._Bench, "timed", interrupted)
+    monkeypatch.setattr(module._Trials, "timed", interrupted)
     assert command("one_sphere", "-o", tmp_path / "out") == 130
     assert capsys.readouterr().err.splitlines()[-1] == "interrupted"
     assert os.listdir(tmp_path) == []

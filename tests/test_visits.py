@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.stages import FACTS, VISITS
+from halfstep.host.prepare import prepare
 from halfstep.scene import bundled_scenes, load, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
@@ -24,7 +25,6 @@ from halfstep.testing.module import Module
 from halfstep.testing.types import dtype_of
 from halfstep.twin.chosen import chosen_for, module
 from halfstep.twin.sight import Seen
-from tests.test_pack import packed_frame
 
 Array = NDArray[Any]
 
@@ -110,7 +110,7 @@ def solids_of(method: str, klass: Class, number_format: Format) -> tuple[Array, 
             method=method,
             number_format=number_format.name,
         )
-        packed = packed_frame(scene)
+        packed = prepare(scene)
         # A few of a scene, so that there are many scenes.
         for row in np.flatnonzero(packed.classes == klass)[:2]:
             solid = packed.solids[row].copy()

@@ -121,6 +121,7 @@ def _aligned(kind: str, rng: np.random.Generator, wild: float) -> Table:
 
 
 @pytest.mark.parametrize("wild", [0.0, 0.15, 0.35])
+@pytest.mark.slow
 def test_scenes_of_round_and_of_extreme_numbers(wild: float, rng: np.random.Generator) -> None:
     rendered = hits = 0
     for number in range(150):

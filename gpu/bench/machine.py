@@ -6,7 +6,6 @@ import os
 import platform
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from halfstep.device.adapters import Adapter
 from halfstep.version import __version__
 
 
-def facts(adapter: Adapter) -> dict[str, Any]:
+def facts(adapter: Adapter) -> dict[str, str | int]:
     """Names and values, in the order in which to print them."""
     import wgpu
 

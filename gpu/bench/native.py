@@ -11,12 +11,10 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from halfstep.host import camera as cameras
-from halfstep.host import geometry as geometries
-from halfstep.host.setup import setup
-from halfstep.scene import Scene
+from halfstep.contract.arrays import I32, Records
+from halfstep.host.prepare import frame_setup
+from halfstep.scene import Scene, with_overrides
 
 FLAGS = ("-O3", "-march=native", "-pthread", "-shared", "-fPIC")
 # The width of a picture is a multiple of this, LANES in native.c.
@@ -58,7 +56,7 @@ class Native:
         """A case of `timing.interleaved`: a frame."""
         self.render(steps)
 
-    def render(self, steps: int) -> NDArray[np.int32]:
+    def render(self, steps: int) -> I32:
         """Index of the nearest solid of each pixel, (H, W), -1 for none.
 
         Raises:
@@ -79,12 +77,9 @@ class Native:
         return self._nearest
 
 
-def _solids(scene: Scene, size: tuple[int, int]) -> NDArray[np.void]:
+def _solids(scene: Scene, size: tuple[int, int]) -> Records:
     """What native.c reads of the solids of ``scene``."""
-    geometry = geometries.build(scene)
-    view = cameras.view(scene.camera, size)
-    near, far = cameras.base_planes(view, *geometries.volume_box(scene, geometry))
-    constants = setup(geometry, view, near, far)
+    constants = frame_setup(with_overrides(scene, size=size))
     solids = np.zeros(constants.count, _SOLID)
     for name in ("a", "g", "c", "depth_middle", "depth_half"):
         solids[name] = getattr(constants, name)

@@ -66,7 +66,7 @@ class Part:
 class Report:
     """All parts, and where they were measured."""
 
-    machine: dict[str, Any]
+    machine: dict[str, str | int]
     rounds: int
     parts: tuple[Part, ...]
 

@@ -17,14 +17,12 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import halfstep.twin as twin
+from halfstep.contract.arrays import Array
 from halfstep.contract.layout import LANES
 from halfstep.testing.types import Array as ArrayType
 from halfstep.testing.types import Pointer, Scalar, Struct, Type, Vector
-
-Array = NDArray[Any]
 
 _PREFIX = f"{twin.__name__}."
 # Groups of pixels that are noted of one call, and of all calls of a function.

@@ -20,13 +20,15 @@ import numpy as np
 from halfstep.check.calls import Calls, noted
 from halfstep.check.replay import replay
 from halfstep.contract.formats import FIXED32
+from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import INT64, choose_adapter, close_device, is_lavapipe, open_device
 from halfstep.device.canary import Fingerprint, fingerprint
-from halfstep.frames.frame import SOURCES, device_outputs
-from halfstep.frames.renderer import Renderer, Solids
-from halfstep.host.pack import Packed, frame_record, srgb_quads
+from halfstep.frames.outputs import OUTPUTS, device_outputs
+from halfstep.frames.passes import Prepared
+from halfstep.frames.renderer import Renderer
+from halfstep.host.pack import frame_record
+from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, with_overrides
-from halfstep.shader.needs import needs_of
 from halfstep.shader.source import MAX_LINES, compose_stages, stage_files
 from halfstep.testing.census import Census, MismatchError
 from halfstep.testing.frames import FrameCensus, Replay, compare_frames, picture_file
@@ -145,18 +147,21 @@ class Checker:
             AdapterError, DeviceError: as ``render``.
         """
         scene = with_overrides(scene, samples=1)
-        with self._renderer(scene, SOURCES) as renderer:
-            found = renderer.render()
+        with self._renderer(scene, OUTPUTS) as renderer:
+            prepared = renderer.prepare()
+            found = renderer.render_prepared(prepared)
         with warnings.catch_warnings(), noted() as calls:
             warnings.simplefilter("ignore")  # they say what has just been said
             with self._renderer(scene, ("image",)) as of_images:
                 images = [of_images.render() for _ in range(IMAGES)]
-            twin = Twin(scene, backend="numpy", outputs=SOURCES)
-            twin.most_steps = renderer.most_steps
-            expected = twin.render()
-        replayed = None if self._exact else twin.replayed()
-        frame = compare_frames(found, expected, exact=self._exact, replay=replayed)
+            with Renderer(scene, backend="numpy", outputs=OUTPUTS) as twin:
+                expected = twin.render_prepared(prepared)
         is_fixed = scene.accuracy.number_format == FIXED32.name
+        replayed = None
+        # What no device may decide otherwise; in integers all is known without.
+        if not self._exact and not is_fixed and scene.accuracy.method == "visible":
+            replayed = replay(scene, prepared.packed)
+        frame = compare_frames(found, expected, exact=self._exact, replay=replayed)
         if not self._exact and replayed is None and not is_fixed:
             # What bounds a frame with all outputs bounds an image as well.
             replayed = Replay(expected.depth, np.maximum(found.error, expected.error))
@@ -168,7 +173,7 @@ class Checker:
             scene=scene,
             frame=frame,
             images=tuple(censuses),
-            stages=dict(self._stages(twin, calls)),
+            stages=dict(self._stages(prepared, calls)),
             exact=self._exact,
             picture=next(pictures, None),
         )
@@ -177,15 +182,16 @@ class Checker:
         return Renderer(scene, backend="gpu", adapter=self._adapter, outputs=outputs)
 
     def _stages(
-        self, twin: Twin, calls: Mapping[tuple[str, str], Calls]
+        self, prepared: Prepared, calls: Mapping[tuple[str, str], Calls]
     ) -> Iterator[tuple[str, Census]]:
         """The stage functions of the shader that were called, each with its census."""
-        needs = needs_of(twin.packed, twin.scene.accuracy.method, device_outputs(SOURCES))
+        scene, packed = prepared.scene, prepared.packed
+        needs = needs_of(packed, scene.accuracy.method, device_outputs(OUTPUTS))
         shader = Module("the shader", compose_stages(needs))
-        too_many = twin.packed.most_half_spaces > MAX_LINES
+        too_many = packed.most_half_spaces > MAX_LINES
         bindings = {
-            "frame": frame_record(twin.scene, twin.packed.setup, 0, twin.scene.image.height)[0],
-            "lights": twin.packed.lights,
+            "frame": frame_record(scene, packed.setup, 0, scene.image.height)[0],
+            "lights": packed.lights,
             "srgb_table": srgb_quads(),
         }
         for (file, name), noted_calls in calls.items():
@@ -208,18 +214,3 @@ class Checker:
             return self._kit.check(shader.text, name, lambda *_: expected, inputs, bindings=used)
         except MismatchError as mismatch:
             return mismatch.census
-
-
-class Twin(Renderer):
-    """Renders with NumPy; ``scene``, ``tables`` and ``packed`` are what it has rendered."""
-
-    def _pack(self, scene: Scene, solids: Solids, samples: int) -> Packed:
-        self.scene, self.tables = scene, solids.tables
-        self.packed = super()._pack(scene, solids, samples)
-        return self.packed
-
-    def replayed(self) -> Replay | None:
-        """What no device may decide otherwise; None where that is known without, or not at all."""
-        if self.packed.format is FIXED32 or self.scene.accuracy.method == "article":
-            return None
-        return replay(self.scene, self.packed, self.tables)

@@ -13,11 +13,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats
+from halfstep.contract.formats import FRACTION_BITS
 from halfstep.contract.layout import TILE
-from halfstep.frames.frame import arrays_of, device_outputs
-from halfstep.host.pack import FRACTION_BITS, Packed, Surfaces
+from halfstep.frames.outputs import arrays_of, device_outputs
+from halfstep.host.pack import Packed
 from halfstep.run.twin import Band
 from halfstep.scene import Scene
 from halfstep.testing.frames import Replay
@@ -27,13 +28,11 @@ from halfstep.twin.lanes import Form
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial import linear, quadratic
 
-Floats = NDArray[np.float64]
-
 # Pixels of a band, as of the twin's.
 PIXELS = 1 << 20
 
 
-def replay(scene: Scene, packed: Packed, tables: Surfaces) -> Replay:
+def replay(scene: Scene, packed: Packed) -> Replay:
     """Replay a frame in the number format float32 by the method ``visible``."""
     view = packed.setup.view
     outputs = ("depth", "error")
@@ -46,7 +45,7 @@ def replay(scene: Scene, packed: Packed, tables: Surfaces) -> Replay:
         band = Band(scene, packed, first, rows, device_outputs(outputs), wide)
         for row in range(len(packed.solids)):
             band.visit(row)
-        bands.append(arrays_of(outputs, band.finish(), packed, tables, first))
+        bands.append(arrays_of(outputs, band.finish(), packed, first))
     return Replay(*(np.concatenate([np.asarray(band[name]) for band in bands]) for name in outputs))
 
 

@@ -10,21 +10,21 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from halfstep.cli.options import add_output, add_rendering, add_scene, overrides
+from halfstep.cli.options import Commands, add_output, add_rendering, add_scene, overrides
 from halfstep.cli.output import print_json, progress_bar, say
 from halfstep.errors import UsageError
 
 if TYPE_CHECKING:
-    from halfstep.frames.frame import Frame
+    from halfstep.frames.frame import Frame, Info
     from halfstep.scene import Scene
 
 # How many frames were rendered, and info of the first.
-Result = tuple[int, "dict[str, Any] | None"]
+Result = tuple[int, "Info | None"]
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     animate = commands.add_parser("animate", help="render a scene's animation")
     animate.set_defaults(run=run)
@@ -50,7 +50,7 @@ def add(commands: Any) -> None:
 
 
 def _range(text: str) -> range:
-    """Frames A, A + 1, … B of ``A:B``; whether there are so many is the scene's to say."""
+    """Frames A, A + 1, … B of ``A:B``; the scene decides whether they exist."""
     match = re.fullmatch(r"(\d+):(\d+)", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not A:B, as 0:29")
@@ -134,13 +134,14 @@ def _to_folder(arguments: argparse.Namespace, scene: Scene, numbers: range) -> R
 
 def _to_file(arguments: argparse.Namespace, scene: Scene, numbers: range) -> Result:
     from halfstep.files.movie import check_movie, write_movie
-    from halfstep.files.provenance import provenance
+    from halfstep.files.provenance import Provenance, provenance
 
     fps = scene.effective_animation().fps
     check_movie(arguments.output, (scene.image.width, scene.image.height), fps)
     with _rendering(arguments, scene, numbers) as (first, frames):
         # Of the first frame, but for the scene, which is the one that moves.
-        facts = provenance(first.info) | {
+        facts: Provenance = {
+            **provenance(first.info),
             "scene_sha256": scene.sha256,
             "frames_range": [numbers[0], numbers[-1]],
             "fps": fps,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
+from halfstep.cli.options import Commands, add_adapter, add_output
 from halfstep.cli.output import print_json, print_text, progress_bar, say
 from halfstep.errors import UsageError
 
@@ -23,7 +23,7 @@ PARTS = (
 )
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     bench = commands.add_parser("bench", help="measure this machine's speed, in about a minute")
     bench.set_defaults(run=run)
@@ -31,10 +31,8 @@ def add(commands: Any) -> None:
         "--only", metavar="PART,…", help=f"some of the parts: {', '.join(PARTS)}", default=""
     )
     bench.add_argument("--rounds", metavar="N", type=int, default=5, help="frames of each case")
-    bench.add_argument(
-        "--adapter", metavar="NAME|INDEX", help="part of an adapter's name, or its number"
-    )
-    bench.add_argument("-o", "--output", metavar="FILE.png", help="a plot of the curves")
+    add_adapter(bench)
+    add_output(bench, "FILE.png", "a plot of the curves", required=False)
     bench.add_argument("--json", action="store_true", help="the report for machines on stdout")
 
 

@@ -7,7 +7,14 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from halfstep.cli.options import add_adapter, add_conveyor, add_size
+from halfstep.cli.options import (
+    Commands,
+    add_adapter,
+    add_conveyor,
+    add_output,
+    add_size,
+    overrides,
+)
 from halfstep.cli.output import print_json, print_text, say
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.version import __version__
@@ -16,7 +23,7 @@ if TYPE_CHECKING:
     from halfstep.check.checker import SceneReport
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     check = commands.add_parser("check", help="compare a device with NumPy, scene by scene")
     check.set_defaults(run=run)
@@ -28,11 +35,11 @@ def add(commands: Any) -> None:
     add_size(check)
     add_conveyor(check)
     add_adapter(check)
-    check.add_argument(
-        "-o",
-        "--output",
-        metavar="DIR",
-        help="folder for check.json and a picture of the differences of each scene that has some",
+    add_output(
+        check,
+        "DIR",
+        "folder for check.json and a picture of the differences of each scene that has some",
+        required=False,
     )
     check.add_argument("--json", action="store_true", help="the report for machines on stdout")
 
@@ -46,15 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         check_output_folder(arguments.output)
     names = bundled_scenes() if arguments.all else [arguments.scene]
-    scenes = [
-        with_overrides(
-            load(name),
-            size=arguments.size,
-            number_format=arguments.number_format,
-            method=arguments.method,
-        )
-        for name in names
-    ]
+    scenes = [with_overrides(load(name), **overrides(arguments)) for name in names]
     reports: list[SceneReport] = []
     # Scenes that could not be rendered: the others are checked all the same.
     refused: dict[str, HalfstepError] = {}

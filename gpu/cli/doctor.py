@@ -6,6 +6,7 @@ import argparse
 import platform
 from typing import TYPE_CHECKING, Any
 
+from halfstep.cli.options import Commands
 from halfstep.cli.output import print_json, print_text
 from halfstep.errors import AdapterError, DeviceError, HalfstepError
 from halfstep.version import __version__
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from halfstep.device.canary import Fingerprint
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     doctor = commands.add_parser("doctor", help="list adapters, drivers, and what is chosen")
     doctor.set_defaults(run=run)

@@ -1,32 +1,31 @@
-"""`halfstep info`: how a picture was made, as its file tells it."""
+"""`halfstep info`: how a picture was made, as its file tells it; or what a scene holds."""
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from halfstep.cli.options import Commands
 from halfstep.cli.output import print_json, print_text
 from halfstep.errors import HalfstepError
 
+if TYPE_CHECKING:
+    from halfstep.scene import Fragment, Scene
 
-def add(commands: Any) -> None:
+
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    info = commands.add_parser("info", help="tell how a picture was made")
+    info = commands.add_parser("info", help="tell how a picture was made, or what a scene holds")
     info.set_defaults(run=run)
-    info.add_argument("file", metavar="FILE", help="a file that Halfstep has written")
+    info.add_argument("file", metavar="FILE", help="a file that Halfstep has written, or a scene")
     info.add_argument("--json", action="store_true", help="the same for machines")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the file and report; the exit code."""
-    from halfstep.files import read_provenance
-
-    facts = read_provenance(arguments.file)
-    if facts is None:
-        raise HalfstepError(
-            f"{arguments.file}: does not say how it was made; Halfstep did not write it, or "
-            "another program has written it again"
-        )
+    facts = _scene(arguments.file) if _is_scene(arguments.file) else _picture(arguments.file)
     if arguments.json:
         print_json(facts)
         return 0
@@ -34,6 +33,54 @@ def run(arguments: argparse.Namespace) -> int:
     for name, value in facts.items():
         print_text(f"{name:{width}}  {_plain(value)}".rstrip())
     return 0
+
+
+def _is_scene(file: str) -> bool:
+    from halfstep.scene import bundled_scenes
+
+    suffix = Path(file).suffix
+    # Files of pictures have an ending.
+    return suffix == ".toml" or (suffix == "" and file in bundled_scenes())
+
+
+def _picture(file: str) -> dict[str, Any]:
+    from halfstep.files import read_provenance
+
+    facts = read_provenance(file)
+    if facts is None:
+        raise HalfstepError(
+            f"{file}: does not say how it was made; Halfstep did not write it, or another program "
+            "has written it again"
+        )
+    return dict(facts)
+
+
+def _scene(file: str) -> dict[str, Any]:
+    from halfstep.scene import load
+
+    scene = load(file)
+    return {"scene_title": scene.title, "scene_sha256": scene.sha256, **_counts(scene)}
+
+
+def _counts(scene: Scene) -> dict[str, int]:
+    """How many tables there are of each kind, in groups too, and how many copies of groups."""
+    fragments = [*_fragments(scene)]
+    return {
+        "lights": len(scene.lights),
+        "materials": len(scene.materials),
+        "solids": len(scene.solids),
+        "surfaces": sum(len(each.surfaces) for each in fragments),
+        "parts": sum(len(each.parts) for each in fragments),
+        "cells": sum(len(each.cells) for each in fragments),
+        "groups": len(fragments) - 1,
+        "copies": scene.layout().count,
+    }
+
+
+def _fragments(fragment: Fragment) -> Iterator[Fragment]:
+    yield fragment
+    for group in fragment.groups:
+        yield from _fragments(group)
 
 
 def _plain(value: Any) -> str:

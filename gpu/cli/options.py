@@ -4,10 +4,28 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Protocol, cast
+
+from halfstep.contract.choices import BACKENDS, METHODS, NUMBER_FORMATS
+
+if TYPE_CHECKING:
+    from halfstep.scene import Overrides
 
 # As the path of a file.
 STDOUT = "-"
+
+
+class Commands(Protocol):
+    """Where a command adds itself."""
+
+    def add_parser(
+        self,
+        name: str,
+        *,
+        help: str,  # noqa: A002 - theirs
+        description: str | None = None,
+    ) -> argparse.ArgumentParser:
+        """The parser of a new command."""
 
 
 def add_scene(command: argparse.ArgumentParser) -> None:
@@ -16,7 +34,7 @@ def add_scene(command: argparse.ArgumentParser) -> None:
     add_size(command)
     command.add_argument(
         "--backend",
-        choices=("auto", "gpu", "numpy"),
+        choices=BACKENDS,
         default="auto",
         help="auto: a Vulkan adapter if there is one, else NumPy",
     )
@@ -25,15 +43,18 @@ def add_scene(command: argparse.ArgumentParser) -> None:
 
 def add_rendering(command: argparse.ArgumentParser) -> None:
     """How a command renders, in place of what the scene says; `overrides` collects it."""
-    accuracy = command.add_mutually_exclusive_group()
-    accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
-    add_tolerances(accuracy)
+    add_accuracy(command, steps=True)
     add_conveyor(command)
     command.add_argument("--samples", metavar="K", type=int, help="KxK samples in each pixel")
 
 
 def add_output(
-    command: argparse.ArgumentParser, metavar: str, help_: str, *, stdout: bool = False
+    command: argparse.ArgumentParser,
+    metavar: str,
+    help_: str,
+    *,
+    stdout: bool = False,
+    required: bool = True,
 ) -> None:
     """Where a command writes to; ``stdout`` says whether that may be ``-``."""
 
@@ -45,7 +66,9 @@ def add_output(
             raise argparse.ArgumentTypeError("only render writes to stdout; ./- is a file")
         return text
 
-    command.add_argument("-o", "--output", metavar=metavar, type=path, required=True, help=help_)
+    command.add_argument(
+        "-o", "--output", metavar=metavar, type=path, required=required, help=help_
+    )
 
 
 def add_size(command: argparse.ArgumentParser) -> None:
@@ -66,25 +89,30 @@ def add_conveyor(
     """Number format and method; ``otherwise`` says what there is without."""
     command.add_argument(
         "--format",
-        choices=("float32", "fixed32"),
+        choices=NUMBER_FORMATS,
         dest="number_format",
         help=f"number format, {otherwise}",
     )
     command.add_argument(
         "--method",
-        choices=("visible", "article"),
+        choices=METHODS,
         help=f"joint logic first, or the paper's own, {otherwise}",
     )
 
 
-def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What replaces the scene's own, as keywords of ``render``; None is not given."""
-    names = ("size", "steps", "tolerance_pixels", "tolerance", "number_format", "method", "samples")
-    return {name: getattr(arguments, name) for name in names}
+def overrides(arguments: argparse.Namespace) -> Overrides:
+    """What replaces the scene's own, of what the command takes."""
+    from halfstep.scene import Overrides
+
+    names = Overrides.__annotations__
+    return cast(Overrides, {name: getattr(arguments, name, None) for name in names})
 
 
-def add_tolerances(accuracy: Any) -> None:
-    """The two ways to state a tolerance; ``accuracy`` is a group of options of a command."""
+def add_accuracy(command: argparse.ArgumentParser, *, steps: bool) -> None:
+    """The two ways to state a tolerance, or else, with ``steps``, a number of halvings."""
+    accuracy = command.add_mutually_exclusive_group()
+    if steps:
+        accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
     accuracy.add_argument(
         "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"
     )

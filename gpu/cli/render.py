@@ -5,14 +5,21 @@ from __future__ import annotations
 import argparse
 import sys
 from io import BytesIO
-from typing import Any
 
-from halfstep.cli.options import STDOUT, add_output, add_rendering, add_scene, names, overrides
+from halfstep.cli.options import (
+    STDOUT,
+    Commands,
+    add_output,
+    add_rendering,
+    add_scene,
+    names,
+    overrides,
+)
 from halfstep.cli.output import print_bytes, print_json, say
 from halfstep.errors import UsageError
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     render = commands.add_parser("render", help="render a scene to a file")
     render.set_defaults(run=run)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
+from halfstep.cli.options import Commands
 from halfstep.cli.output import print_json, print_text
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     scenes = commands.add_parser("scenes", help="list the bundled scenes")
     scenes.set_defaults(run=run)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
+from halfstep.cli.options import Commands
 from halfstep.cli.output import print_json
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     schema = commands.add_parser("schema", help="print the JSON Schema of scene files")
     schema.set_defaults(run=run)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
-from halfstep.cli.options import add_conveyor, add_size, add_tolerances, names, overrides
+from halfstep.cli.options import Commands, add_accuracy, add_conveyor, add_size, names, overrides
 from halfstep.cli.output import print_text
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     shader = commands.add_parser(
         "shader",
@@ -24,32 +23,22 @@ def add(commands: Any) -> None:
         "--outputs", metavar="NAMES", type=names, default=["image"], help="by default image"
     )
     add_size(shader)
-    accuracy = shader.add_mutually_exclusive_group()
-    accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
-    add_tolerances(accuracy)
+    add_accuracy(shader, steps=True)
     add_conveyor(shader)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print it; the exit code."""
-    from halfstep.frames.frame import check_outputs, device_outputs
-    from halfstep.host import camera, geometry
-    from halfstep.host.pack import pack, surfaces
-    from halfstep.host.setup import setup
-    from halfstep.host.steps import steps_for
+    from halfstep.frames.outputs import check_outputs, device_outputs
+    from halfstep.host.prepare import prepare
     from halfstep.run.framebuffer import written_for
+    from halfstep.run.needs import needs_of
     from halfstep.scene import load, with_overrides
-    from halfstep.shader.needs import needs_of
     from halfstep.shader.source import compose
 
     scene = with_overrides(load(arguments.scene), **overrides(arguments))
     outputs = device_outputs(check_outputs(arguments.outputs))
-    solids = geometry.build(scene)
-    view = camera.view(scene.camera, (scene.image.width, scene.image.height))
-    base_planes = camera.base_planes(view, *geometry.volume_box(scene, solids))
-    constants = setup(solids, view, *base_planes)
-    steps = steps_for(scene, constants).count
-    packed = pack(scene, solids, surfaces(scene, solids), constants, steps)
+    packed = prepare(scene)
     needs = needs_of(packed, scene.accuracy.method, written_for(outputs, packed))
     print_text(compose(needs).rstrip())
     return 0

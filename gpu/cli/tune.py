@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import Any
 
-from halfstep.cli.options import add_conveyor, add_output, add_scene, add_tolerances
+from halfstep.cli.options import Commands, add_accuracy, add_conveyor, add_output, add_scene
 from halfstep.cli.output import print_json, print_text, progress_bar, say
+from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     tune = commands.add_parser("tune", help="measure what accuracy costs, and recommend steps")
     tune.set_defaults(run=run)
@@ -19,8 +19,7 @@ def add(commands: Any) -> None:
     tune.add_argument(
         "--steps", metavar="A:B[:S]", type=_steps, help="numbers of halvings from A to B by S"
     )
-    accuracy = tune.add_mutually_exclusive_group()
-    add_tolerances(accuracy)
+    add_accuracy(tune, steps=False)
     add_conveyor(tune, otherwise="by default both")
     tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
 
@@ -41,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure; the exit code."""
     from halfstep.files.whole import check_output_folder
     from halfstep.scene import load
-    from halfstep.tune.measure import FORMATS, METHODS, STEPS, tune
+    from halfstep.tune.measure import STEPS, tune
     from halfstep.tune.plot import scale_of, write
 
     check_output_folder(arguments.output)
@@ -53,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
             tolerance_pixels=arguments.tolerance_pixels,
             tolerance=arguments.tolerance,
             methods=(arguments.method,) if arguments.method else METHODS,
-            formats=(arguments.number_format,) if arguments.number_format else FORMATS,
+            formats=(arguments.number_format,) if arguments.number_format else NUMBER_FORMATS,
             backend=arguments.backend,
             adapter=arguments.adapter,
             progress=progress,

@@ -10,15 +10,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from halfstep.contract.choices import NumberFormat
+
 # In float32, above this many steps, coefficients are integers and values are rounded once.
 FLOAT_STEPS = 16
+# Fraction bits of integer coefficients.
+FRACTION_BITS = 60
 
 
 @dataclass(frozen=True)
 class Format:
     """Types of numbers and the stages that work on them."""
 
-    name: str  # of the scene's ``number_format``
+    name: NumberFormat
     coefficient: type[np.float32] | type[np.float64] | type[np.int64]
     value: type[np.float32] | type[np.float64] | type[np.int32]
     one: int  # u = 1 as a value

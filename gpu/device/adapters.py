@@ -15,16 +15,17 @@ import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 from halfstep.device import loader as wgpu_loader
+from halfstep.device.handles import GpuAdapter, GpuDevice, Info
 from halfstep.errors import AdapterError, DeviceError
 
-# The driver of every development and test machine: Mesa's Vulkan on the processor.
+# How lavapipe, Mesa's Vulkan driver for the processor, names its adapter.
 LAVAPIPE = "llvmpipe"
 SWIFTSHADER = "SwiftShader"
 SOFTWARE = (LAVAPIPE, SWIFTSHADER)
-# Where browsers bring the latter, which the Vulkan loader takes only if it is told.
+# Where browsers install SwiftShader. The Vulkan loader uses it only if a variable names it.
 SWIFTSHADER_FILES = (
     "/usr/lib/chromium/vk_swiftshader_icd.json",  # Debian, Arch
     "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",  # Fedora
@@ -75,7 +76,14 @@ FEATURES = {
 _process: int | None = None
 _loading = threading.Lock()
 # Every wgpu.GPUDevice of `open_device` that is in use.
-_devices: weakref.WeakSet[Any] = weakref.WeakSet()
+_devices: weakref.WeakSet[GpuDevice] = weakref.WeakSet()
+
+
+class Facts(TypedDict):
+    """What a frame says of what rendered it."""
+
+    adapter: str
+    driver: str  # with its version
 
 
 @dataclass(frozen=True)
@@ -89,6 +97,11 @@ class AdapterSummary:
     vendor: str  # name, or PCI id where the driver gives none
     backend: str
 
+    @property
+    def facts(self) -> Facts:
+        """Its name and its driver's."""
+        return {"adapter": self.name, "driver": self.driver}
+
     def __str__(self) -> str:
         driver = f", {self.driver}" if self.driver else ""
         return f"{self.index}: {self.name} ({self.kind}{driver})"
@@ -100,7 +113,7 @@ class Adapter:
 
     summary: AdapterSummary
     reason: str  # why this one, in words
-    handle: Any  # wgpu.GPUAdapter
+    handle: GpuAdapter
 
 
 def list_adapters() -> list[AdapterSummary]:
@@ -176,11 +189,11 @@ def is_requested(requested: str | int | None = None) -> bool:
 
 
 def is_lavapipe(adapter: AdapterSummary) -> bool:
-    """Whether ``adapter`` is Mesa's Vulkan driver for the processor."""
+    """Whether ``adapter`` is lavapipe's."""
     return adapter.kind == "cpu" and adapter.name.startswith(LAVAPIPE)
 
 
-def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> Any:
+def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> GpuDevice:
     """A wgpu.GPUDevice on ``adapter`` with ``features``, and timestamps where the adapter has them.
 
     Buffers and bindings may be as large as the adapter allows: ``limits`` of the device.
@@ -204,16 +217,17 @@ def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> Any:
     return device
 
 
-def close_device(device: Any) -> None:
+def close_device(device: GpuDevice) -> None:
     """Give back the memory and the threads of a wgpu.GPUDevice; nothing may use it any more.
 
     What was made on it is to be let go of before: each such object keeps the device.
     """
-    queue = device.queue
+    handle: Any = device
+    queue = handle.queue
     device.destroy()
     # In wgpu-py the device refers to itself, and its queue to it. Until Python looks for such
     # cycles, which may be hundreds of devices later, the driver would keep all that it has.
-    device._device = queue._device = None
+    handle._device = queue._device = None  # noqa: SLF001 - wgpu has no way to say it
 
 
 @contextmanager
@@ -245,7 +259,7 @@ def wgpu_errors(label: str) -> Iterator[None]:
         raise DeviceError(f"{label}: {error}") from error
 
 
-def stack_of(device: Any) -> dict[str, str]:
+def stack_of(device: GpuDevice) -> dict[str, str]:
     """What a wgpu.GPUDevice stands on: adapter and driver by name, and versions of the parts.
 
     Keys: ``adapter``, ``driver``, ``mesa`` and ``llvm`` (where the driver tells them), ``wgpu``,
@@ -333,7 +347,7 @@ def _expected(environ: Mapping[str, str]) -> str:
 
 
 def _expects_lavapipe(environ: Mapping[str, str]) -> bool:
-    """Whether only Mesa's driver for the processor will do.
+    """Whether only lavapipe will do.
 
     Raises:
         AdapterError: the variable is neither a yes nor a no.
@@ -383,7 +397,7 @@ def _seen(adapters: Sequence[AdapterSummary]) -> str:
     return "; the adapters are" + "".join(f"\n  {adapter}" for adapter in adapters)
 
 
-def _summary(index: int, info: Mapping[str, Any]) -> AdapterSummary:
+def _summary(index: int, info: Info) -> AdapterSummary:
     name = info["device"]
     kind = _KIND.get(info["adapter_type"], "unknown")
     if name.startswith(SOFTWARE):
@@ -399,13 +413,13 @@ def _summary(index: int, info: Mapping[str, Any]) -> AdapterSummary:
     )
 
 
-def _driver(info: Mapping[str, Any]) -> str:
+def _driver(info: Info) -> str:
     """Name and version of a driver; SwiftShader tells its name alone, as Vulkan's driverName."""
     driver: str = info["description"] or info["vendor"]
     return driver
 
 
-def _handles() -> tuple[Any, ...]:
+def _handles() -> tuple[GpuAdapter, ...]:
     """wgpu.GPUAdapter of every Vulkan adapter.
 
     Raises:
@@ -418,7 +432,7 @@ def _handles() -> tuple[Any, ...]:
 
 
 @functools.cache
-def _loaded() -> tuple[Any, ...]:
+def _loaded() -> tuple[GpuAdapter, ...]:
     """`_handles`, once; loads the drivers."""
     global _process
     _process = os.getpid()
@@ -429,8 +443,8 @@ def _loaded() -> tuple[Any, ...]:
         _process = None
         raise AdapterError(f"wgpu cannot be loaded: {error}") from error
     with _runtime_directory():
-        # Unasked, wgpu loads OpenGL's drivers as well and lists lavapipe twice. A program that has
-        # used wgpu before keeps its instance.
+        # Otherwise wgpu loads OpenGL's drivers as well and lists lavapipe twice. A program that has
+        # used wgpu before keeps its own settings.
         with suppress(RuntimeError):
             extras.set_instance_extras(backends=["Vulkan"])
         handles = wgpu.gpu.enumerate_adapters_sync()
@@ -447,6 +461,20 @@ def _leave_to_parent() -> None:
     _loading = threading.Lock()  # a thread that is not here may have it
     for device in _devices:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(device))
+    if is_forked():
+        _leave_out_exit_handlers()
+
+
+def _leave_out_exit_handlers() -> None:
+    """Let this process, a forked child, end without the exit handlers of its parent's drivers.
+
+    That of Mesa 26 waits for threads of the driver that are not here. Handlers run in reverse
+    order: those that the child registers still run, and then these, of which the second ends it.
+    """
+    libc = ctypes.CDLL(None)
+    if hasattr(libc, "on_exit"):  # of glibc alone; it hands on the exit code
+        libc.on_exit(libc._exit, None)
+        libc.on_exit(libc.fcloseall, None)
 
 
 os.register_at_fork(after_in_child=_leave_to_parent)

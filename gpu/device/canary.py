@@ -15,15 +15,13 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array, Floats, Records
 from halfstep.device.adapters import INT64
 from halfstep.device.compute import UNWRITTEN, Bound, Compute
+from halfstep.device.handles import GpuDevice
 from halfstep.device.probe import loop_limit
 from halfstep.errors import DeviceError
-
-Array = NDArray[Any]
-Records = NDArray[np.void]
 
 ROWS = 256
 # Words of the buffers that are filled and read back: one word, a workgroup, just over a page, and
@@ -135,7 +133,7 @@ class _Judge:
             )
         return "mixed"
 
-    def within(self, name: str, found: Array, exact: NDArray[np.float64], ulp: float) -> str:
+    def within(self, name: str, found: Array, exact: Floats, ulp: float) -> str:
         """How far float32 numbers are from exact ones, at most ``ulp``, in words."""
         rounded = exact.astype(np.float32)
         if (found == rounded).all():
@@ -148,7 +146,7 @@ class _Judge:
         return f"within {off.max():.1f} ulp"
 
 
-def fingerprint(device: Any) -> Fingerprint:
+def fingerprint(device: GpuDevice) -> Fingerprint:
     """The choices of the driver beneath a wgpu.GPUDevice.
 
     Raises:

@@ -6,15 +6,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import methodcaller
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bytes
 from halfstep.device.adapters import stack_of, wgpu_errors
+from halfstep.device.handles import GpuBuffer, GpuDevice
 from halfstep.errors import HalfstepError, UsageError
-
-Bytes = NDArray[np.uint8]
 
 # Of what is wrong with a shader pytest shows the test's line and the message.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
@@ -48,12 +46,12 @@ class Compute:
         stack: `stack_of` it.
     """
 
-    def __init__(self, device: Any) -> None:
+    def __init__(self, device: GpuDevice) -> None:
         """``device`` is a wgpu.GPUDevice; closing it is its owner's business."""
         self.device = device
         self.stack = stack_of(device)
         self._label = f"adapter {self.stack['adapter']}"
-        self._pipelines: dict[tuple[object, ...], tuple[Any, list[Any]]] = {}
+        self._pipelines: dict[tuple[object, ...], tuple[object, list[object]]] = {}
 
     def run(
         self,
@@ -104,7 +102,7 @@ class Compute:
                 buffer.destroy()
         return results
 
-    def compile(self, code: str, name: str) -> Any:
+    def compile(self, code: str, name: str) -> object:
         """The shader module of ``code``.
 
         Raises:
@@ -120,7 +118,7 @@ class Compute:
 
     def _pipeline(
         self, code: str, entry_point: str, bound: Sequence[Bound], name: str
-    ) -> tuple[Any, list[Any]]:
+    ) -> tuple[object, list[object]]:
         """The pipeline, and the layouts of its groups of bindings."""
         key = (code, entry_point, *((one.group, one.number, one.kind) for one in bound))
         if key not in self._pipelines:
@@ -148,7 +146,7 @@ class Compute:
             self._pipelines[key] = pipeline, layouts
         return self._pipelines[key]
 
-    def _buffer(self, one: Bound) -> Any:
+    def _buffer(self, one: Bound) -> GpuBuffer:
         usage = "UNIFORM" if one.kind == "uniform" else "STORAGE|COPY_SRC"
         return self.device.create_buffer_with_data(data=one.raw, usage=usage)
 

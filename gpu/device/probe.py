@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from importlib.resources import files
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array
 from halfstep.device.compute import Bound, Compute
 
 # Rounds asked of a loop: around powers of two, where counters end.
@@ -20,7 +19,7 @@ MOST_ROUNDS = int(ASKED.max())
 def loop_limit(compute: Compute) -> int | None:
     """Rounds after which the driver ends loops; None where it runs `MOST_ROUNDS`.
 
-    llvmpipe of Mesa 22.3 ends all loops of an invocation after 65,535 rounds, those of its
+    lavapipe of Mesa 22.3 ends all loops of an invocation after 65,535 rounds, those of its
     neighbours in the same vector counted with them.
 
     Raises:
@@ -47,7 +46,7 @@ def subgroup_size(compute: Compute) -> int:
 
 def _run(
     compute: Compute, name: str, entry_point: str, bound: list[Bound], workgroups: int
-) -> NDArray[Any]:
+) -> Array:
     """The words that a kernel leaves in its buffer of kind "storage"."""
     code = files("halfstep.wgsl").joinpath(f"{name}.wgsl").read_text(encoding="utf-8")
     [found] = compute.run(code, entry_point, bound, (workgroups, 1, 1), name=f"{name}.wgsl")

@@ -4,7 +4,7 @@
     frame = render(scene, outputs=names)
     write("figure.exr", frame, names)
 
-`plan` finds before rendering whatever can be wrong with a file. Every file says how its picture
+`plan` finds before rendering what can be wrong with a file. Every file says how its picture
 was made; `read_provenance` reads that.
 """
 
@@ -25,7 +25,8 @@ from halfstep.files.png import PNG
 from halfstep.files.provenance import Provenance, from_text, provenance
 from halfstep.files.tiff import TIFF
 from halfstep.files.whole import ask, check_output_path, replacing
-from halfstep.frames.frame import SOURCES, Frame, check_outputs
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS, check_outputs
 
 File = str | os.PathLike[str] | IO[bytes]
 
@@ -51,8 +52,9 @@ def plan(
         solids: how many the scene has.
 
     Raises:
-        UsageError: the file cannot be written, or cannot hold these outputs or so many solids; an
-            output or the format is unknown; a package that writes such files is missing.
+        UsageError: the file cannot be written, or cannot hold these outputs or as many solids as
+            the scene has; an output or the format is unknown; a package that writes such files is
+            missing.
     """
     type_ = _type(file, format)
     name = _called(file)
@@ -87,14 +89,17 @@ def write(
         are spread over its grey levels, ``range``, the numbers that 1 and 65535 stand for.
 
     Raises:
-        UsageError: as `plan`; the frame has several outputs, of which one must be named.
+        UsageError: as `plan`; ``frame`` is none, or has several outputs, of which one must be
+            named.
         AttributeError: an output was not computed.
         HalfstepError: the system refuses to write, as on a full disk; a path is as before.
         OSError: the file object refuses.
     """
     type_ = _type(file, format)
+    if not isinstance(frame, Frame):
+        raise UsageError(f"frame: {type(frame).__name__} is not Frame")
     names = _held(_called(file), type_, frame, outputs)
-    facts = provenance(frame.info) | {"outputs": list(names)}
+    facts: Provenance = {**provenance(frame.info), "outputs": list(names)}
     if isinstance(file, str | os.PathLike):
         with replacing(file) as partial:
             return type_.write(partial, frame, names, facts)
@@ -146,7 +151,7 @@ def _asked(name: str, type_: FrameType, outputs: Iterable[str]) -> set[str]:
 
 
 def _ordered(names: Collection[str]) -> tuple[str, ...]:
-    return tuple(name for name in SOURCES if name in names)
+    return tuple(name for name in OUTPUTS if name in names)
 
 
 def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
@@ -162,8 +167,11 @@ def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
         ask(path)
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
-    if not path.is_file():
+    if not path.exists():
         raise UsageError(f"{path}: there is no such file")
+    if not path.is_file():
+        other = "a folder" if path.is_dir() else "a device or a pipe"
+        raise UsageError(f"{path}: is {other}, not a file")
     if _ending(path) not in READ:
         raise UsageError(
             f"{path}: the ending {path.suffix!r} is not one of those read: {', '.join(READ)}"
@@ -174,7 +182,8 @@ def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
         text = type_.read(path)
     # Libraries raise what they like.
     except Exception as error:
-        raise HalfstepError(f"{path}: cannot be read as {type_.name}: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise HalfstepError(f"{path}: cannot be read as {type_.name}: {reason}") from error
     return None if text is None else from_text(text)
 
 
@@ -186,6 +195,8 @@ def _type(file: File, format_: str | None) -> FrameType:
         check_output_path(file, ENDINGS)
         type_ = ENDINGS[_ending(file)]
     else:
+        if not hasattr(file, "write"):
+            raise UsageError(f"file: {file!r} is neither a path nor a file object")
         known = [ending.removeprefix(".") for ending in ENDINGS]
         if format_ not in known:
             raise UsageError(f"format: {format_!r} is not one of {', '.join(known)}")

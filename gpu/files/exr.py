@@ -10,26 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import F32, U32, Array
 from halfstep.files.filetype import FrameType
 from halfstep.files.numbers import finite
 from halfstep.files.provenance import NAME, Provenance, to_text
-from halfstep.frames.frame import Array, Frame
-
-# Output -> channels, as other programs name them.
-CHANNELS: dict[str, tuple[str, ...]] = {
-    "color": ("R", "G", "B"),
-    "solid": ("id",),
-    "surface": ("surface",),
-    "t": ("t",),
-    "depth": ("Z",),
-    "depth_exit": ("ZBack",),
-    "position": ("P.X", "P.Y", "P.Z"),
-    "normal": ("N.X", "N.Y", "N.Z"),
-    "error": ("error",),
-    "steps": ("steps",),
-}
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 
 
 def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:
@@ -43,7 +30,9 @@ def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance
     channels = {
         channel: values
         for name in outputs
-        for channel, values in zip(CHANNELS[name], _planes(getattr(frame, name)), strict=True)
+        for channel, values in zip(
+            OUTPUTS[name].channels, _planes(getattr(frame, name)), strict=True
+        )
     }
     with OpenEXR.File(header, channels) as file:
         try:
@@ -53,7 +42,7 @@ def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance
     return facts
 
 
-def _planes(array: Array) -> Iterator[NDArray[np.float32] | NDArray[np.uint32]]:
+def _planes(array: Array) -> Iterator[F32 | U32]:
     """Components (H, W) of an output; of integers -1 becomes 0xFFFFFFFF."""
     if np.issubdtype(array.dtype, np.floating):
         array = finite(array)

@@ -8,14 +8,12 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from halfstep.contract.arrays import Bytes
 from halfstep.errors import UsageError
 from halfstep.files.provenance import Provenance
 from halfstep.frames.frame import Frame
 
-Rgb = NDArray[np.uint8]  # (H, W, 3), sRGB
+Rgb = Bytes  # (H, W, 3), sRGB
 
 
 @dataclass(frozen=True, kw_only=True)

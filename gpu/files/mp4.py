@@ -9,10 +9,15 @@ import errno
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from halfstep.files.filetype import MovieType, Rgb
 from halfstep.files.provenance import Provenance, to_text
+
+if TYPE_CHECKING:
+    from av.container import OutputContainer
+    from av.video.frame import VideoFrame
+    from av.video.stream import VideoStream
 
 # Some builds of FFmpeg come without.
 _ENCODER = "libx264"
@@ -33,12 +38,13 @@ def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -
         # With its index at the front, a film can be shown while it is loaded.
         with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as film:
             film.metadata["comment"] = to_text(facts)
-            stream: Any = None
+            stream: VideoStream | None = None
             for picture in pictures:
                 if stream is None:
                     stream = _stream(film, picture, fps)
                 film.mux(stream.encode(_bt709(picture)))
-            film.mux(stream.encode())
+            if stream is not None:
+                film.mux(stream.encode())
     except av.FFmpegError as error:
         raise OSError(error.errno, error.strerror) from error
     except UnknownCodecError as error:
@@ -46,10 +52,13 @@ def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -
         raise OSError(errno.ENOSYS, lacks) from error
 
 
-def _stream(film: Any, picture: Rgb, fps: float) -> Any:
+def _stream(film: OutputContainer, picture: Rgb, fps: float) -> VideoStream:
     """A stream for frames of the size of ``picture``."""
+    from av.video.stream import VideoStream
+
     rate = Fraction(fps).limit_denominator(1001)
     stream = film.add_stream(_ENCODER, rate=rate, options={"crf": _RATE_FACTOR})
+    assert isinstance(stream, VideoStream)  # which the encoder decides
     stream.height, stream.width, _ = picture.shape
     stream.pix_fmt = "yuv420p"
     context = stream.codec_context
@@ -59,7 +68,7 @@ def _stream(film: Any, picture: Rgb, fps: float) -> Any:
     return stream
 
 
-def _bt709(picture: Rgb) -> Any:
+def _bt709(picture: Rgb) -> VideoFrame:
     from av.video.frame import VideoFrame
     from av.video.reformatter import ColorRange, Colorspace
 

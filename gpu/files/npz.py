@@ -10,7 +10,8 @@ from numpy.lib.npyio import NpzFile
 
 from halfstep.files.filetype import FrameType
 from halfstep.files.provenance import Provenance, to_text
-from halfstep.frames.frame import SOURCES, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS
 
 # The array, of no dimension, that holds the provenance as JSON.
 _ENTRY = "provenance"
@@ -33,7 +34,7 @@ def _read(path: Path) -> str | None:
 NPZ = FrameType(
     name="NPZ",
     endings=(".npz",),
-    default=tuple(SOURCES),
+    default=tuple(OUTPUTS),
     write=_write,
     read=_read,
     always=("solid",),

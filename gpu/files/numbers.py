@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from halfstep.frames.frame import Array
+from halfstep.contract.arrays import F32, Array
 
 # Farther than anything in a scene, whose coordinates end at 1e15, and far from overflow when
 # pixels are added up.  Where nothing is hit, a depth is the greatest, so that two pictures can be
@@ -13,7 +12,7 @@ from halfstep.frames.frame import Array
 FAR = 1e30
 
 
-def finite(array: Array) -> NDArray[np.float32]:
+def finite(array: Array) -> F32:
     """A float array as float32: numbers without components by `FAR` where not finite, others by 0.
 
     Args:

@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array, Bools
 from halfstep.errors import UsageError
-from halfstep.frames.frame import Array, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS, Levels
 from halfstep.frames.png import Pixels
 
 MOST = 0xFFFF
-
-# Whole numbers that count from -1 for none; a pixel has one more.
-_COUNTED = ("solid", "surface")
 
 
 class Picture(NamedTuple):
@@ -27,27 +26,26 @@ class Picture(NamedTuple):
 def picture(frame: Frame, name: str) -> Picture:
     """The output ``name`` of a frame as a picture.
 
-    ``image`` is as it is; all others have 16 bits.  ``color`` becomes sRGB, cut off at 1.  Solids
-    and surfaces are their numbers plus 1, steps their number.  In a normal 32768 is 0 and 65535
-    is 1.  All other numbers are spread over 1…65535 from the least to the greatest; infinity is
-    65535 too.  0 is where nothing is hit.
+    ``image`` is as it is; all others have 16 bits, as `Levels` says. Infinity is 65535. 0 is where
+    nothing is hit.
 
     Raises:
         UsageError: a number exceeds 16 bits.
     """
     array = getattr(frame, name)
-    if name == "image":
-        return Picture(array)
-    if name == "color":
-        return Picture(_srgb(array))
-    if name == "steps":
-        return Picture(array.astype(np.uint16))
-    if name in _COUNTED:
-        return Picture(_counted(name, array))
-    hit = frame.solid >= 0
-    if name == "normal":
-        return Picture(_normal(array, hit))
-    return _spread(array, hit)
+    match OUTPUTS[name].levels:
+        case Levels.IMAGE:
+            return Picture(array)
+        case Levels.SRGB:
+            return Picture(_srgb(array))
+        case Levels.NUMBER:
+            return Picture(array.astype(np.uint16))
+        case Levels.NUMBER_FROM_1:
+            return Picture(_counted(name, array))
+        case Levels.UNIT:
+            return Picture(_normal(array, frame.solid >= 0))
+        case Levels.SPREAD:
+            return _spread(array, frame.solid >= 0)
 
 
 def _srgb(linear: Array) -> NDArray[np.uint16]:
@@ -64,13 +62,13 @@ def _counted(name: str, array: Array) -> NDArray[np.uint16]:
     return (array + 1).astype(np.uint16)
 
 
-def _normal(array: Array, hit: NDArray[np.bool_]) -> NDArray[np.uint16]:
+def _normal(array: Array, hit: Bools) -> NDArray[np.uint16]:
     half = (MOST - 1) // 2
     pixels = np.rint(array.astype(np.float64) * half + (half + 1))
     return np.where(hit[..., None], pixels, 0).astype(np.uint16)
 
 
-def _spread(array: Array, hit: NDArray[np.bool_]) -> Picture:
+def _spread(array: Array, hit: Bools) -> Picture:
     """Numbers (H, W) or (H, W, 3) spread over 1…65535; one range for all components."""
     seen = hit.reshape(hit.shape + (1,) * (array.ndim - 2))
     finite = np.isfinite(array) & seen

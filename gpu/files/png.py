@@ -14,7 +14,8 @@ from halfstep.frames.png import png
 def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:
     pixels, range_ = picture(frame, *outputs)
     if range_ is not None:
-        facts = {**facts, "range": list(range_)}
+        facts = facts.copy()
+        facts["range"] = list(range_)
     path.write_bytes(png(pixels, texts(facts)))
     return facts
 

@@ -6,30 +6,36 @@ It holds no times, so that the same scene, version and device give the same byte
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
+from typing import cast
 
-# A number, a string or a list of such, by name: what JSON can hold.
-Provenance = dict[str, Any]
+from halfstep.frames.frame import Info, Origin
 
-# Those entries of ``Frame.info`` that belong to the picture and not to the run that made it.
-KEYS = (
-    "version",
-    "scene_title",
-    "scene_sha256",
-    "number_format",
-    "method",
-    "steps",
-    "adapter",
-    "driver",
-)
+
+class Provenance(Origin, total=False):
+    """What a file says of its picture: its origin, and what belongs to the file."""
+
+    outputs: list[str]
+    range: list[float]  # what 1 and 65535 stand for in a PNG file
+    frames_range: list[int]  # first and last frame of an animation
+    fps: float
+
+
 # The name under which a file that has names holds it.
 NAME = "Halfstep"
 
 
-def provenance(info: Mapping[str, Any]) -> Provenance:
+def provenance(info: Info) -> Provenance:
     """The provenance of a frame, from its ``info``."""
-    return {key: info[key] for key in KEYS}
+    return {
+        "version": info["version"],
+        "scene_title": info["scene_title"],
+        "scene_sha256": info["scene_sha256"],
+        "number_format": info["number_format"],
+        "method": info["method"],
+        "steps": info["steps"],
+        "adapter": info["adapter"],
+        "driver": info["driver"],
+    }
 
 
 def software(facts: Provenance) -> str:
@@ -48,4 +54,6 @@ def from_text(text: str) -> Provenance | None:
         facts = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    return facts if isinstance(facts, dict) and facts.keys() >= set(KEYS) else None
+    if isinstance(facts, dict) and facts.keys() >= Origin.__required_keys__:
+        return cast(Provenance, facts)
+    return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ from halfstep.files.filetype import FrameType
 from halfstep.files.numbers import finite
 from halfstep.files.provenance import Provenance, software, to_text
 from halfstep.frames.frame import Frame
+
+# Of files with numbers of either byte order, and of files above 4 GiB.
+_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
 def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:
@@ -35,8 +39,22 @@ def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance
 def _read(path: Path) -> str | None:
     from imageio.v3 import immeta
 
-    text: str = immeta(path, plugin="tifffile", page=0)["description"]
+    with path.open("rb") as file:
+        if file.read(4) not in _SIGNATURES:
+            raise ValueError("not a TIFF file")
+    # It logs what is broken in a file, and without a handler that is printed.
+    log = logging.getLogger("tifffile")
+    log.addFilter(_nothing)
+    try:
+        text: str = immeta(path, plugin="tifffile", page=0)["description"]
+    finally:
+        log.removeFilter(_nothing)
     return text
+
+
+def _nothing(_record: logging.LogRecord) -> bool:
+    """A filter that lets no message pass."""
+    return False
 
 
 TIFF = FrameType(

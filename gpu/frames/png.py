@@ -10,7 +10,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+from halfstep.contract.arrays import Bytes
+
+Pixels = Bytes | NDArray[np.uint16]
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _RGB = 2

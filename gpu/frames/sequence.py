@@ -9,15 +9,16 @@ import pickle
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol, Unpack
 
-from halfstep.frames.frame import Frame, check_outputs
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import check_outputs
 from halfstep.frames.renderer import Renderer
-from halfstep.scene import Scene, SceneLike, as_scene, with_overrides
+from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, as_scene, with_overrides
 from halfstep.scene.animation import scene_at
 
-# Frames are handed out this many at a time, and the next so many while these are collected: enough
-# for the workers of a cluster, few enough for the memory of one machine.
+# Frames are handed out this many at a time, the next ones before these are collected. They are
+# enough for the workers of a cluster, and few enough for the memory of one machine.
 AT_A_TIME = 64
 
 
@@ -54,7 +55,8 @@ def render_frames(
     outputs: Iterable[str] = ("image",),
     backend: str = "auto",
     adapter: str | int | None = None,
-    **overrides: Any,
+    camera: CameraLike | None = None,
+    **overrides: Unpack[Overrides],
 ) -> Iterator[Frame]:
     """Frames of the scene's animation, in the order asked for.
 
@@ -72,7 +74,8 @@ def render_frames(
         outputs: as of `Renderer`; so are ``backend`` and ``adapter``.
         backend: "auto", "gpu" or "numpy".
         adapter: an index or a part of the name of a Vulkan adapter.
-        overrides: size, steps and the other options of `Renderer` that replace what the scene says.
+        camera: in place of the scene's, as `render` takes it.
+        overrides: size, steps and the other options of `halfstep.scene.Overrides`.
 
     Raises:
         SceneError: the scene is not valid, an option is out of range, or some frame shows nothing
@@ -81,7 +84,7 @@ def render_frames(
         AdapterError: no suitable adapter.
         DeviceError: the device was lost or the driver failed.
     """
-    shown = with_overrides(as_scene(scene), **overrides)
+    shown = with_overrides(as_scene(scene), camera=camera, **overrides)
     numbers = list(range(shown.effective_animation().frames) if frames is None else frames)
     for number in numbers:
         scene_at(shown, number)

@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats, Ints
 from halfstep.host.camera import View
 from halfstep.host.geometry import Geometry, Hulls
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

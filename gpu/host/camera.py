@@ -7,11 +7,9 @@ import operator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Floats, Ints
 from halfstep.scene import Camera
-
-Floats = NDArray[np.float64]
 
 _CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
@@ -36,7 +34,7 @@ class View:
         """Planar depths of world points (N, 3), scene units."""
         return np.einsum("ni,i->n", points - self.eye, self.camera_from_world[2])
 
-    def directions(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> Floats:
+    def directions(self, i: Ints, j: Ints) -> Floats:
         """World directions (…, 3) per unit of depth through the centres of pixels (i, j)."""
         # Rounded once: a sum with x_first would cancel near the middle of the picture.
         half = self.pixel / 2

@@ -9,13 +9,9 @@ of large numbers.  So what is in the forms of these solids is such that any form
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.layout import TILE
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # Edges of a rectangle, in the order i0, i1, j0, j1.
 EDGES = 4

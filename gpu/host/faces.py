@@ -16,13 +16,9 @@ from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.scene.halfspaces import ROUNDING, unit
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # Pairs of half-spaces compared at once: bounds the temporaries to a few MiB.
 _CHUNK = 1 << 17

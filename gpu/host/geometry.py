@@ -11,16 +11,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.edges import EDGES
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
 from halfstep.scene import Box, PlanePatch, Quadric, Scene, Solid, halfspaces
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # The default volume is this much wider than the solids, so that no solid touches a base plane.
 VOLUME_MARGIN = 2.0**-10

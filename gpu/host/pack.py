@@ -4,35 +4,28 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from halfstep.contract import layout
+from halfstep.contract.arrays import F32, I32, U32, Floats, Ints, Records
 from halfstep.contract.classes import Class
-from halfstep.contract.formats import Format
+from halfstep.contract.formats import FRACTION_BITS, Format
+from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
 from halfstep.host.edges import monomials_of
 from halfstep.host.geometry import Geometry
 from halfstep.host.setup import START_BITS, Setup
-from halfstep.host.steps import format_for
+from halfstep.host.steps import Steps, format_for
 from halfstep.scene import Scene
 
-Floats = NDArray[np.float64]
-Records = NDArray[np.void]
-U32 = NDArray[np.uint32]
-
-# Bits of a depth key below the last step of the solid with the smallest steps.
-KEY_SPARE_BITS = 6
-# Fraction bits of integer coefficients.
-FRACTION_BITS = 60
 # Components of unit vectors and colours below this are as good as none: outputs would hold
 # subnormal numbers, which devices may flush.
 FAINT = 2.0**-63
-# Entries of the sRGB table: 128 for each of 13 powers of two, and one for 1.
-SRGB_ENTRIES = 13 * 128 + 1
 
-# By the class of a solid seen whole and from outside: what it is so, cut, and from inside.
+# Rows: the class of a solid seen whole and from outside. Columns: its class whole, cut, and seen
+# from inside.
 _CLASS_SEEN = np.array(
     [
         [Class.ELLIPSOID, Class.QUADRIC, Class.QUADRIC_INSIDE],
@@ -64,14 +57,14 @@ _FRAME, _LIGHT = layout.FRAME.dtype(), layout.LIGHT.dtype()
 class Surfaces:
     """The surfaces of a scene, numbered through from 1; row 0 stands for no surface."""
 
-    solid: NDArray[np.int32]  # (S,), -1 in row 0
-    number: NDArray[np.int32]  # (S,), within the solid, -1 in row 0
-    first: NDArray[np.int64]  # (K,), each solid's surface 0
-    color: NDArray[np.float32]  # (K, 3), of each solid's material
-    specular: NDArray[np.float32]  # (K,)
-    shininess: NDArray[np.uint32]  # (K,)
-    normal: NDArray[np.float32]  # (M, 3), of each half-space, world
-    usual: NDArray[np.int64]  # (K,), class of each solid from outside and between the base planes
+    solid: I32  # (S,), -1 in row 0
+    number: I32  # (S,), within the solid, -1 in row 0
+    first: Ints  # (K,), each solid's surface 0
+    color: F32  # (K, 3), of each solid's material
+    specular: F32  # (K,)
+    shininess: U32  # (K,)
+    normal: F32  # (M, 3), of each half-space, world
+    outside_class: Ints  # (K,), of each solid seen whole and from outside
 
 
 @dataclass(frozen=True)
@@ -79,8 +72,10 @@ class Packed:
     """One frame: V visible solids ordered by class, then by place in the scene."""
 
     setup: Setup
-    order: NDArray[np.int64]  # (V,), row of each solid in ``setup``
-    classes: NDArray[np.int64]  # (V,)
+    surfaces: Surfaces
+    steps: Steps  # of each solid in the order of ``setup``
+    order: Ints  # (V,), row of each solid in ``setup``
+    classes: Ints  # (V,)
     format: Format
     solids: Records
     half_spaces: Records
@@ -119,28 +114,66 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
         specular=np.array([material.specular for material in materials], np.float32),
         shininess=np.array([material.shininess for material in materials], np.uint32),
         normal=_clear(normals / np.where(length > 0, length, 1.0)).astype(np.float32),
-        usual=_usual_classes(geometry),
+        outside_class=_outside_classes(geometry),
     )
 
 
-def pack(
-    scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: NDArray[np.int64]
-) -> Packed:
-    """Records of the frame ``setup`` with ``steps`` (V,) halvings for each solid."""
-    classes, usual = _classes(tables, setup), tables.usual
+def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: Steps) -> Packed:
+    """Records of the frame ``setup`` with ``steps`` halvings for each solid."""
+    count = steps.count
+    classes, outside = _classes(tables, setup), tables.outside_class
     if scene.accuracy.method == "article":
-        classes, usual = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[usual]
+        classes, outside = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[outside]
     # Numbers of 16 bits or less are sorted in linear time.
     order = np.argsort(classes.astype(np.uint8), kind="stable")
-    number_format = format_for(scene.accuracy, int(steps.max(initial=0)))
-    longest = int((setup.level + np.maximum(steps + 1, START_BITS)).max(initial=0))
-    # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
-    spare = min(KEY_SPARE_BITS, 63 - longest, 30 - int(steps.max(initial=1)))
-    key_bits = longest + spare
-
-    solid_type, half_space_type = _types(number_format)
-    solids = np.zeros(setup.count, solid_type)
+    number_format = format_for(scene.accuracy, int(count.max(initial=0)))
+    keys = _keys(setup, count)
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
+    solids = _solids(tables, setup, steps, number_format, keys, offsets)
+    return Packed(
+        setup=setup,
+        surfaces=tables,
+        steps=steps,
+        order=order,
+        classes=classes[order],
+        format=number_format,
+        solids=solids.take(order),  # a fancy index copies member by member
+        half_spaces=_half_spaces(tables, setup, number_format, offsets),
+        key_bits=keys.bits,
+        lights=_lights(scene, setup),
+        present=_present(classes, outside),
+        shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
+        most_half_spaces=int(geometry.plane_count.max()),
+        solid_count=len(tables.first),
+        surface_count=len(tables.solid) - 1,
+    )
+
+
+class _Keys(NamedTuple):
+    """How depth keys are scaled."""
+
+    bits: int  # depth key = t 2^bits
+    spare: int  # bits below a last step
+
+
+def _keys(setup: Setup, count: Ints) -> _Keys:
+    """The scale of the depth keys of solids that have ``count`` halvings."""
+    longest = int((setup.level + np.maximum(count + 1, START_BITS)).max(initial=0))
+    # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
+    spare = min(SPARE_BITS, 63 - longest, 30 - int(count.max(initial=1)))
+    return _Keys(longest + spare, spare)
+
+
+def _solids(
+    tables: Surfaces,
+    setup: Setup,
+    steps: Steps,
+    number_format: Format,
+    keys: _Keys,
+    offsets: Floats,
+) -> Records:
+    """Records of the solids in the order of ``setup``; ``offsets`` are largest monomials (V, 6)."""
+    solids = np.zeros(setup.count, _types(number_format)[0])
     quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
     host_error = setup.host_error
     if number_format.integer:
@@ -156,11 +189,11 @@ def pack(
     solids["near_u"] = _value(setup.near_u, number_format)
     solids["far_u"] = _value(setup.far_u, number_format)
     solids["depth_middle"], solids["depth_half"] = setup.depth_middle, setup.depth_half
-    solids["last_step"], solids["steps"] = np.exp2(-steps), steps
-    start = (setup.start * 2.0**key_bits).astype(np.uint64)
+    solids["last_step"], solids["steps"] = np.exp2(-steps.count), steps.count
+    start = (setup.start * 2.0**keys.bits).astype(np.uint64)
     solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
-    solids["key_shift"] = key_bits - (setup.level + steps + 1)
-    solids["spare"] = spare
+    solids["key_shift"] = keys.bits - (setup.level + steps.count + 1)
+    solids["spare"] = keys.spare
     facts = {
         Flag.EYE_INSIDE: setup.eye_inside,
         Flag.STARTS_AT_EYE: setup.starts_at_eye,
@@ -176,8 +209,12 @@ def pack(
     solids["color"] = tables.color.take(setup.solid, axis=0)
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]
+    return solids
 
-    half_spaces = np.zeros(len(setup.plane), half_space_type)
+
+def _half_spaces(tables: Surfaces, setup: Setup, number_format: Format, offsets: Floats) -> Records:
+    """Records of the half-spaces; ``offsets`` are those of `_solids`."""
+    half_spaces = np.zeros(len(setup.plane), _types(number_format)[1])
     plane_c, plane_b = setup.plane_c, setup.plane_b
     plane_host_error = setup.plane_host_error
     if number_format.integer:
@@ -189,21 +226,7 @@ def pack(
     half_spaces["c"], half_spaces["b"] = plane_c, plane_b
     half_spaces["normal"] = tables.normal.take(setup.plane, axis=0)
     half_spaces["host_error"] = plane_host_error
-    return Packed(
-        setup=setup,
-        order=order,
-        classes=classes[order],
-        format=number_format,
-        solids=solids.take(order),  # a fancy index copies member by member
-        half_spaces=half_spaces,
-        key_bits=key_bits,
-        lights=_lights(scene, setup),
-        present=_present(classes, usual),
-        shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
-        most_half_spaces=int(geometry.plane_count.max()),
-        solid_count=len(tables.first),
-        surface_count=len(tables.solid) - 1,
-    )
+    return half_spaces
 
 
 @functools.cache
@@ -212,21 +235,22 @@ def _types(number_format: Format) -> tuple[np.dtype[np.void], np.dtype[np.void]]
     return layout.SOLID.dtype(number_format), layout.HALF_SPACE.dtype(number_format)
 
 
-def _classes(tables: Surfaces, setup: Setup) -> NDArray[np.int64]:
+def _classes(tables: Surfaces, setup: Setup) -> Ints:
     inside = setup.eye_inside | setup.near_cut
     # The discriminant alone also finds the roots of a line behind the eye.
     # What is seen from inside is cut as well, so the sum counts to two.
     cut = setup.near_cut | setup.starts_at_eye | (setup.far_u != 1.0)
-    return np.asarray(_CLASS_SEEN[tables.usual[setup.solid], np.add(cut, inside, dtype=np.int64)])
+    column = np.add(cut, inside, dtype=np.int64)
+    return np.asarray(_CLASS_SEEN[tables.outside_class[setup.solid], column])
 
 
-def _present(classes: NDArray[np.int64], usual: NDArray[np.int64]) -> tuple[Class, ...]:
-    """The classes among them, in order."""
-    count = np.bincount(classes, minlength=len(Class)) + np.bincount(usual, minlength=len(Class))
+def _present(classes: Ints, outside: Ints) -> tuple[Class, ...]:
+    """The classes that solids have in this frame or seen from outside, in order."""
+    count = np.bincount(classes, minlength=len(Class)) + np.bincount(outside, minlength=len(Class))
     return tuple(klass for klass, found in zip(Class, count.tolist(), strict=True) if found)
 
 
-def _usual_classes(geometry: Geometry) -> NDArray[np.int64]:
+def _outside_classes(geometry: Geometry) -> Ints:
     """The class of each solid from outside and between the base planes."""
     kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
     classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
@@ -281,34 +305,3 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
 def _clear(vectors: Floats) -> Floats:
     """Unit vectors or colours without components below `FAINT`."""
     return np.where(np.abs(vectors) < FAINT, 0.0, vectors)
-
-
-@functools.cache
-def srgb_table() -> U32:
-    """Table of ``encode.wgsl``, an entry for every 2^16 consecutive float32 from 2^-13 to 1."""
-    edges = (np.arange(1, 256) - 0.5) / 255
-    linear = np.where(edges <= 0.04045, edges / 12.92, ((edges + 0.055) / 1.055) ** 2.4)
-    # The least float32 of each level.
-    first = linear.astype(np.float32)
-    first = np.where(first < linear, np.nextafter(first, np.float32(2)), first).view(np.uint32)
-    begin = np.float32(2.0**-13).view(np.uint32)
-    cells = begin + (np.arange(SRGB_ENTRIES, dtype=np.uint32) << np.uint32(16))
-    level = np.searchsorted(first, cells, side="right")
-    following = np.append(first, 0xFFFFFFFF)[level] - cells.astype(np.int64)
-    table = level | np.minimum(following, 1 << 16) << 8
-    table = table.astype(np.uint32)
-    table.setflags(write=False)  # every caller has this one
-    return table
-
-
-@functools.cache
-def srgb_quads() -> U32:
-    """The table (SRGB_ENTRIES, 4) as shaders read it: uniform arrays have no smaller stride."""
-    quads = np.repeat(srgb_table()[:, None], 4, axis=1)
-    quads.setflags(write=False)
-    return quads
-
-
-def joined_key(high: U32, low: U32) -> NDArray[np.uint64]:
-    """Depth keys from their two words."""
-    return (high.astype(np.uint64) << np.uint64(32)) | low

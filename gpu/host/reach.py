@@ -4,7 +4,7 @@ Over a block, x and y run through a rectangle and u through [-1, 1], so the form
 c + b u of a half-space and F = A u² + G u + C, have bounds in closed form.  No ray of the block
 meets a solid whose half-spaces leave no u between them, whose F is positive for all the u they
 leave, or that has C > 0 and G² - 4 A C < 0, which is a quadratic form in (x, y) again.  The
-margins exceed by which the device's values differ from the forms.
+margins exceed the device's rounding of the forms.
 """
 
 from __future__ import annotations
@@ -12,15 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.setup import Setup
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-
-# What the device makes of forms that are at most 1 is much closer to them than this.
+# The device's values of forms that are at most 1 are much closer to them than this.
 MARGIN = 2.0**-18
 
 

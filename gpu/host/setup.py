@@ -12,16 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import I32, Bools, Floats, Ints
 from halfstep.host.bounds import Bounds, bounds
 from halfstep.host.camera import View
 from halfstep.host.edges import edge_forms, end_lines, end_quadrics, monomials_of
 from halfstep.host.geometry import Geometry
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # An interval starts at a multiple of 2^-START_BITS of its own length.
 START_BITS = 4
@@ -437,7 +433,7 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
     begin = low / far - padding
     end = np.minimum(high / far + padding, 1.0)
 
-    def start_at(level: NDArray[np.int32]) -> tuple[Floats, Floats]:
+    def start_at(level: I32) -> tuple[Floats, Floats]:
         length = np.ldexp(1.0, -level)
         grid = length * 2.0**-START_BITS
         start = np.floor(begin / grid) * grid

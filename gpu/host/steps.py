@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, FLOAT_STEPS, Format
 from halfstep.host.setup import Setup
 from halfstep.scene import Accuracy, Scene
@@ -24,9 +24,9 @@ ROUNDING_SHARE = 2.0**-4
 class Steps:
     """Halvings of each visible solid, and what the number format cannot reach."""
 
-    count: NDArray[np.int64]  # (V,)
-    short: NDArray[np.bool_]  # (V,), the tolerance wants more than ``most``
-    reached: NDArray[np.float64]  # (V,), depth error that is met, in scene units
+    count: Ints  # (V,)
+    short: Bools  # (V,), the tolerance wants more than ``most``
+    reached: Floats  # (V,), depth error that is met, in scene units
     most: int  # halvings that a tolerance gets: more do not pay, or are not to be had
 
 

@@ -22,14 +22,15 @@ Classes = tuple[Class, ...]
 Ints = NDArray[np.int64]
 U32 = NDArray[np.uint32]
 
-# A test costs the host about what a solid too many in a tile costs the device. So only solids with
-# a loose rectangle are tested, in tiles that have so many pixels together, and only if all of these
-# have so many.
+# A test costs the host about what one needless solid in a tile costs the device. So a solid is
+# tested only if its rectangle is loose and its tiles have LEAST_PIXELS together, and only if the
+# tiles of all such solids have LEAST_PIXELS_IN_ALL.
 LEAST_PIXELS = 2**14
 LEAST_PIXELS_IN_ALL = 2**20
-# At most so many sets of classes have a shader of their own, each seen by one of so many tiles.
+# At most MOST_SETS sets of classes have a shader of their own, each seen by at least one tile in
+# LEAST_SHARE.
 MOST_SETS, LEAST_SHARE = 6, 16
-# The largest blocks tested: at most about so many across a solid's rectangle.
+# The largest blocks that are tested: about this many lie across a solid's rectangle.
 FIRST_BLOCKS = 4
 
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bytes, Planes
+from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
-from halfstep.host.pack import Packed, joined_key
+from halfstep.host.pack import Packed
 from halfstep.shader.needs import MOST_TAGS, OUTPUT_BYTES, byte_offsets, plane_offsets
-
-Planes = dict[str, NDArray[Any]]
 
 # What is bound begins at a multiple of this many bytes, and so does what a query is resolved to.
 # All parts of a frame buffer do, because a tile has as many pixels.
@@ -50,19 +48,19 @@ class FrameBuffer:
         """Of all, in bytes."""
         return self.times_at + 16
 
-    def milliseconds(self, content: NDArray[np.uint8]) -> float:
+    def milliseconds(self, content: Bytes) -> float:
         """From one of the times to the other."""
         begin, end = content[self.times_at : self.size].view(np.uint64).tolist()
         return float(end - begin) / 1e6
 
-    def copies(self, content: NDArray[np.uint8], outputs: frozenset[str]) -> Planes:
+    def copies(self, content: Bytes, outputs: frozenset[str]) -> Planes:
         """An array (rows, width, …) for each output, as ``twin.render_band`` gives them."""
         height, stride = self.shape
         first_plane, first_byte = plane_offsets(self.written), byte_offsets(self.written)
         words = content[: self.pixels_at].view(np.uint32).reshape(-1, height, stride)
         pixels = content[self.pixels_at : self.times_at].reshape(-1, height * stride)
 
-        def of_bytes(name: str) -> NDArray[np.uint8]:
+        def of_bytes(name: str) -> Bytes:
             size, first = OUTPUT_BYTES[name], first_byte[name]
             plane = pixels[first : first + size].reshape(height, stride, size)
             return np.array(plane[: self.rows, : self.width])

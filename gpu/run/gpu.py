@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import U32, Array, Bools, Planes
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.contract.layout import TILE, TILE_WORDS
+from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import (
     INT64,
     Adapter,
+    Facts,
     close_device,
     device_errors,
     open_device,
     wgpu_errors,
 )
 from halfstep.device.compute import Compute
+from halfstep.device.handles import GpuBuffer, GpuDevice
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
-from halfstep.host.pack import Packed, frame_record, srgb_quads
+from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import (
     Classes,
     TileGroup,
@@ -31,10 +34,11 @@ from halfstep.host.tiles import (
     tile_lists,
 )
 from halfstep.run import rounds, split
-from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, Planes, pixel_bytes, written_for
+from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, pixel_bytes, written_for
+from halfstep.run.needs import needs_of
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
-from halfstep.shader.needs import UNIFORM_BYTES, Needs, needs_of
+from halfstep.shader.needs import UNIFORM_BYTES, Needs
 from halfstep.shader.source import binding_types, compose
 
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
@@ -43,10 +47,10 @@ SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
 RECORD_BYTES = 4 * TILE_WORDS
 RECORDS_ALIGNMENT = ALIGNMENT // RECORD_BYTES
-# A dispatch has at most so many workgroups.
+# The most workgroups of a dispatch.
 MOST_WORKGROUPS = 1 << 13
 PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
-# A record has at most ten pieces for as many invocations: more would load nothing.
+# A record has at most ten pieces; invocations beyond that would load nothing.
 MOST_TOGETHER = 16
 # What the bindings hold; 5 and 6 are parts of the frame buffer.
 _NAMES = {
@@ -59,17 +63,25 @@ _NAMES = {
     8: "sRGB table",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
-_Binding = tuple[Any, int, int]
+_Binding = tuple[GpuBuffer, int, int]
 
 
 class Device(Turns):
     """A device with its pipelines and buffers, kept from frame to frame.
 
-    What a frame is rendered from and to is kept in them: a frame is rendered in one `turn`.
+    The buffers hold one frame at a time, so each frame is rendered in one `turn`.
     """
 
-    def __init__(self, adapter: Adapter, number_format: Format = FLOAT32) -> None:
+    def __init__(
+        self,
+        adapter: Adapter,
+        number_format: Format = FLOAT32,
+        *,
+        conveyor: str = "conveyor",
+    ) -> None:
         """Open ``adapter``, with 64-bit integers in shaders where it has them.
+
+        ``conveyor`` is the stage that finds where roots are: the benchmark has another one.
 
         Raises:
             AdapterError: it cannot work in ``number_format``.
@@ -78,18 +90,20 @@ class Device(Turns):
         super().__init__()
         self.adapter = adapter
         self.check_format(number_format)
-        self._played = adapter.summary.kind == "cpu"
-        # Where a processor plays the device, its memory is the device's.
-        shared = {MAPPABLE} if self._played else set()
+        self._is_software = adapter.summary.kind == "cpu"
+        # The memory of a software adapter is that of the host.
+        shared = {MAPPABLE} if self._is_software else set()
         wanted = {INT64, SUBGROUP} | shared
-        self._device: Any = open_device(adapter, features=wanted & adapter.handle.features)
+        features = wanted & adapter.handle.features
+        self._open: GpuDevice | None = open_device(adapter, features=features)
         self._mapped = MAPPABLE in self._device.features
-        # Where a processor plays the device, a load serves one invocation after another, and no
-        # code is jumped over. Both ways round that are worth a factor of 1.3 to 2, measured.
+        # A software adapter serves the loads of one invocation after another, and runs code that no
+        # invocation needs. Fetching together avoids the one, a shader for each set of classes the
+        # other. Each is worth a factor of 1.3 to 2, measured.
         self._together = 1
         compute = Compute(self._device)
         self.loop_rounds = loop_limit(compute) or MOST_ROUNDS
-        if self._played and {SUBGROUP, INT64} <= self._device.features:
+        if self._is_software and {SUBGROUP, INT64} <= self._device.features:
             self._together = min(subgroup_size(compute), MOST_TOGETHER)
         limits = self._device.limits
         self._uniform = self._together > 1 and (
@@ -98,22 +112,27 @@ class Device(Turns):
         self.largest_binding: int = min(
             limits["max-storage-buffer-binding-size"], limits["max-buffer-size"]
         )
-        self.conveyor = "conveyor"  # the stage that finds roots: the benchmark has another
-        self._pipelines: dict[Needs, Any] = {}
-        self._layouts: dict[tuple[tuple[int, str], ...], Any] = {}
+        self._conveyor = conveyor
+        self._pipelines: dict[Needs, object] = {}
+        self._layouts: dict[tuple[tuple[int, str], ...], object] = {}
         # The layout and the bindings of the last frame, and the bind group made of them.
-        self._bound: tuple[Any, Any] = None, None
-        self._known: dict[Needs, list[Classes]] = {}
-        # What the frame buffer shows where nothing is, and which of its tiles show just that.
-        self._blank: tuple[Any, NDArray[np.bool_]] = None, np.zeros(0, bool)
-        self._buffers: dict[str, Any] = {}
+        self._bound: tuple[object, object] = None, None
+        self._chosen_sets: dict[Needs, list[Classes]] = {}
+        # What the frame buffer shows where nothing is hit, and which of its tiles show only that.
+        self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
+        self._buffers: dict[str, GpuBuffer] = {}
         self._timed = "timestamp-query" in self._device.features
-        self._queries: Any = None
+        self._queries: object = None
         if self._timed:
             self._queries = self._device.create_query_set(type="timestamp", count=2)
 
+    @property
+    def _device(self) -> GpuDevice:
+        assert self._open is not None  # there are no turns once it is given back
+        return self._open
+
     def _give_back(self) -> None:
-        device, self._device = self._device, None
+        device, self._open = self._open, None
         if device is None:
             return
         self._drop_buffers()
@@ -123,14 +142,14 @@ class Device(Turns):
         close_device(device)
 
     def _drop_buffers(self) -> None:
-        """Let go of all buffers, and of all that is known of what they hold."""
+        """Destroy all buffers, and forget what they hold."""
         self._bound = None, None
         self._blank = None, np.zeros(0, bool)
         while self._buffers:
             self._buffers.popitem()[1].destroy()
 
     def check_format(self, number_format: Format) -> None:
-        """See whether the device can work in a number format.
+        """See that the device can work in a number format.
 
         Raises:
             AdapterError: it needs 64-bit integers and the device has none.
@@ -143,6 +162,11 @@ class Device(Turns):
                 f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which "
                 f"{needed_by}, or the backend numpy"
             )
+
+    @property
+    def facts(self) -> Facts:
+        """Facts of the adapter and of its driver."""
+        return self.adapter.summary.facts
 
     @property
     def most_steps(self) -> int | None:
@@ -178,8 +202,8 @@ class Device(Turns):
             together=self._together,
             uniform=self._uniform,
         )
-        if self.conveyor != needs.conveyor:
-            needs = replace(needs, conveyor=self.conveyor)
+        if self._conveyor != needs.conveyor:
+            needs = replace(needs, conveyor=self._conveyor)
         frame = frame_record(scene, packed.setup, first_row, rows)
         starts, members = tile_lists(packed, needs.classes, first_row, rows)
         too_long = rounds.exceed(needs, packed, starts, members, self.loop_rounds)
@@ -224,23 +248,23 @@ class Device(Turns):
                 milliseconds = layout.milliseconds(content) if self._timed else None
                 memory.unmap()
         except BaseException:
-            # Cut short, by Ctrl-C say, it may leave a buffer mapped or about to be: the next frame
-            # takes others.
+            # An exception, such as that of Ctrl-C, may leave a buffer mapped or about to be mapped.
+            # The next frame takes new ones.
             self._drop_buffers()
             raise
         self._blank = ground, blank
         return planes, milliseconds
 
-    def _left_out(self, needs: Needs, ground: Any, blank: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which of the tiles ``blank`` need no rendering: in the last frame they were the same."""
+    def _left_out(self, needs: Needs, ground: object, blank: Bools) -> Bools:
+        """Which of the ``blank`` tiles were rendered blank before, and need no rendering."""
         shown, before = self._blank
-        # Known again once this frame is rendered: it may fail midway.
+        # Unknown until this frame succeeds.
         self._blank = None, blank
-        # The frame that decides on shaders has use for each, so that all are compiled.
-        decided = not self._played or self._known.get(needs)
+        # The frame that picks the shaders renders blank tiles too, so that all compile now.
+        decided = not self._is_software or self._chosen_sets.get(needs)
         return blank & before if shown == ground and decided else np.zeros_like(blank)
 
-    def _is_too_large(self, packed: Packed, members: NDArray[np.uint32]) -> bool:
+    def _is_too_large(self, packed: Packed, members: U32) -> bool:
         """Whether a binding cannot hold the solids, their half-spaces or the lists of tiles."""
         largest = max(packed.solids.nbytes, packed.half_spaces.nbytes, members.nbytes)
         return largest > self.largest_binding
@@ -266,23 +290,23 @@ class Device(Turns):
             del joined["key"]
         return joined, sum(times) if times else None
 
-    def _sets(self, needs: Needs, starts: NDArray[np.uint32]) -> list[Classes]:
+    def _sets(self, needs: Needs, starts: U32) -> list[Classes]:
         """The classes of each shader of a frame.
 
-        One shader does for a single frame, as compiling takes longer than rendering. The second
-        one decides which sets of classes get a shader of their own, where no code is jumped over.
+        A single frame has one shader, as compiling takes longer than rendering. On a software
+        adapter the second frame picks the sets of classes that get a shader of their own.
         """
         whole = [needs.classes]
-        if not self._played:
+        if not self._is_software:
             return whole
-        if needs not in self._known:
-            self._known[needs] = []
+        if needs not in self._chosen_sets:
+            self._chosen_sets[needs] = []
             return whole
-        if not self._known[needs]:
-            self._known[needs] = frequent_sets(starts, needs.classes)
-        return self._known[needs]
+        if not self._chosen_sets[needs]:
+            self._chosen_sets[needs] = frequent_sets(starts, needs.classes)
+        return self._chosen_sets[needs]
 
-    def _layout(self, needs: Needs) -> Any:
+    def _layout(self, needs: Needs) -> object:
         """The layout of the bindings of a shader."""
         types = tuple(binding_types(needs).items())
         if types not in self._layouts:
@@ -297,7 +321,7 @@ class Device(Turns):
             self._layouts[types] = self._device.create_bind_group_layout(entries=entries)
         return self._layouts[types]
 
-    def _pipeline(self, needs: Needs) -> Any:
+    def _pipeline(self, needs: Needs) -> object:
         if needs not in self._pipelines:
             layout = self._layout(needs)
             module = self._device.create_shader_module(label="halfstep", code=compose(needs))
@@ -308,13 +332,13 @@ class Device(Turns):
             )
         return self._pipelines[needs]
 
-    def _upload(self, number: int, type_: str, content: NDArray[Any]) -> _Binding:
+    def _upload(self, number: int, type_: str, content: Array) -> _Binding:
         """A part of a buffer that holds ``content``."""
         # An empty binding is not allowed: nothing reads this one record of zeros.
         content = content if len(content) else np.zeros(1, content.dtype)
         size, bound = content.nbytes, None
         if number == 3:
-            # Bound in parts of one size, so that beyond the last one there must be room.
+            # It is bound in parts of one size, so there must be room beyond the last one.
             size, bound = size + PART_BYTES, PART_BYTES
         elif number in (1, 2) and type_ == "uniform":
             # As large as the shader declares it.
@@ -323,12 +347,12 @@ class Device(Turns):
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
         return buffer, 0, bound or buffer.size
 
-    def _frame_buffer(self, layout: FrameBuffer) -> Any:
+    def _frame_buffer(self, layout: FrameBuffer) -> GpuBuffer:
         """The buffer that a band is rendered to."""
         access = "MAP_READ" if self._mapped else "COPY_SRC"
         return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|{access}")
 
-    def _buffer(self, name: str, size: int, usage: str) -> Any:
+    def _buffer(self, name: str, size: int, usage: str) -> GpuBuffer:
         """A kept buffer of at least ``size`` bytes."""
         buffer = self._buffers.get(name)
         if buffer is None or buffer.size < size:
@@ -345,9 +369,9 @@ class Device(Turns):
         needs: Needs,
         parts: list[_Part],
         bindings: dict[int, _Binding],
-        frame: Any,
+        frame: GpuBuffer,
         layout: FrameBuffer,
-    ) -> Any:
+    ) -> GpuBuffer:
         """Render to the buffer ``frame``, and wait: a mapped buffer with what it holds."""
         encoder = self._device.create_command_encoder()
         timing = {}
@@ -374,7 +398,7 @@ class Device(Turns):
         memory.map_sync("READ", 0, layout.size)
         return memory
 
-    def _bind_group(self, needs: Needs, bindings: dict[int, _Binding]) -> Any:
+    def _bind_group(self, needs: Needs, bindings: dict[int, _Binding]) -> object:
         """A bind group of parts of buffers, most often that of the last frame."""
         layout = self._layout(needs)
         if (layout, bindings) != self._bound[0]:
@@ -400,7 +424,7 @@ class _Part(NamedTuple):
     tiles: int
 
 
-def _parts(groups: list[TileGroup]) -> tuple[NDArray[np.uint32], list[_Part]]:
+def _parts(groups: list[TileGroup]) -> tuple[U32, list[_Part]]:
     """The records of all tiles in one array, and the dispatches that take them."""
     parts, pieces, end = [], [np.zeros((0, TILE_WORDS), np.uint32)], 0
     for group in groups:

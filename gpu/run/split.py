@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Planes
 from halfstep.host.pack import Packed
-
-Planes = dict[str, NDArray[Any]]
 
 
 def halves(packed: Packed) -> tuple[Packed, Packed]:

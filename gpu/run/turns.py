@@ -21,6 +21,17 @@ class Turns(ABC):
         self._taken = False
         self._closed = False
 
+    def check_usable(self) -> None:
+        """See that turns can be had.
+
+        Raises:
+            UsageError: it is closed.
+            DeviceError: this process was forked from the one whose device it is.
+        """
+        if self._closed:
+            raise UsageError("the renderer is closed")
+        check_process()
+
     @contextmanager
     def turn(self) -> Iterator[None]:
         """Be alone in what is done inside; until then, wait for other threads.

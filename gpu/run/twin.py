@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.contract.classes import Class
+from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
+from halfstep.contract.srgb import srgb_table
 from halfstep.contract.stages import VISITS
-from halfstep.host.pack import Packed, frame_record, joined_key, srgb_table
+from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import tile_lists
+from halfstep.run.needs import needs_of
 from halfstep.scene import Scene
-from halfstep.shader.needs import needs_of
 from halfstep.twin import encode, finish, keep
 from halfstep.twin.chosen import Chosen, chosen_for, module
 from halfstep.twin.lanes import F32

@@ -1,14 +1,19 @@
 """What a frame shows: scenes, valid by construction, from files or from Python.
 
-A scene is built by `load` (a file or a bundled name) or `Scene.from_dict` (a mapping), of which
-`as_scene` chooses; `with_overrides` makes a changed copy.
+A scene is built by `load` (a file or a bundled name), `Scene.from_dict` (a mapping), of which
+`as_scene` chooses, or `Scene` (tables); `with_overrides` makes a changed copy.
 """
 
-from halfstep.scene.changes import still, with_animation, with_overrides
+from halfstep.scene.changes import CameraLike, Overrides, still, with_animation, with_overrides
+from halfstep.scene.copies import Copies, Layout, Within
+from halfstep.scene.functions import Function, Names
+from halfstep.scene.groups import Cell, Fragment, Group, Place
 from halfstep.scene.keys import Animation, CameraKey, SolidKey
+from halfstep.scene.lattices import Lattice
 from halfstep.scene.model import Scene
 from halfstep.scene.reading import SceneLike, as_scene, bundled_scenes, json_schema, load
 from halfstep.scene.solids import (
+    PART_KINDS,
     SOLID_KINDS,
     Bounds,
     Box,
@@ -18,6 +23,7 @@ from halfstep.scene.solids import (
     HyperboloidOneSheet,
     HyperboloidTwoSheets,
     Paraboloid,
+    Part,
     PlanePatch,
     Polyhedron,
     Quadric,
@@ -25,12 +31,15 @@ from halfstep.scene.solids import (
     Solid,
     Sphere,
 )
+from halfstep.scene.surfaces import SURFACE_KINDS, Surface
 from halfstep.scene.tables import Accuracy, Ambient, Camera, Image, Light, Material, Volume
 from halfstep.scene.values import MAX_HALF_SPACES
 
 __all__ = [
     "MAX_HALF_SPACES",
+    "PART_KINDS",
     "SOLID_KINDS",
+    "SURFACE_KINDS",
     "Accuracy",
     "Ambient",
     "Animation",
@@ -38,15 +47,27 @@ __all__ = [
     "Box",
     "Camera",
     "CameraKey",
+    "CameraLike",
+    "Cell",
     "Cone",
+    "Copies",
     "Cylinder",
     "Ellipsoid",
+    "Fragment",
+    "Function",
+    "Group",
     "HyperboloidOneSheet",
     "HyperboloidTwoSheets",
     "Image",
+    "Lattice",
+    "Layout",
     "Light",
     "Material",
+    "Names",
+    "Overrides",
     "Paraboloid",
+    "Part",
+    "Place",
     "PlanePatch",
     "Polyhedron",
     "Quadric",
@@ -56,7 +77,9 @@ __all__ = [
     "Solid",
     "SolidKey",
     "Sphere",
+    "Surface",
     "Volume",
+    "Within",
     "as_scene",
     "bundled_scenes",
     "json_schema",

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from halfstep.errors import SceneError, UsageError
-from halfstep.scene import Animation, Camera, CameraKey, Scene, SolidKey, still
+from halfstep.scene import Animation, Camera, CameraKey, Fragment, Scene, SolidKey, still
 
 FULL_TURN = 360.0
 _Keys = Sequence[CameraKey] | Sequence[SolidKey]
@@ -35,7 +35,9 @@ def scene_at(scene: Scene, frame: int) -> Scene:
         SceneError: a fault of the camera or a solid at this moment.
     """
     animation = scene.effective_animation()
-    if not 0 <= frame < animation.frames:
+    # There is no frame 0.5, nor one of a name.
+    is_whole = hasattr(frame, "__index__")
+    if not (is_whole and 0 <= frame < animation.frames):
         raise UsageError(f"frame {frame}: the frames are 0 to {animation.frames - 1}")
     steps = animation.frames if _closes(scene, animation) else animation.frames - 1
     time = frame / max(steps, 1)
@@ -43,13 +45,8 @@ def scene_at(scene: Scene, frame: int) -> Scene:
         camera = _orbit(scene.camera, animation.orbit_degrees * time)
     else:
         camera = _state(animation.keyframes, time)
-    places = {
-        index: _state(solid.keyframes, time)
-        for index, solid in enumerate(scene.solids)
-        if solid.keyframes
-    }
     try:
-        return still(scene, camera, places)
+        return still(scene, camera, lambda keys: _state(keys, time))
     except SceneError as error:
         raise SceneError(
             *(f"{scene.name}: frame {frame}: {text}" for text in error.faults)
@@ -59,10 +56,19 @@ def scene_at(scene: Scene, frame: int) -> Scene:
 def _closes(scene: Scene, animation: Animation) -> bool:
     """Whether everything ends as it begins."""
     whole = math.fmod(animation.orbit_degrees or 0.0, FULL_TURN) == 0.0
-    keys: list[_Keys] = [animation.keyframes, *(solid.keyframes for solid in scene.solids)]
+    solids: list[_Keys] = [solid.keyframes for solid in scene.solids]
+    keys: list[_Keys] = [animation.keyframes, *solids, *_keys_inside(scene)]
     return whole and all(
         _alike(name, values[0], values[-1]) for each in keys for name, _, values in _tracks(each)
     )
+
+
+def _keys_inside(fragment: Fragment) -> Iterator[_Keys]:
+    """Keys of the parts and places of a scene or group, and of the groups in it."""
+    for moving in (*fragment.parts, *fragment.places):
+        yield moving.keyframes
+    for group in fragment.groups:
+        yield from _keys_inside(group)
 
 
 def _alike(name: str, value: _Numbers, other: _Numbers) -> bool:

@@ -4,7 +4,7 @@ import difflib
 import json
 import re
 from collections.abc import Iterable, Mapping
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -25,7 +25,7 @@ SMALLEST_LENGTH = 1e-15
 # Similarity from which a word counts as a misspelling: "radus" and "colour", but no other key.
 _ALIKE = 0.75
 _LONGEST = 80
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _TOML_PLACE = re.compile(
     r"(?P<text>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)", re.S
 )
@@ -38,19 +38,14 @@ def fault(
     return PydanticCustomError(kind, "{text}", {"text": text})
 
 
-def describe(error: ErrorDetails, tables: Mapping[tuple[str, ...], type[BaseModel]]) -> Fault:
+def describe(error: ErrorDetails, root: type[BaseModel]) -> Fault:
     """Key path and text of one fault: the value, then the rule it breaks.
 
     Args:
-        error: as pydantic lists it, its location counted from the scene.
-        tables: the type of every table, by the string keys of its pydantic location.
+        error: as pydantic lists it, its location counted from a table.
+        root: the type of that table.
     """
-    kinds = [names[1] for names in tables if len(names) == 2 and names[0] == "solid"]
-    names = tuple(key for key in error["loc"] if isinstance(key, str))
-    loc = error["loc"]
-    if loc[:1] == ("solid",) and len(loc) > 2 and loc[2] in kinds:
-        # Pydantic puts a solid's kind after its index; the file has no such key.
-        loc = loc[:2] + loc[3:]
+    loc, tables = _walk(root, error["loc"])
     value, context = error["input"], error.get("ctx", {})
     match error["type"]:
         case "halfstep_field":
@@ -58,17 +53,17 @@ def describe(error: ErrorDetails, tables: Mapping[tuple[str, ...], type[BaseMode
         case "halfstep_table":
             return loc[:-1], error["msg"]
         case "missing":
-            return loc, "missing" + ("; the only format is 1" if loc == ("format",) else "")
+            return loc, "missing"
         case "extra_forbidden":
-            fields = tables[names[:-1]].model_fields
-            allowed = [field.alias or key for key, field in fields.items()]
-            return loc, f"unknown key; {hint(names[-1], allowed, 'allowed are')}"
+            [table] = _walk(root, error["loc"][:-1])[1]
+            allowed = [field.alias or key for key, field in table.model_fields.items()]
+            key = error["loc"][-1]
+            return (*loc[:-1], key), f"unknown key; {hint(str(key), allowed, 'allowed are')}"
         case "union_tag_invalid":
-            kind = value["kind"]
-            help_ = hint(kind if isinstance(kind, str) else "", kinds, "the kinds are")
-            return (*loc, "kind"), f"{show(kind)} is not a kind of solid; {help_}"
+            what = next((str(key) for key in reversed(loc) if isinstance(key, str)), "table")
+            return (*loc, "kind"), no_kind(value["kind"], what, kinds_of(tables))
         case "union_tag_not_found":
-            return (*loc, "kind"), f"missing; the kinds are {_listed(kinds)}"
+            return (*loc, "kind"), missing_kind(kinds_of(tables))
         case "greater_than_equal" if context["ge"] == SMALLEST_LENGTH and value <= 0.0:
             # What breaks the smallest length is hardly ever its magnitude.
             return loc, f"{show(value)} is not > 0"
@@ -84,10 +79,57 @@ def describe(error: ErrorDetails, tables: Mapping[tuple[str, ...], type[BaseMode
             return loc, f"{float(value)!r} is not an integer{instead}"
         case "float_type" if isinstance(value, int) and not isinstance(value, bool):
             return loc, f"{show(value)} is too {'large' if value > 0 else 'small'}"
-        case "tuple_type" if isinstance(value, Mapping) and (len(loc) == 1 or loc[-1] == "key"):
+        case "tuple_type" if isinstance(value, Mapping) and tables:
             path = ".".join(key for key in loc if isinstance(key, str))
             return loc, f"{show(value)} is not an array; write [[{path}]]"
     return loc, f"{show(value)} is {_rule(error)}"
+
+
+def kinds_of(tables: Iterable[type[BaseModel]]) -> list[str]:
+    """The value of ``kind`` by which each table of a union is told."""
+    return [table.model_fields["kind"].default for table in tables]
+
+
+def no_kind(kind: object, what: str, kinds: Iterable[str]) -> str:
+    """That a kind of ``what`` is none of those that there are."""
+    help_ = hint(kind if isinstance(kind, str) else "", kinds, "the kinds are")
+    return f"{show(kind)} is not a kind of {what}; {help_}"
+
+
+def missing_kind(kinds: Iterable[str]) -> str:
+    """That a table does not say which kind it is."""
+    return f"missing; the kinds are {_listed(kinds)}"
+
+
+def _walk(root: type[BaseModel], loc: Loc) -> tuple[Loc, list[type[BaseModel]]]:
+    """A path as the file has it, and the types of table that may stand at its end.
+
+    Pydantic puts the kind of a table after its index; the file has no such key.
+    """
+    path: list[int | str] = []
+    tables = [root]
+    for key in loc:
+        if len(tables) > 1 and key in (kinds := kinds_of(tables)):
+            tables = [tables[kinds.index(str(key))]]
+            continue
+        fields = [
+            field
+            for table in tables
+            for name, field in table.model_fields.items()
+            if key in (name, field.alias)
+        ]
+        # Python may give a key by the name of the attribute.
+        path.append(next((field.alias for field in fields if field.alias), key))
+        if isinstance(key, str):
+            tables = [table for field in fields for table in _tables(field.annotation)]
+    return tuple(path), tables
+
+
+def _tables(annotation: object) -> list[type[BaseModel]]:
+    """Types of table that an annotation holds."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in _tables(part)]
 
 
 def _rule(error: ErrorDetails) -> str:
@@ -101,7 +143,8 @@ def _rule(error: ErrorDetails) -> str:
         case "less_than":
             return f"not < {context['lt']:g}"
         case "less_than_equal":
-            return f"not <= {context['le']:g}"
+            limit = context["le"]
+            return f"not <= {limit if isinstance(limit, int) else format(limit, 'g')}"
         case "literal_error":
             return "not " + str(context["expected"]).replace("'", '"')
         case "finite_number":
@@ -112,11 +155,13 @@ def _rule(error: ErrorDetails) -> str:
             return "not an integer"
         case "float_type":
             return "not a number"
+        case "bool_type":
+            return "not true or false"
         case "string_type":
             return "not a string"
         case "tuple_type":
             return "not an array"
-        case "model_type" | "model_attributes_type":
+        case "model_type" | "model_attributes_type" | "dict_type":
             return "not a table"
     return f"not valid: {error['msg']}"
 
@@ -128,7 +173,7 @@ def line(source: str, loc: Loc, text: str) -> str:
         if isinstance(key, int):
             path += f"[{key}]"
         else:
-            path += ("." if path else "") + (key if _BARE_KEY.fullmatch(key) else show(key))
+            path += ("." if path else "") + (key if BARE_KEY.fullmatch(key) else show(key))
     return ": ".join(part for part in (source, path, text) if part)
 
 

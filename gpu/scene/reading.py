@@ -27,6 +27,8 @@ def load(path_or_name: str | os.PathLike[str]) -> Scene:
     Raises:
         SceneError: where there is no such scene, or with every fault it has.
     """
+    if not isinstance(path_or_name, str | os.PathLike):
+        raise SceneError(f"scene: {show(path_or_name)} is not a path or a bundled name")
     given = os.fspath(path_or_name)
     path = Path(given)
     if path.suffix == ".toml":
@@ -73,6 +75,8 @@ def bundled_scenes() -> dict[str, str]:
 def json_schema() -> dict[str, Any]:
     """JSON Schema of a scene file. Rules between two keys are not in it."""
     schema = Scene.model_json_schema(by_alias=True)
+    # Only Python may leave it out.
+    schema["required"] = ["format", *schema["required"]]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
@@ -104,7 +108,8 @@ def _parse(source: str, content: bytes) -> Scene:
     except ValueError as error:
         raise SceneError(f"{source}: {error}") from None
     try:
-        return Scene._from_plain(tomllib.loads(text), source)
+        # Nothing in it is of NumPy.
+        return Scene._from_plain(tomllib.loads(text), source)  # noqa: SLF001 - of this room
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{source}: {syntax_fault(str(error), text)}") from None
     except RecursionError:

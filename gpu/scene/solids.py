@@ -1,41 +1,39 @@
 """The kinds of solids."""
 
 import math
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Iterable
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-from halfstep.scene import halfspaces
-from halfstep.scene.faults import TABLE_FAULT, Fault, fault, show
+from halfstep.scene import halfspaces, shapes
+from halfstep.scene.faults import fault, show
+from halfstep.scene.formula import Operand
 from halfstep.scene.keys import SolidKey, are_in_order
 from halfstep.scene.placement import orientation, tested_axes_of
+from halfstep.scene.shapes import Named, Placed, check_turns
 from halfstep.scene.values import (
     MAX_HALF_SPACES,
-    Angles,
     Array,
-    Coefficients,
     Color,
     Coordinate,
     Cuts,
-    Direction,
     Faces,
     HalfSpace,
-    Length,
     Lengths,
     Name,
     Point,
     Sequence,
     Table,
     Vector,
-    check_exactly_one,
-    validation_error,
+    check_at_most_one,
+    made_of_kind,
 )
 
 
-class BaseSolid(Table):
+class BaseSolid(Placed, Named):
     """What all solids have: a frame of their own, and a colour.
 
     Attributes:
@@ -50,28 +48,16 @@ class BaseSolid(Table):
     is_ellipsoid: ClassVar[bool] = False
     bulges: ClassVar[bool] = False
 
-    name: Name | None = None
-    origin: Point = (0.0, 0.0, 0.0)
-    axis: Direction | None = None
-    rotation_degrees: Angles | None = None
     material: Name | None = None
     color: Color | None = None
     keyframes: Annotated[Sequence[SolidKey], AfterValidator(are_in_order)] = Field(
         default=(), alias="key"
     )
 
-    @field_validator("rotation_degrees")
-    @classmethod
-    def _one_orientation(cls, angles: Vector | None, info: ValidationInfo) -> Vector | None:
-        if angles is not None and info.data.get("axis") is not None:
-            raise fault("has axis and rotation_degrees; only one may be given", TABLE_FAULT)
-        return angles
-
     @field_validator("color")
     @classmethod
-    def _exactly_one_finish(cls, color: Vector | None, info: ValidationInfo) -> Vector | None:
-        if "material" in info.data:
-            check_exactly_one(material=info.data["material"], color=color)
+    def _at_most_one_finish(cls, color: Vector | None, info: ValidationInfo) -> Vector | None:
+        check_at_most_one(material=info.data.get("material"), color=color)
         return color
 
     @field_validator("keyframes")
@@ -79,23 +65,7 @@ class BaseSolid(Table):
     def _turn_from_angles(
         cls, keyframes: tuple[SolidKey, ...], info: ValidationInfo
     ) -> tuple[SolidKey, ...]:
-        if info.data.get("axis") is not None:
-            faults: list[Fault] = [
-                ((index, "rotation_degrees"), "the solid has axis; write rotation_degrees instead")
-                for index, key in enumerate(keyframes)
-                if key.rotation_degrees is not None
-            ]
-            if faults:
-                raise validation_error("key", faults)
-        return keyframes
-
-    def world_from_local(self) -> Array:
-        """Rotation (3, 3) taking local directions, as columns, to world ones; orthogonal.
-
-        With `rotation_degrees` [rx, ry, rz] it is Rz·Ry·Rx, with `axis` the shortest rotation
-        taking local +Z to the axis (half a turn about X where they are opposite).
-        """
-        return orientation(self.axis, self.rotation_degrees)
+        return check_turns(keyframes, info.data.get("axis"), "solid")
 
     def half_spaces(self) -> Array:
         """Half-spaces of the solid, (m, 4) rows (nx, ny, nz, d): n·x' <= d in local coordinates.
@@ -123,7 +93,21 @@ class BaseSolid(Table):
         return None
 
 
-class _QuadricSolid(BaseSolid, ABC):
+class Part(BaseSolid, Operand, ABC):
+    """A solid with an inside: it may stand in a region. All kinds are parts but the plane.
+
+    From Python, ``Part(kind="box", size=…)`` makes one of the kind, as `Box` does.
+    """
+
+    def __new__(cls, *_arguments: Any, **keys: Any) -> Self:  # noqa: D102
+        return made_of_kind(cls, Part, PART_KINDS, keys)
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *, kind: str, **keys: Any) -> None: ...
+
+
+class _QuadricSolid(Part, ABC):
     """A second-order solid F <= 0, cut by planes: system (4)."""
 
     is_flat: ClassVar[bool] = False
@@ -150,13 +134,6 @@ class _QuadricSolid(BaseSolid, ABC):
             raise fault(f"{total} half-spaces with z_min and z_max is not <= {MAX_HALF_SPACES}")
         return cut
 
-    def quadric(self) -> Array:
-        """The matrix of F."""
-        return self._matrix()
-
-    @abstractmethod
-    def _matrix(self) -> Array: ...
-
     def _rows(self) -> Iterable[HalfSpace]:
         if self.z_min is not None:
             yield 0.0, 0.0, -1.0, -self.z_min
@@ -165,27 +142,12 @@ class _QuadricSolid(BaseSolid, ABC):
         yield from self.cut
 
 
-class Sphere(_QuadricSolid):
+class Sphere(shapes.Sphere, _QuadricSolid):
     """x² + y² + z² <= radius²."""
 
-    kind: Literal["sphere"] = "sphere"
-    is_ellipsoid: ClassVar[bool] = True
-    radius: Length
 
-    def _matrix(self) -> Array:
-        return np.diag([1.0, 1.0, 1.0, -(self.radius**2)])
-
-
-class Ellipsoid(_QuadricSolid):
+class Ellipsoid(shapes.Ellipsoid, _QuadricSolid):
     """x²/a² + y²/b² + z²/c² <= 1 with semi_axes (a, b, c)."""
-
-    kind: Literal["ellipsoid"] = "ellipsoid"
-    is_ellipsoid: ClassVar[bool] = True
-    semi_axes: Lengths
-
-    def _matrix(self) -> Array:
-        a, b, c = self.semi_axes
-        return np.diag([a**-2, b**-2, c**-2, -1.0])
 
 
 class _Revolution(_QuadricSolid, ABC):
@@ -197,47 +159,20 @@ class _Revolution(_QuadricSolid, ABC):
         return low, math.inf if self.z_max is None else self.z_max
 
 
-class Cylinder(_Revolution):
+class Cylinder(shapes.Cylinder, _Revolution):
     """x² + y² <= radius²."""
 
-    kind: Literal["cylinder"] = "cylinder"
-    radius: Length
 
-    def _matrix(self) -> Array:
-        return np.diag([1.0, 1.0, 0.0, -(self.radius**2)])
-
-
-class Cone(_Revolution):
+class Cone(shapes.Cone, _Revolution):
     """x² + y² <= slope² z², both nappes unless cut."""
 
-    kind: Literal["cone"] = "cone"
-    slope: Length
 
-    def _matrix(self) -> Array:
-        return np.diag([1.0, 1.0, -(self.slope**2), 0.0])
-
-
-class HyperboloidOneSheet(_Revolution):
+class HyperboloidOneSheet(shapes.HyperboloidOneSheet, _Revolution):
     """(x² + y²)/waist² - z²/c² <= 1."""
 
-    kind: Literal["hyperboloid_one_sheet"] = "hyperboloid_one_sheet"
-    waist: Length
-    c: Length
 
-    def _matrix(self) -> Array:
-        return np.diag([self.waist**-2, self.waist**-2, -(self.c**-2), -1.0])
-
-
-class HyperboloidTwoSheets(_Revolution):
+class HyperboloidTwoSheets(shapes.HyperboloidTwoSheets, _Revolution):
     """(x² + y²)/a² - z²/c² <= -1."""
-
-    kind: Literal["hyperboloid_two_sheets"] = "hyperboloid_two_sheets"
-    bulges: ClassVar[bool] = True
-    a: Length
-    c: Length
-
-    def _matrix(self) -> Array:
-        return np.diag([self.a**-2, self.a**-2, -(self.c**-2), 1.0])
 
     def ends(self) -> tuple[float, float]:
         """`z_min` and `z_max`, on the sheets."""
@@ -247,17 +182,8 @@ class HyperboloidTwoSheets(_Revolution):
         return low, -self.c if -self.c < high < self.c else high
 
 
-class Paraboloid(_Revolution):
+class Paraboloid(shapes.Paraboloid, _Revolution):
     """(x² + y²)/a² <= z."""
-
-    kind: Literal["paraboloid"] = "paraboloid"
-    bulges: ClassVar[bool] = True
-    a: Length
-
-    def _matrix(self) -> Array:
-        q = np.diag([self.a**-2, self.a**-2, 0.0, 0.0])
-        q[2, 3] = q[3, 2] = -0.5
-        return q
 
     def ends(self) -> tuple[float, float]:
         """The apex or above it, and `z_max`."""
@@ -265,32 +191,11 @@ class Paraboloid(_Revolution):
         return max(low, 0.0), high
 
 
-class Quadric(_QuadricSolid):
+class Quadric(shapes.Quadric, _QuadricSolid):
     """F <= 0 with coefficients of (x², y², z², xy, xz, yz, x, y, z, 1)."""
 
-    kind: Literal["quadric"] = "quadric"
-    coefficients: Coefficients
 
-    @field_validator("coefficients")
-    @classmethod
-    def _is_not_constant(cls, coefficients: tuple[float, ...]) -> tuple[float, ...]:
-        if not any(coefficients[:9]):
-            raise fault(f"{show(coefficients)} is 0 but for the last, which is no surface")
-        return coefficients
-
-    def _matrix(self) -> Array:
-        xx, yy, zz, xy, xz, yz, x, y, z, one = self.coefficients
-        return 0.5 * np.array(
-            [
-                [2.0 * xx, xy, xz, x],
-                [xy, 2.0 * yy, yz, y],
-                [xz, yz, 2.0 * zz, z],
-                [x, y, z, 2.0 * one],
-            ]
-        )
-
-
-class Box(BaseSolid):
+class Box(Part):
     """|x| <= sx/2, |y| <= sy/2, |z| <= sz/2 with size (sx, sy, sz)."""
 
     kind: Literal["box"] = "box"
@@ -311,7 +216,7 @@ class Box(BaseSolid):
         return np.array(signs) * np.array(self.size) / 2
 
 
-class Polyhedron(BaseSolid):
+class Polyhedron(Part):
     """Convex polyhedron, system (5): n·x' <= d for every row of the key ``half_spaces``.
 
     The rows as given are the attribute `rows`.
@@ -417,5 +322,7 @@ QuadricSolid = (
     | Paraboloid
     | Quadric
 )
+AnyPart = Annotated[QuadricSolid | Box | Polyhedron, Field(discriminator="kind")]
 Solid = Annotated[QuadricSolid | Box | Polyhedron | PlanePatch, Field(discriminator="kind")]
 SOLID_KINDS: tuple[type[BaseSolid], ...] = (*get_args(QuadricSolid), Box, Polyhedron, PlanePatch)
+PART_KINDS: tuple[type[Part], ...] = (*get_args(QuadricSolid), Box, Polyhedron)

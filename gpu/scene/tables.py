@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from halfstep.contract.choices import Method, NumberFormat
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, fault, show
 from halfstep.scene.placement import PARALLEL_SINE, unit
 from halfstep.scene.values import (
@@ -98,8 +99,8 @@ class Accuracy(Table):
     tolerance_pixels: Annotated[float, Field(gt=0.0, le=LARGEST)] | None = None
     tolerance: Annotated[float, Field(gt=0.0, le=LARGEST)] | None = None
     steps: Annotated[int, Field(ge=1, le=30)] | None = None
-    number_format: Literal["float32", "fixed32"] = "float32"
-    method: Literal["visible", "article"] = "visible"
+    number_format: NumberFormat = "float32"
+    method: Method = "visible"
 
     @model_validator(mode="before")
     @classmethod

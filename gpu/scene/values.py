@@ -5,14 +5,27 @@ tuples of floats.
 """
 
 import math
-from collections.abc import Iterable
-from typing import Annotated, Any, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, ClassVar, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, Fault, fault, show
+from halfstep.errors import SceneError
+from halfstep.scene.faults import (
+    SMALLEST_LENGTH,
+    TABLE_FAULT,
+    Fault,
+    Loc,
+    describe,
+    fault,
+    kinds_of,
+    line,
+    missing_kind,
+    no_kind,
+    show,
+)
 
 Array = NDArray[np.float64]
 LARGEST = 1e15
@@ -95,21 +108,120 @@ class Table(BaseModel):
 
     Rules between two fields are validators of the later one, which sees the earlier ones that are
     valid: so a fault elsewhere in the table hides none. Defaults are validated for their sake.
+
+    Built from Python, a table takes the names of its attributes, and numbers of NumPy as well; it
+    raises a `SceneError` with all its faults.
+
+    Attributes:
+        positional: names of what may be given without its name, in order.
+        source: what faults are said to be in; without it, the name of the class.
     """
 
     model_config = ConfigDict(
-        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True
+        strict=True,
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        validate_default=True,
+        validate_by_name=True,
+        validate_by_alias=True,
     )
+    positional: ClassVar[tuple[str, ...]] = ()
+    source: ClassVar[str | None] = None
+
+    def __init__(self, *arguments: Any, **keys: Any) -> None:
+        cls = type(self)
+        if len(arguments) > len(cls.positional):
+            raise TypeError(
+                f"{cls.__name__} takes {len(cls.positional)} positional arguments, "
+                f"not {len(arguments)}"
+            )
+        given = dict(zip(cls.positional, arguments, strict=False))
+        if twice := given.keys() & keys:
+            raise TypeError(f"{cls.__name__} got {', '.join(sorted(twice))} twice")
+        given = plain({**given, **keys})
+        try:
+            super().__init__(**given)
+        except ValidationError as error:
+            faults = described(error, cls) + cls.other_faults(given)
+            source = cls.source or cls.__name__
+            raise SceneError(
+                *dict.fromkeys(line(source, loc, text) for loc, text in faults)
+            ) from None
+
+    # Pydantic then does not take it for a way to validate tables inside of others.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def other_faults(cls, _given: object) -> list[Fault]:
+        """Faults of keys that are not valid, beside those of each key."""
+        return []
+
+
+TableT = TypeVar("TableT", bound=Table)
+
+
+def made_of_kind(
+    cls: type[TableT], base: type[Table], kinds: Iterable[type[Table]], keys: Mapping[str, Any]
+) -> TableT:
+    """A table of a class, not initialized; of a ``base``, one that has the kind of the keys.
+
+    Raises:
+        SceneError: they say no kind, or one that is not there.
+    """
+    if cls is not base:
+        return object.__new__(cls)
+    known = dict(zip(kinds_of(kinds), kinds, strict=True))
+    kind = keys.get("kind")
+    if kind not in known:
+        text = no_kind(kind, cls.__name__.lower(), known) if "kind" in keys else missing_kind(known)
+        raise SceneError(line(cls.__name__, ("kind",), text))
+    return cast("TableT", object.__new__(known[kind]))
+
+
+def described(error: ValidationError, table: type[Table], root: Loc = ()) -> list[Fault]:
+    """The faults of a validation with their key paths, in the order of the types' fields.
+
+    Args:
+        error: from validating a table.
+        table: its type.
+        root: its path in the scene; empty for the scene itself.
+    """
+    errors = error.errors(include_url=False)
+    above = {each["loc"][:length] for each in errors for length in range(len(each["loc"]))}
+    faults = [
+        describe(each, table)
+        for each in errors
+        # Pydantic counts only the valid entries of an array.
+        if not (each["type"] == "too_short" and each["loc"] in above)
+    ]
+    return [((*root, *loc), text) for loc, text in faults]
+
+
+def plain(value: Any) -> Any:
+    """A value as TOML would give it, with Python's numbers and lists in place of NumPy's."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    return value
+
+
+def check_at_most_one(**fields: object) -> None:
+    """Refuse a table in which several of the fields are given."""
+    given = [key for key, value in fields.items() if value is not None]
+    if len(given) > 1:
+        raise fault(f"has {' and '.join(given)}; only one may be given", TABLE_FAULT)
 
 
 def check_exactly_one(**fields: object) -> None:
     """Refuse a table in which none of two fields is given, or both are."""
     first, second = fields
-    given = [key for key, value in fields.items() if value is not None]
-    if not given:
+    if fields[first] is None and fields[second] is None:
         raise fault(f"has neither {first} nor {second}; one must be given", TABLE_FAULT)
-    if len(given) == 2:
-        raise fault(f"has {first} and {second}; only one may be given", TABLE_FAULT)
+    check_at_most_one(**fields)
 
 
 def check_some(**fields: object) -> None:

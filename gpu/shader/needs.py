@@ -8,7 +8,6 @@ from functools import cached_property
 
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
-from halfstep.host.pack import Packed
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
 # of bytes, with how many a pixel has.
@@ -117,33 +116,3 @@ def _offsets(sizes: dict[str, int], outputs: frozenset[str]) -> dict[str, int]:
             offsets[name] = end
             end += size
     return offsets | {"total": end}
-
-
-def needs_of(
-    packed: Packed,
-    method: str,
-    outputs: frozenset[str],
-    *,
-    together: int = 1,
-    uniform: bool = False,
-) -> Needs:
-    """What the shader of a frame must hold; ``uniform``: if its solids are few enough for it."""
-    return Needs(
-        classes=packed.present,
-        outputs=outputs,
-        method=method,
-        format=packed.format,
-        lights=len(packed.lights),
-        point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
-        shininess_bits=packed.shininess_bits,
-        together=together,
-        uniform=uniform and _fits_uniform(packed),
-        short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
-    )
-
-
-def _fits_uniform(packed: Packed) -> bool:
-    """Whether the scene's solids and half-spaces fit uniform memory, whatever the camera sees."""
-    solids = packed.solid_count * packed.solids.itemsize
-    half_spaces = (packed.surface_count - packed.solid_count) * packed.half_spaces.itemsize
-    return max(solids, half_spaces) <= UNIFORM_BYTES

@@ -26,8 +26,8 @@ import functools
 from collections.abc import Iterator
 
 from halfstep.contract.layout import LANES, TILE
+from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
-from halfstep.host.pack import SRGB_ENTRIES
 from halfstep.shader.expand import expand
 from halfstep.shader.fetch import FETCHED, fetches
 from halfstep.shader.library import Definition, definitions, joined, reached, stage

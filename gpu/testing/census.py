@@ -13,13 +13,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from halfstep.contract.arrays import Array, Bools
 from halfstep.device.compute import UNWRITTEN
 from halfstep.errors import UsageError
-
-Values = NDArray[Any]
-Bools = NDArray[np.bool_]
 
 # Rows that a census shows.
 SHOWN = 5
@@ -44,7 +42,9 @@ class Tolerance:
     def __post_init__(self) -> None:
         for name in ("ulp", "atol", "rtol"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
+            if not (
+                isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0
+            ):
                 raise UsageError(f"{name}: {value} is not a finite number >= 0")
 
     def __str__(self) -> str:
@@ -165,11 +165,11 @@ class MismatchError(AssertionError):
 
 def take(
     name: str,
-    found: Values,
-    expected: Values,
+    found: Array,
+    expected: Array,
     tolerance: Tolerance,
     *,
-    inputs: Mapping[str, Values],
+    inputs: Mapping[str, Array],
     excused: Bools,
     stack: Mapping[str, str],
     member: str = "",
@@ -259,7 +259,7 @@ class _Count:
         self.values: list[Distance] = []
         self._tolerance = tolerance
 
-    def add(self, member: str, found: Values, expected: Values) -> None:
+    def add(self, member: str, found: Array, expected: Array) -> None:
         """Count a member's values, (rows, values) each."""
         row, column = np.nonzero(_unequal(found, expected))
         if not len(row):
@@ -288,7 +288,7 @@ class Distance:
         finite: where both are finite floats.
     """
 
-    def __init__(self, found: Values, expected: Values) -> None:
+    def __init__(self, found: Array, expected: Array) -> None:
         self.kind = found.dtype.kind
         if self.kind != "f":
             self.nan = self.finite = np.zeros(found.shape, bool)
@@ -320,7 +320,7 @@ class Distance:
         return f"{ulps} ulp" if finite else "infinite"
 
 
-def leaves(values: Values, name: str = "") -> Iterator[tuple[str, Values]]:
+def leaves(values: Array, name: str = "") -> Iterator[tuple[str, Array]]:
     """The plain arrays that a structured one is made of, by their names joined with dots."""
     if values.dtype.names is None:
         yield name, values
@@ -329,14 +329,14 @@ def leaves(values: Values, name: str = "") -> Iterator[tuple[str, Values]]:
         yield from leaves(values[member], f"{name}.{member}" if name else member)
 
 
-def _ordinal(values: Values) -> Values:
+def _ordinal(values: Array) -> Array:
     """Unsigned integers in the order of floats, one more from each to the next."""
     bits = values.view(f"u{values.itemsize}")
     sign = bits.dtype.type(1 << (8 * values.itemsize - 1))
     return np.where(bits & sign, ~bits, bits | sign)
 
 
-def _unequal(found: Values, expected: Values) -> Bools:
+def _unequal(found: Array, expected: Array) -> Bools:
     if found.dtype.kind != "f":
         return found != expected
     bits = f"u{found.itemsize}"
@@ -344,7 +344,7 @@ def _unequal(found: Values, expected: Values) -> Bools:
     return unequal & ~(np.isnan(found) & np.isnan(expected)) if unequal.any() else unequal
 
 
-def _tolerated(found: Values, expected: Values, distance: Distance, tolerance: Tolerance) -> Bools:
+def _tolerated(found: Array, expected: Array, distance: Distance, tolerance: Tolerance) -> Bools:
     """Where numbers that are not equal are close enough; infinities and NaNs never are."""
     if distance.kind == "b":
         return np.zeros(found.shape, bool)
@@ -359,7 +359,7 @@ def _tolerated(found: Values, expected: Values, distance: Distance, tolerance: T
     return distance.finite & close
 
 
-def _unwritten(values: Values) -> Bools:
+def _unwritten(values: Array) -> Bools:
     """Rows in which every number still is what was in the buffer before."""
     rows = np.ones(len(values), bool)
     for _, leaf in leaves(values):
@@ -401,9 +401,7 @@ def _bin(exponent: int) -> str:
     return f"2^{exponent}… ulp"
 
 
-def _row(
-    index: int, found: Values, expected: Values, inputs: Mapping[str, Values], part: str
-) -> Row:
+def _row(index: int, found: Array, expected: Array, inputs: Mapping[str, Array], part: str) -> Row:
     shown = Row(index, {}, {}, {}, {})
     for name, values in inputs.items():
         shown.inputs.update({n: v[0] for n, v in leaves(values[index : index + 1], name)})

@@ -1,11 +1,10 @@
 """Two frames of one scene compared pixel by pixel.
 
-On Mesa's driver for the processor and in NumPy they are the same bits; in the number format fixed32
-what is decided is the same everywhere. In float32 a device that contracts a·b + c may decide
-otherwise where a decision is within its rounding: there a pixel that differs is ambiguous, and so
-it is where both depths are right within their bounds. Everywhere else it is a failure. Where
-decisions are within rounding a replay in float64 says; without one, the output ``error`` of the
-frames does, and either may excuse itself.
+lavapipe and NumPy give the same bits. In the number format fixed32 every device decides alike. In
+float32 a device that contracts a·b + c may decide otherwise where a decision is within rounding. A
+pixel that differs there is ambiguous. So is a pixel in which both depths are right within their
+bounds. Any other pixel that differs is a failure. A replay in float64 tells where decisions are
+within rounding; without one, the output ``error`` of either frame does.
 """
 
 from __future__ import annotations
@@ -16,21 +15,15 @@ from operator import methodcaller
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array, Bools, Bytes, Floats
 from halfstep.device.adapters import LAVAPIPE
 from halfstep.errors import UsageError
-from halfstep.frames.frame import Array, Frame
+from halfstep.frames.frame import Frame
+from halfstep.frames.outputs import OUTPUTS, Judged
 from halfstep.testing.census import as_text, plain
 from halfstep.testing.results import keep
 
-Bools = NDArray[np.bool_]
-Pixels = NDArray[np.uint8]
-
-# Arrays that follow from decisions, and those that follow from shading; the rest say how sure a
-# device is, or have no bound: they are judged only where every bit is to be the same.
-DECIDED = ("solid", "surface", "t", "depth", "position", "steps")
-SHADED = ("image", "color", "normal")
 # A device that computes a decided pixel otherwise may shade it so much otherwise: one 8-bit level.
 LEVEL = 1 / 255
 # Pixels that a census shows.
@@ -50,8 +43,8 @@ class Replay:
             rounding.
     """
 
-    depth: NDArray[np.float64]
-    error: NDArray[np.float64]
+    depth: Floats
+    error: Floats
 
 
 @dataclass(frozen=True)
@@ -142,7 +135,7 @@ def assert_frames_match(found: Frame, expected: Frame, *, exact: bool | None = N
         found: a frame.
         expected: what it should be.
         exact: whether every bit of every array must be the same; by default where both are from
-            Mesa's driver for the processor or from NumPy. Otherwise see the module.
+            lavapipe or from NumPy. Otherwise see the module.
 
     Raises:
         FrameMismatchError: they do not match.
@@ -172,9 +165,11 @@ def compare_frames(
         failed = _any(differs, differs)
         ambiguous = np.zeros_like(failed)
     else:
-        decided = _any(differs, DECIDED)
+        decided = _any(differs, _judged(Judged.DECIDED))
         ambiguous = decided & _within_bounds(found, expected, replay)
-        off = {name: _off_by_a_level(*pairs[name]) for name in SHADED if name in pairs}
+        off = {
+            name: _off_by_a_level(*pairs[name]) for name in _judged(Judged.SHADED) if name in pairs
+        }
         off["nothing"] = np.zeros_like(decided)
         shaded = _any(off, off) & ~decided
         if "surface" not in pairs:  # another one may be shown, and nothing else tells
@@ -197,7 +192,7 @@ def compare_frames(
 
 
 def is_exact(frame: Frame) -> bool:
-    """Whether the frame is from a device that promises every bit: NumPy, or Mesa's processor."""
+    """Whether the frame is from a device that promises every bit: NumPy or lavapipe."""
     adapter: str = frame.info["adapter"]
     return adapter == "numpy" or adapter.startswith(LAVAPIPE)
 
@@ -211,14 +206,19 @@ def picture_file(found: Frame, expected: Frame, census: FrameCensus) -> bytes:
     from halfstep.frames.png import png
 
     height, width = census.failed.shape
-    pictures: list[Pixels] = []
-    places: Pixels = np.full((height, width, 3), 32, np.uint8)
+    pictures: list[Bytes] = []
+    places: Bytes = np.full((height, width, 3), 32, np.uint8)
     if "image" in expected.outputs:
         pictures = [found.image, expected.image]
         places = expected.image // 4
     for mask, color in ((census.ambiguous, _AMBIGUOUS), (census.failed, _FAILED)):
         places = np.where(mask[..., None], np.array(color, np.uint8), places)
     return png(np.concatenate([*pictures, places], axis=1))
+
+
+def _judged(how: Judged) -> list[str]:
+    """The outputs that are compared in a way."""
+    return [name for name, output in OUTPUTS.items() if output.judged is how]
 
 
 def _check_alike(found: Frame, expected: Frame) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike
 
+from halfstep.contract.arrays import Array
 from halfstep.errors import UsageError
 
 
@@ -17,7 +16,7 @@ def decades(
     low: float = 1e-6,
     high: float = 1e6,
     dtype: DTypeLike = np.float32,
-) -> NDArray[Any]:
+) -> Array:
     """Floats of either sign whose magnitudes, ``low`` … ``high``, are equally often in each decade.
 
     Raises:
@@ -34,7 +33,7 @@ def decades(
     return np.where(rng.random(shape) < 0.5, magnitudes, -magnitudes)
 
 
-def special_values(dtype: DTypeLike = np.float32, *, finite: bool = True) -> NDArray[Any]:
+def special_values(dtype: DTypeLike = np.float32, *, finite: bool = True) -> Array:
     """Numbers of a type at which arithmetic turns.
 
     Of a float the zeros, 1 and its neighbours, 2, 0.5, the least normal number, the least and the
@@ -63,7 +62,7 @@ def special_values(dtype: DTypeLike = np.float32, *, finite: bool = True) -> NDA
     return both if finite else np.append(both, np.array([np.nan], type_))
 
 
-def near_ties(rng: np.random.Generator, values: ArrayLike, *, ulps: int = 2) -> NDArray[Any]:
+def near_ties(rng: np.random.Generator, values: ArrayLike, *, ulps: int = 2) -> Array:
     """Floats moved by up to ``ulps`` units in the last place either way, some of them by none.
 
     Where ``values`` are places at which a function turns, a wrong comparison or rounding shows

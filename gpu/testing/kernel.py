@@ -114,7 +114,7 @@ def kernel(
 
 
 def _row(name: str, types: Mapping[str, Type]) -> Struct:
-    """A struct of arguments whose size is a multiple of 4: a buffer holds so many bytes."""
+    """A struct of arguments whose size is a multiple of 4: as the size of a buffer is."""
     members = [(member, type_, 0, 0) for member, type_ in types.items()]
     (member, type_, _, _), *rest = members
     return struct_of(name, [(member, type_, max(align_of(type_), 4), 0), *rest])

@@ -9,9 +9,11 @@ from operator import index, methodcaller
 from typing import Any, SupportsIndex
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from halfstep.contract.arrays import Bools, Bytes
 from halfstep.device.compute import Bound, Compute
+from halfstep.device.handles import GpuDevice
 from halfstep.device.probe import loop_limit
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, UsageError
 from halfstep.testing import loops
@@ -20,6 +22,7 @@ from halfstep.testing.kernel import WORKGROUP, Kernel, first_free, kernel
 from halfstep.testing.module import Module
 from halfstep.testing.results import keep
 from halfstep.testing.source import Source, named_text
+from halfstep.testing.tokens import check_depth, tokens_of
 from halfstep.testing.types import (
     FEATURES,
     DType,
@@ -58,7 +61,7 @@ class Kit:
     are, and structs are structured arrays, mappings of their members or tuples of them.
     """
 
-    def __init__(self, device: Any) -> None:
+    def __init__(self, device: GpuDevice) -> None:
         """``device`` is a wgpu.GPUDevice; closing it is its owner's business."""
         self.device = device
         self._compute = Compute(device)
@@ -239,7 +242,7 @@ class Kit:
         expected: Values,
         tolerance: Tolerance,
         inputs: Mapping[str, Values] | None = None,
-        excused: NDArray[np.bool_] | None = None,
+        excused: Bools | None = None,
         *,
         member: str = "",
     ) -> Census:
@@ -262,7 +265,10 @@ class Kit:
 
     def _module(self, source: Source) -> Module:
         name, text = named_text(source)
-        return self._modules.setdefault((name, text), Module(name, text))
+        if (name, text) not in self._modules:
+            check_depth(tokens_of(text, name), name)
+            self._modules[name, text] = Module(name, text)
+        return self._modules[name, text]
 
     def _shader(self, module: Module, entry_point: str) -> str:
         """The text in which an entry point is run."""
@@ -289,7 +295,7 @@ class Kit:
     def _loop_limit(self) -> int | None:
         return loop_limit(self._compute)
 
-    def _check_watched(self, name: str, function: str, watched: NDArray[np.uint8]) -> None:
+    def _check_watched(self, name: str, function: str, watched: Bytes) -> None:
         """See that no loop was ended before its time.
 
         Raises:
@@ -309,6 +315,7 @@ class Kit:
         inputs: Mapping[str, Any],
         bindings: Mapping[str, Any],
     ) -> _Call:
+        _check_mapping("inputs", inputs)
         module = self._module(source)
         with _CompilerFirst(self._compute, module):
             parameters = tuple(module.signature(function).parameters)
@@ -321,24 +328,33 @@ class Kit:
             resources = self._resources(module, function, bindings)
             types = [module.binding(name).type for name in resources]
             self._check_features(function, [kernel_.row, kernel_.result, *types])
+            if self._rows_at_once(kernel_) == 0:
+                raise UsageError(
+                    f"{module.name}: {function}: a row is larger than a buffer of the device"
+                )
         values = _rows_of(kernel_.row, inputs)
         bound = [_bound(module, name, resource) for name, resource in resources.items()]
         return _Call(module.name, kernel_, parameters, values, bound)
 
     def _run(self, call: _Call) -> Values:
-        kernel_ = call.kernel
-        limits = self.device.limits
-        size = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
-        rows = min(
-            size // stride_of(kernel_.row),
-            size // stride_of(kernel_.result),
-            limits["max-compute-workgroups-per-dimension"] * WORKGROUP,
-        )
+        rows = self._rows_at_once(call.kernel)
         return np.concatenate(
             [
                 self._run_part(call, first, min(rows, call.rows - first))
                 for first in range(0, call.rows, rows)
             ]
+        )
+
+    def _rows_at_once(self, kernel_: Kernel) -> int:
+        """As many rows as buffers of the device hold."""
+        limits = self.device.limits
+        size = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
+        return int(
+            min(
+                size // stride_of(kernel_.row),
+                size // stride_of(kernel_.result),
+                limits["max-compute-workgroups-per-dimension"] * WORKGROUP,
+            )
         )
 
     def _run_part(self, call: _Call, first: int, rows: int) -> Values:
@@ -363,6 +379,7 @@ class Kit:
         self, module: Module, function: str, bindings: Mapping[str, Any]
     ) -> dict[str, Resource]:
         """What is bound to the resource variables that a function needs."""
+        _check_mapping("bindings", bindings)
         used = [binding.name for binding in module.buffers(function)]
         for name in bindings:
             if name not in used:
@@ -415,6 +432,10 @@ class _CompilerFirst:
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         if isinstance(error, UsageError | RecursionError):
             self.compute.compile(self.module.text, self.module.name)
+        if isinstance(error, RecursionError):
+            raise UsageError(
+                f"{self.module.name}: a type or a constant is nested too deeply"
+            ) from None
 
 
 @dataclass(frozen=True)
@@ -470,6 +491,11 @@ def _variables(module: Module, function: str, inputs: Mapping[str, Any]) -> list
     if not inputs:
         raise UsageError(f"{where}: without inputs there is no row")
     return [name for name in inputs if name not in parameters]
+
+
+def _check_mapping(name: str, given: Mapping[str, Any]) -> None:
+    if not isinstance(given, Mapping):
+        raise UsageError(f"{name}: {type(given).__name__} is not a mapping")
 
 
 def _rows_of(row: Struct, inputs: Mapping[str, Any]) -> dict[str, Values]:

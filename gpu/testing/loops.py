@@ -1,6 +1,6 @@
-"""Loops that a driver ends before their time, told by a loop after them.
+"""Loops that a driver ends early, seen from a loop that follows them.
 
-llvmpipe of Mesa 22.3 grants an invocation and its neighbours 65,535 rounds of all their loops, then
+lavapipe of Mesa 22.3 grants an invocation and its neighbours 65,535 rounds of all their loops, then
 ends each after its first (``device.probe.loop_limit``). So where a loop of two rounds, after all
 others, has only one, the others may have been cut short.
 """
@@ -8,8 +8,8 @@ others, has only one, the others may have been cut short.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bytes
 from halfstep.testing.module import Module
 
 # What the buffer of `watch` holds before: the rounds of the loop, and that nothing was cut.
@@ -47,6 +47,6 @@ def calls(module: Module, entry_point: str) -> list[tuple[int, str]]:
     return [(end.at, f"{module.prefix}watch(); ") for end in ends]
 
 
-def was_cut(watched: NDArray[np.uint8]) -> bool:
+def was_cut(watched: Bytes) -> bool:
     """What the bytes of the buffer say afterwards."""
     return bool(watched.view(np.uint32)[1])

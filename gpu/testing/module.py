@@ -24,6 +24,7 @@ from halfstep.testing.types import (
     Type,
     Vector,
     align_of,
+    dtype_of,
     size_of,
     struct_of,
 )
@@ -255,8 +256,19 @@ class Module:
         if name == "array" and len(arguments) in (1, 2):
             element = self.type(arguments[0], where)
             count = self._number(arguments[1], where) if len(arguments) == 2 else None
-            return Array(element, count)
+            return self._array(element, count, where)
         raise self._no_type(tokens, where)
+
+    def _array(self, element: Type, count: int | None, where: str) -> Array:
+        array = Array(element, count)
+        if count is not None and count < 1:
+            raise UsageError(f"{where}: an array has {count} elements")
+        try:
+            dtype_of(array)
+        except ValueError as error:
+            # Of too many elements, or axes.
+            raise UsageError(f"{where}: NumPy has no such array: {error}") from None
+        return array
 
     def _no_type(self, tokens: Tokens, where: str) -> UsageError:
         return UsageError(f"{where}: {written(tokens)} is not a type that a buffer can hold")

@@ -9,12 +9,13 @@ from __future__ import annotations
 import os
 from collections.abc import Generator, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
     from halfstep.device.adapters import Adapter
+    from halfstep.device.handles import GpuDevice
     from halfstep.testing.kit import Kit
 
 
@@ -64,7 +65,7 @@ def halfstep_adapter() -> Adapter:
 
 
 @pytest.fixture(scope="session")
-def halfstep_device(halfstep_adapter: Adapter) -> Iterator[Any]:
+def halfstep_device(halfstep_adapter: Adapter) -> Iterator[GpuDevice]:
     """The wgpu.GPUDevice that shaders are tested on; override it to test on one of your own.
 
     It has 64-bit integers, 16- and 64-bit floats and subgroups where the adapter has them.
@@ -79,7 +80,7 @@ def halfstep_device(halfstep_adapter: Adapter) -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def wgsl(halfstep_device: Any, pytestconfig: pytest.Config) -> Kit:
+def wgsl(halfstep_device: GpuDevice, pytestconfig: pytest.Config) -> Kit:
     """Runs WGSL and compares it with NumPy: `halfstep.testing.Kit`."""
     from halfstep.device.canary import fingerprint
     from halfstep.testing.kit import Kit

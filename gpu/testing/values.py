@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.device.compute import UNWRITTEN, Bytes
+from halfstep.contract.arrays import Bytes
+from halfstep.device.compute import UNWRITTEN
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.testing.types import (
     SCALARS,
@@ -28,6 +29,7 @@ from halfstep.testing.types import (
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
+# `Array` is a type of WGSL here.
 Values = NDArray[Any]
 
 
@@ -96,14 +98,13 @@ def paired(found: Any, expected: Any, where: str = "") -> Iterator[tuple[str, Va
         for name, part in found.items():
             yield from paired(part, parts[name], f"{dot}{name}")
         return
-    try:
-        values = np.asarray(_unmasked(found, f"{dot}found"))
-    except ValueError as error:
-        raise UsageError(f"{dot}found: not an array: {error}") from error
+    values = _array(_unmasked(found, f"{dot}found"), f"{dot}found")
     if not all(leaf.kind in "biuf" and leaf.itemsize <= 8 for leaf in _leaf_types(values.dtype)):
         raise UsageError(f"{dot}found: {values.dtype} is not a type of numbers that a device has")
     if values.ndim == 0:
-        values, expected = values[None], _one_row(expected)
+        values, expected = values[None], _one_row(expected, f"{dot}expected")
+    if values.size == 0:
+        raise UsageError(f"{dot}found: nothing to compare")
     dtype = np.dtype((values.dtype, values.shape[1:]))
     wanted = conform(expected, dtype, f"{dot}expected", rounded=True)
     yield where, values, spread(wanted, len(values), dtype, f"{dot}expected")
@@ -189,7 +190,7 @@ class Resource:
     ) -> None:
         """Raises UsageError as `conform`, and for elements that would not be bound exactly.
 
-        ``before`` it are so many bytes of a struct of which ``least`` bytes are bound at least.
+        It begins ``before`` bytes into a struct, of which at least ``least`` bytes are bound.
         """
         self._type = type_
         self._rows: int | None = None
@@ -211,7 +212,7 @@ class Resource:
                 )
             self.raw = pack(type_, values, len(values))
         else:
-            self.raw = pack(type_, conform(_one_row(value), dtype_of(type_), where), 1)
+            self.raw = pack(type_, conform(_one_row(value, where), dtype_of(type_), where), 1)
 
     def _bind_members(self, struct: Struct, value: Any, where: str) -> None:
         values = _members(value, tuple(member.name for member in struct.members), where)
@@ -244,13 +245,21 @@ def _is_open(type_: Type) -> bool:
     return isinstance(last, Array) and last.count is None
 
 
-def _one_row(value: Any) -> Any:
+def _array(value: Any, where: str) -> Values:
+    try:
+        return np.asarray(value)
+    except ValueError as error:
+        # Of rows of different lengths.
+        raise UsageError(f"{where}: not an array: {error}") from None
+
+
+def _one_row(value: Any, where: str) -> Any:
     """``value`` with an axis of one row before the others."""
     if isinstance(value, Mapping):
-        return {name: _one_row(part) for name, part in value.items()}
+        return {name: _one_row(part, where) for name, part in value.items()}
     if isinstance(value, tuple):
-        return tuple(map(_one_row, value))
-    return np.asarray(value)[None]
+        return tuple(_one_row(part, where) for part in value)
+    return _array(value, where)[None]
 
 
 def _members(value: Any, names: tuple[str, ...], where: str) -> Mapping[str, Any]:
@@ -275,7 +284,7 @@ def _members(value: Any, names: tuple[str, ...], where: str) -> Mapping[str, Any
 def _numbers(
     value: Any, dtype: DType, shape: tuple[int, ...], where: str, *, rounded: bool
 ) -> Values:
-    array = np.asarray(value)
+    array = _array(value, where)
     if array.ndim and array.shape[1:] != shape:
         wanted = ", ".join(["rows", *map(str, shape)])
         raise UsageError(f"{where}: shape {array.shape}, not ({wanted})")

@@ -12,24 +12,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import I32, Floats, Ints, Records
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import FLOAT32
 from halfstep.contract.layout import HALF_SPACE, SOLID, Flag
 from halfstep.contract.stages import VISITS
-from halfstep.host import camera, geometry
+from halfstep.host.camera import View
 from halfstep.host.geometry import Geometry
-from halfstep.host.setup import NEGLIGIBLE, Setup, setup
+from halfstep.host.prepare import Solids, frame_setup
+from halfstep.host.setup import NEGLIGIBLE, Setup
 from halfstep.scene import Scene
 from halfstep.twin import certify, forms, polynomial, root
 from halfstep.twin.chosen import Chosen, module
 from halfstep.twin.sight import Sight
-
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-# Values in every pixel of a window, float64 where the twin's annotations say float32.
-Values = NDArray[Any]
 
 # Pixels of a window: its temporaries, some 40 arrays, stay near the processor at any picture size.
 WINDOW = 1 << 15
@@ -49,25 +45,23 @@ class Exact:
         depth: (H, W) float64, planar depth in scene units; NaN.
     """
 
-    view: camera.View
-    solid: Ints
-    surface: Ints
+    view: View
+    solid: I32
+    surface: I32
     depth: Floats
 
 
 def exact(scene: Scene) -> Exact:
-    """The exact answer for ``scene`` at its own picture size, whatever its accuracy says.
+    """The exact answer for ``scene`` at its own picture size; its accuracy does not matter.
 
     Of two surfaces that the rounding of float64 cannot order, the first in the file is seen.
 
     Raises:
         SceneError: an unbounded scene without a volume.
     """
-    solids = geometry.build(scene)
-    size = scene.image.width, scene.image.height
-    view = camera.view(scene.camera, size)
-    base_planes = camera.base_planes(view, *geometry.volume_box(scene, solids))
-    constants = setup(solids, view, *base_planes)
+    solids = Solids.of(scene)
+    constants = frame_setup(scene, solids=solids)
+    view = constants.view
     shape = view.height, view.width
     answer = Exact(
         view, np.full(shape, -1, np.int32), np.full(shape, -1, np.int32), np.full(shape, np.nan)
@@ -76,11 +70,11 @@ def exact(scene: Scene) -> Exact:
     records = _records(constants)
     for row in range(constants.count):
         for window in _windows(constants.rectangle[row]):
-            _visit(answer, rounding, solids, constants, records, row, window)
+            _visit(answer, rounding, solids.geometry, constants, records, row, window)
     return answer
 
 
-def _windows(rectangle: NDArray[np.int64]) -> Iterator[tuple[slice, slice]]:
+def _windows(rectangle: Ints) -> Iterator[tuple[slice, slice]]:
     """A solid's screen rectangle in bands of at most ``WINDOW`` pixels."""
     left, right, top, bottom = rectangle.tolist()
     rows = max(WINDOW // (right - left + 1), 1)
@@ -93,7 +87,7 @@ def _visit(
     rounding: Floats,
     solids: Geometry,
     constants: Setup,
-    records: tuple[NDArray[np.void], NDArray[np.void]],
+    records: tuple[Records, Records],
     row: int,
     window: tuple[slice, slice],
 ) -> None:
@@ -118,7 +112,7 @@ def _visit(
     answer.surface[window][nearer] = numbers[seen.surface[nearer]]
 
 
-def _records(constants: Setup) -> tuple[NDArray[np.void], NDArray[np.void]]:
+def _records(constants: Setup) -> tuple[Records, Records]:
     """Solids and half-spaces as visits take them, with the members that they read here."""
     records = np.zeros(constants.count, SOLID.dtype(WIDE))
     for name in ("a", "g", "c", "near_u", "far_u", "plane_start", "plane_count"):
@@ -143,7 +137,7 @@ def _class_of(solids: Geometry, ix: int) -> Class:
 
 def _computed(seen: root.Root, *_: object) -> Sight:
     """In place of the conveyor: the u of the root."""
-    u: Values = crossing(seen)
+    u: Any = crossing(seen)
     return Sight(seen.hit, seen.surface, u, seen.hit, u)
 
 

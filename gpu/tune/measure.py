@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import statistics
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
@@ -16,24 +17,22 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Bools, Floats
+from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 from halfstep.errors import UsageError
-from halfstep.frames.frame import Frame, check_outputs
+from halfstep.frames.frame import Frame, Info
 from halfstep.frames.renderer import WARM_UP, Renderer
 from halfstep.host.steps import format_for
 from halfstep.scene import Accuracy, Scene, with_overrides
 from halfstep.tune.exact import Exact, exact
 from halfstep.version import __version__
 
-METHODS = ("visible", "article")
-FORMATS = ("float32", "fixed32")
 STEPS = range(4, 25)
 REPEATS = 5
 # The tolerance of a scene that states a number of steps instead.
 DEFAULT_TOLERANCE_PIXELS = 0.5
 
-Floats = NDArray[np.float64]
 
 _MEASURED = ("solid", "surface", "depth", "error")
 
@@ -161,13 +160,16 @@ def tune(
     tolerance_pixels: float | None = None,
     tolerance: float | None = None,
     methods: Sequence[str] = METHODS,
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] = NUMBER_FORMATS,
     backend: str = "auto",
     adapter: str | int | None = None,
     repeats: int = REPEATS,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Report:
     """Measure ``scene`` with every setting.
+
+    Where the device has no 64-bit integers in shaders, settings that need them are left out, and a
+    warning says so.
 
     Args:
         scene: what to render.
@@ -186,7 +188,7 @@ def tune(
     Raises:
         SceneError: an option is out of range.
         UsageError: nothing to try, or an unknown backend.
-        AdapterError: no suitable adapter.
+        AdapterError: no suitable adapter, or one that can work with none of the settings.
         DeviceError: the device was lost or the driver failed.
     """
     if repeats < 1:
@@ -205,29 +207,31 @@ def tune(
     if not settings:
         raise UsageError("there is no number of steps, number format or method to try")
     stated = scene.accuracy
-    with _Bench(automatic[0], outputs=_MEASURED, backend=backend, adapter=adapter) as bench:
+    with Renderer(automatic[0], backend=backend, adapter=adapter) as renderer:
+        trials = _Trials(renderer, exact(scene))
+        settings = trials.possible(settings)
         everything = [*settings, automatic[0]]
         total = len(everything) * (1 + repeats)
         rows: list[Row] = []
         for setting in everything:
-            row, frame = bench.measure(setting, stated)
+            row, frame = trials.measure(setting, stated)
             rows.append(row)
             progress(len(rows) / total)
         infos = []
-        for info in bench.timed(everything, rows, repeats):
+        for info in trials.timed(everything, rows, repeats):
             infos.append(info)
             progress((len(rows) + len(infos)) / total)
         chosen_steps = tuple(frame.info["steps"])
         *rows, chosen = [
             replace(
                 row,
-                device_ms=_median(infos[k :: len(rows)], "device_ms"),
-                wall_ms=_median(infos[k :: len(rows)], "wall_ms"),
+                device_ms=_median(info.get("device_ms") for info in infos[k :: len(rows)]),
+                wall_ms=_median(info["wall_ms"] for info in infos[k :: len(rows)]),
             )
             for k, row in enumerate(rows)
         ]
         recommended, meets = recommend(rows, stated)
-        frame = bench.frame(settings[rows.index(recommended)], _MEASURED)
+        frame = trials.frame(settings[rows.index(recommended)], _MEASURED)
         return Report(
             scene=scene,
             adapter=frame.info["adapter"],
@@ -237,7 +241,7 @@ def tune(
             meets_tolerance=meets,
             automatic=chosen,
             automatic_steps=chosen_steps,
-            error_pixels=bench.error_pixels(frame),
+            error_pixels=trials.error_pixels(frame),
         )
 
 
@@ -311,23 +315,41 @@ def _columns(rows: Iterable[Row]) -> list[str]:
     ]
 
 
-class _Bench(Renderer):
+@dataclass(frozen=True)
+class _Trials:
     """Renders one scene with many settings on one device, and compares with the exact answer."""
+
+    renderer: Renderer
+    exact: Exact
 
     def frame(self, setting: Scene, outputs: Iterable[str]) -> Frame:
         """The frame of ``setting``, which is the scene with another accuracy."""
-        self._scene, self._outputs = setting, check_outputs(outputs)
-        return self.render()
-
-    @cached_property
-    def exact(self) -> Exact:
-        """The exact answer, the same for every setting."""
-        return exact(self._scene)
+        return self.renderer.render_prepared(self.renderer.prepare(setting, outputs=outputs))
 
     @cached_property
     def pixel_width(self) -> Floats:
         """Widths (H, W) of a pixel at the exact depth, scene units; NaN where nothing is hit."""
         return np.asarray(self.exact.view.pixel * self.exact.depth)
+
+    def possible(self, settings: list[Scene]) -> list[Scene]:
+        """Those of ``settings`` that the device can work with; all, where it can with none."""
+        most = self.renderer.most_steps
+        if most is None:
+            return settings
+        kept = [
+            setting
+            for setting in settings
+            if not format_for(setting.accuracy, setting.accuracy.steps or 0).integer
+        ]
+        if not kept or len(kept) == len(settings):
+            return settings
+        warnings.warn(
+            f"{len(settings) - len(kept)} of {len(settings)} settings are left out: fixed32 and "
+            f"more than {most} steps need 64-bit integers in shaders, which this "
+            "adapter lacks",
+            stacklevel=3,
+        )
+        return kept
 
     def measure(self, setting: Scene, stated: Accuracy) -> tuple[Row, Frame]:
         """The row of ``setting`` without times, and its frame; ``stated`` has the tolerance."""
@@ -355,7 +377,7 @@ class _Bench(Renderer):
         )
         return row, frame
 
-    def wrong(self, frame: Frame) -> NDArray[np.bool_]:
+    def wrong(self, frame: Frame) -> Bools:
         """Pixels that show another surface than the exact answer."""
         return (frame.solid != self.exact.solid) | (frame.surface != self.exact.surface)
 
@@ -364,9 +386,7 @@ class _Bench(Renderer):
         error = np.abs(frame.depth - self.exact.depth) / self.pixel_width
         return np.where(self.wrong(frame), np.inf, error)
 
-    def timed(
-        self, settings: Sequence[Scene], rows: Sequence[Row], repeats: int
-    ) -> Iterator[dict[str, Any]]:
+    def timed(self, settings: Sequence[Scene], rows: Sequence[Row], repeats: int) -> Iterator[Info]:
         """``Frame.info`` of the image of every setting, as many times; each its turn."""
         # The first frames of a shader compile it.
         shaders = {
@@ -384,6 +404,6 @@ def _largest(values: Floats) -> float:
     return float(values.max(initial=0.0))
 
 
-def _median(infos: Sequence[dict[str, Any]], name: str) -> float | None:
-    times = [info[name] for info in infos if name in info]
-    return statistics.median(times) if times else None
+def _median(times: Iterable[float | None]) -> float | None:
+    known = [time for time in times if time is not None]
+    return statistics.median(known) if known else None

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from halfstep.contract.arrays import Bytes, Floats
 from halfstep.errors import UsageError
 from halfstep.files.whole import check_output_folder, write_file
 from halfstep.frames.png import png
@@ -24,8 +24,6 @@ from halfstep.tune.measure import Report, Row, error_of, limit_of, span, unit_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Floats = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
 
 # Inferno at equal distances: dark to bright, also in grey and to the colour-blind.
 _SCALE = ("000004", "1b0c41", "4a0c6b", "781c6d", "a52c60", "cf4446", "ed6925", "fb9b06", "f7d13d")
@@ -284,7 +282,7 @@ def scale_of(report: Report) -> tuple[float, float]:
     return high / 10**_DECADES, high
 
 
-def error_map(report: Report) -> Pixels:
+def error_map(report: Report) -> Bytes:
     """A map (H + legend, W, 3) of ``Report.error_pixels`` in colours of a logarithmic scale.
 
     A picture narrower than the legend stands to its left.
@@ -303,7 +301,7 @@ def error_map(report: Report) -> Pixels:
     return np.asarray(canvas)
 
 
-def _colors_at(place: Floats) -> Pixels:
+def _colors_at(place: Floats) -> Bytes:
     """Colours (…, 3) of places 0…1 on the scale."""
     anchors = np.array([list(bytes.fromhex(color)) for color in _SCALE], np.float64)
     at = np.linspace(0, 1, len(anchors))

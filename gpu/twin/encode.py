@@ -3,7 +3,7 @@
 An entry of the table covers the numbers that agree in their exponent and the first seven bits of
 their fraction.  It holds the level of the least of them (8 bits) and which of the other 16 bits the
 next level begins at (17 bits); no entry holds more than one such place.
-``host.pack.srgb_table`` makes it.
+``contract.srgb.srgb_table`` makes it.
 """
 
 from __future__ import annotations

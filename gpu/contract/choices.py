@@ -1,0 +1,14 @@
+"""Names that a user chooses from."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+NumberFormat = Literal["float32", "fixed32"]
+Method = Literal["visible", "article"]
+# "auto" is a device if there is one, else NumPy.
+BackendName = Literal["auto", "gpu", "numpy"]
+
+NUMBER_FORMATS: tuple[NumberFormat, ...] = get_args(NumberFormat)
+METHODS: tuple[Method, ...] = get_args(Method)
+BACKENDS: tuple[BackendName, ...] = get_args(BackendName)

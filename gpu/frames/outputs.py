@@ -1,0 +1,328 @@
+"""The outputs: one row for each array that a frame can have.
+
+A row says what the array means, from what it is made, and how it is compared and written. All else
+about outputs is read from here: what a device computes for them, how two frames are compared, the
+channels of an EXR file, the grey levels of a PNG file, and the tables of the READMEs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.contract.arrays import I32, Array, Bools, Floats, Planes
+from halfstep.contract.keys import FAR_KEY
+from halfstep.errors import UsageError
+from halfstep.host.pack import Packed
+
+
+class Judged(Enum):
+    """How an output of two frames is compared where a device need not give every bit."""
+
+    DECIDED = "it follows from decisions: it is equal unless one of them is within rounding"
+    SHADED = "it follows from shading: it may differ by one of 256 levels"
+    NOT = "it says how sure a device is, or has no bound: it is compared bit for bit or not at all"
+
+
+class Levels(Enum):
+    """What a PNG file holds of an output."""
+
+    IMAGE = "8 bits, as it is"
+    SRGB = "sRGB, cut off at 1"
+    NUMBER = "number"
+    NUMBER_FROM_1 = "number + 1"
+    UNIT = "32768 + 32767 n"
+    SPREAD = "1…65535, from the least to the greatest"
+
+
+class Lookup(NamedTuple):
+    """An array that is a table's entries at surface numbers (H, W), looked up when it is wanted."""
+
+    table: Array
+    numbers: Array
+
+    def found(self) -> Array:
+        """The array."""
+        return np.asarray(self.table[self.numbers])
+
+
+@dataclass(frozen=True)
+class Band:
+    """A band of rows as a device or the twin computed it; what several outputs need, once."""
+
+    planes: Planes
+    packed: Packed
+    first_row: int
+
+    @property
+    def number(self) -> Array:
+        """Surface numbers (rows, W) of the scene, 0 where nothing is hit."""
+        return self.planes["surface"]
+
+    @cached_property
+    def hit(self) -> Bools:
+        """Where something is hit (rows, W)."""
+        return np.asarray(self.number > 0)
+
+    @cached_property
+    def t(self) -> Floats:
+        """Fraction of the ray from h to the far base plane, NaN where nothing is hit."""
+        return self.fraction("key")
+
+    @cached_property
+    def depth(self) -> Floats:
+        """Planar depth, scene units; NaN."""
+        return self.t * self.packed.setup.far
+
+    def fraction(self, plane: str) -> Floats:
+        """t of the depth keys of a plane, NaN where nothing is hit."""
+        return np.where(self.hit, self.planes[plane].astype(np.float64) * self.unit, np.nan)
+
+    @property
+    def unit(self) -> float:
+        """t of one unit of a depth key."""
+        return float(2.0**-self.packed.key_bits)
+
+
+def _depth_exit(band: Band) -> Floats:
+    far = band.packed.setup.far
+    has_not_left = band.hit & (band.planes["exit"] == FAR_KEY)
+    return np.where(has_not_left, far, band.fraction("exit") * far)
+
+
+def _position(band: Band) -> Floats:
+    view = band.packed.setup.view
+    j, i = np.mgrid[: band.number.shape[0], : band.number.shape[1]]
+    directions = view.directions(i, j + band.first_row)
+    return np.ascontiguousarray(view.eye + band.depth[..., None] * directions)
+
+
+def _error(band: Band) -> Floats:
+    """Bound of the depth error from what is certain of every solid in the pixel.
+
+    The true depth is at most that of the visible point and its bound, and at least the least depth
+    that any certain point can have. A solid of which nothing is certain spoils a pixel unless its
+    whole interval lies behind.
+    """
+    packed, planes = band.packed, band.planes
+    setup, surfaces = packed.setup, packed.surfaces
+    half = _by_solid(packed, setup.solid, 2.0 ** -(setup.level + 1.0))
+    rounding = _by_solid(packed, setup.solid, setup.depth_error)
+    solid = surfaces.solid[band.number]
+    t = planes["key"].astype(np.float64) * band.unit
+    above = planes["bound"].astype(np.float64) * half[solid]
+    below = t - planes["low"].astype(np.float64) * band.unit
+    doubt = planes["doubt"].astype(np.float64) * band.unit
+    # A pixel without doubt holds the greatest key, which lies behind everything.
+    clear = (planes["doubt"] == FAR_KEY) | (doubt > t + above)
+    depth_ulp = 2.0**-51 * setup.far
+    error = np.maximum(above, below) * setup.far + rounding[solid] + depth_ulp
+    return np.where(clear, np.where(band.hit, error, 0.0), np.inf)
+
+
+def _steps(band: Band) -> Lookup:
+    surfaces = band.packed.surfaces
+    return Lookup(steps_by_solid(band.packed)[surfaces.solid], band.number)
+
+
+def steps_by_solid(packed: Packed) -> I32:
+    """Halvings (K + 1,) of the scene's solids, 0 of one that is not seen, and a last 0 for none."""
+    seen = packed.setup.solid[packed.order]
+    return _by_solid(packed, seen, packed.solids["steps"].astype(np.int32))
+
+
+def _by_solid(packed: Packed, solids: Array, values: Array) -> Array:
+    """Values of some of the scene's K solids as (K + 1,): 0 for the others, and at -1 for none."""
+    table = np.zeros(packed.solid_count + 1, values.dtype)
+    table[solids] = values
+    return table
+
+
+@dataclass(frozen=True)
+class Output:
+    """One array of a frame.
+
+    Attributes:
+        name: of the attribute of ``Frame``.
+        type: of its numbers.
+        meaning: in words, with its unit.
+        miss: what it holds where nothing is hit.
+        of: the array of a band.
+        sources: device outputs that it is made of, beside the surface.
+        components: of a pixel; with more than one the array is (H, W, components).
+        judged: how it is compared.
+        levels: what a PNG file holds of it.
+        channels: of an EXR file, one for each component; without any it is not held.
+        averaged: over the samples of a pixel; otherwise it is that of the pixel's centre.
+    """
+
+    name: str
+    type: type[np.generic]
+    meaning: str
+    miss: str
+    of: Callable[[Band], Array | Lookup]
+    sources: tuple[str, ...] = ()
+    components: int = 1
+    judged: Judged = Judged.DECIDED
+    levels: Levels = Levels.SPREAD
+    channels: tuple[str, ...] = ()
+    averaged: bool = False
+
+
+_ROWS = (
+    Output(
+        name="image",
+        type=np.uint8,
+        components=3,
+        meaning="sRGB",
+        miss="background",
+        sources=("image",),
+        of=lambda band: band.planes["image"],
+        judged=Judged.SHADED,
+        levels=Levels.IMAGE,
+        averaged=True,
+    ),
+    Output(
+        name="color",
+        type=np.float32,
+        components=3,
+        meaning="linear RGB, not clipped",
+        miss="background",
+        sources=("color",),
+        of=lambda band: band.planes["color"],
+        judged=Judged.SHADED,
+        levels=Levels.SRGB,
+        channels=("R", "G", "B"),
+        averaged=True,
+    ),
+    Output(
+        name="solid",
+        type=np.int32,
+        meaning="index in the file; always there",
+        miss="−1",
+        of=lambda band: Lookup(band.packed.surfaces.solid, band.number),
+        levels=Levels.NUMBER_FROM_1,
+        channels=("id",),
+    ),
+    Output(
+        name="surface",
+        type=np.int32,
+        meaning="number of the surface within the solid",
+        miss="−1",
+        of=lambda band: Lookup(band.packed.surfaces.number, band.number),
+        levels=Levels.NUMBER_FROM_1,
+        channels=("surface",),
+    ),
+    Output(
+        name="t",
+        type=np.float64,
+        meaning="fraction of the ray from the camera to the far base plane",
+        miss="NaN",
+        sources=("key",),
+        of=lambda band: band.t,
+        channels=("t",),
+    ),
+    Output(
+        name="depth",
+        type=np.float64,
+        meaning="depth along the view axis, scene units",
+        miss="NaN",
+        sources=("key",),
+        of=lambda band: band.depth,
+        channels=("Z",),
+    ),
+    Output(
+        name="depth_exit",
+        type=np.float64,
+        meaning="depth where the ray leaves the solid it hit, the paper's P2; the far base plane "
+        "if it has not left by then; `depth` if it started inside",
+        miss="NaN",
+        sources=("exit",),
+        of=_depth_exit,
+        judged=Judged.NOT,
+        channels=("ZBack",),
+    ),
+    Output(
+        name="position",
+        type=np.float64,
+        components=3,
+        meaning="world coordinates",
+        miss="NaN",
+        sources=("key",),
+        of=_position,
+        channels=("P.X", "P.Y", "P.Z"),
+    ),
+    Output(
+        name="normal",
+        type=np.float32,
+        components=3,
+        meaning="unit, out of the solid; towards the viewer for a plane",
+        miss="0",
+        sources=("normal",),
+        of=lambda band: band.planes["normal"],
+        judged=Judged.SHADED,
+        levels=Levels.UNIT,
+        channels=("N.X", "N.Y", "N.Z"),
+    ),
+    Output(
+        name="error",
+        type=np.float64,
+        meaning="guaranteed bound of abs(`depth` − exact depth); inf where the hit could not be "
+        "certified",
+        miss="0, or inf if the miss could not be certified",
+        sources=("key", "error"),
+        of=_error,
+        judged=Judged.NOT,
+        channels=("error",),
+    ),
+    Output(
+        name="steps",
+        type=np.int32,
+        meaning="halvings spent on the solid that was hit",
+        miss="0",
+        of=lambda band: Lookup(
+            steps_by_solid(band.packed)[band.packed.surfaces.solid], band.number
+        ),
+        levels=Levels.NUMBER,
+        channels=("steps",),
+    ),
+)
+# By name, in the order of a frame.
+OUTPUTS = {row.name: row for row in _ROWS}
+
+
+def check_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
+    """``outputs`` in the order of `OUTPUTS`, with ``solid``.
+
+    Raises:
+        UsageError: a name is not an output.
+    """
+    if not isinstance(outputs, Iterable):
+        raise UsageError(f"outputs: {outputs!r} is not an array of names")
+    if isinstance(outputs, str):
+        outputs = (outputs,)
+    wanted = {*outputs, "solid"}
+    unknown = sorted(wanted - OUTPUTS.keys(), key=str)
+    if unknown:
+        raise UsageError(
+            f"outputs: {', '.join(map(repr, unknown))} unknown; known are {', '.join(OUTPUTS)}"
+        )
+    return tuple(name for name in OUTPUTS if name in wanted)
+
+
+def device_outputs(outputs: Iterable[str]) -> frozenset[str]:
+    """What a device must compute for the Frame arrays ``outputs``."""
+    return frozenset({"surface"}.union(*(OUTPUTS[name].sources for name in outputs)))
+
+
+def arrays_of(
+    outputs: Iterable[str], planes: Planes, packed: Packed, first_row: int = 0
+) -> dict[str, Array | Lookup]:
+    """Frame arrays of a band from what a device or the twin computed."""
+    band = Band(planes, packed, first_row)
+    return {name: OUTPUTS[name].of(band) for name in outputs}

@@ -1,0 +1,70 @@
+"""The way from a scene to the records of a frame; every program here takes it.
+
+What solids are does not depend on the camera and is computed once (`Solids`). Of each frame come
+the view and its base planes, the constants of the visible solids (`frame_setup`), their numbers of
+halvings, and the records that shaders and twin read (`prepare`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from halfstep.contract.arrays import Floats
+from halfstep.host import camera, geometry
+from halfstep.host.geometry import Geometry
+from halfstep.host.pack import Packed, Surfaces, pack, surfaces
+from halfstep.host.setup import Setup, setup
+from halfstep.host.steps import steps_for
+from halfstep.scene import Scene
+
+
+@dataclass(frozen=True)
+class Solids:
+    """What the frames of a scene share, whatever the camera."""
+
+    geometry: Geometry
+    volume: tuple[Floats, Floats]  # corners (min, max) of the modelled volume, world, (3,) each
+    surfaces: Surfaces
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """The solids of ``scene``.
+
+        Raises:
+            SceneError: the scene gives no volume and no solid is bounded.
+        """
+        built = geometry.build(scene)
+        return cls(built, geometry.volume_box(scene, built), surfaces(scene, built))
+
+
+def frame_setup(scene: Scene, samples: int = 1, *, solids: Solids | None = None) -> Setup:
+    """Constants of the visible solids of a frame; arguments are those of `prepare`."""
+    known = Solids.of(scene) if solids is None else solids
+    size = scene.image.width * samples, scene.image.height * samples
+    view = camera.view(scene.camera, size)
+    return setup(known.geometry, view, *camera.base_planes(view, *known.volume))
+
+
+def prepare(
+    scene: Scene,
+    samples: int = 1,
+    *,
+    solids: Solids | None = None,
+    most_steps: int | None = None,
+) -> Packed:
+    """Records of a frame of ``scene``.
+
+    Args:
+        scene: what is seen, by its camera, at its size and accuracy.
+        samples: k, for k x k pixels of the frame in each pixel of the picture.
+        solids: those of ``scene``, where they are known.
+        most_steps: no tolerance gets more halvings; None leaves it to the number format.
+
+    Raises:
+        SceneError: the scene gives no volume and no solid is bounded.
+    """
+    known = Solids.of(scene) if solids is None else solids
+    constants = frame_setup(scene, samples, solids=known)
+    steps = steps_for(scene, constants, samples, most_steps)
+    return pack(scene, known.geometry, known.surfaces, constants, steps)

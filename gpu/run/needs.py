@@ -1,0 +1,36 @@
+"""What the shader of a frame must hold, from the frame's records."""
+
+from __future__ import annotations
+
+from halfstep.host.pack import Packed
+from halfstep.shader.needs import UNIFORM_BYTES, Needs
+
+
+def needs_of(
+    packed: Packed,
+    method: str,
+    outputs: frozenset[str],
+    *,
+    together: int = 1,
+    uniform: bool = False,
+) -> Needs:
+    """What the shader of a frame must hold; ``uniform``: if its solids are few enough for it."""
+    return Needs(
+        classes=packed.present,
+        outputs=outputs,
+        method=method,
+        format=packed.format,
+        lights=len(packed.lights),
+        point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
+        shininess_bits=packed.shininess_bits,
+        together=together,
+        uniform=uniform and _fits_uniform(packed),
+        short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
+    )
+
+
+def _fits_uniform(packed: Packed) -> bool:
+    """Whether the scene's solids and half-spaces fit uniform memory, whatever the camera sees."""
+    solids = packed.solid_count * packed.solids.itemsize
+    half_spaces = (packed.surface_count - packed.solid_count) * packed.half_spaces.itemsize
+    return max(solids, half_spaces) <= UNIFORM_BYTES

@@ -1,0 +1,64 @@
+"""How much a valid scene may hold of surfaces, nested formulas and copies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from halfstep.scene.copies import Layout
+from halfstep.scene.faults import Fault, Loc
+from halfstep.scene.formula import MAX_LEVELS
+from halfstep.scene.functions import function_count
+from halfstep.scene.groups import Fragment
+from halfstep.scene.lattices import MAX_PLACES
+from halfstep.scene.region import Complement, Literal, Region
+
+MAX_SURFACES = 4096
+# Of one cell, with those of the parts and cells that it names.
+MAX_LITERALS = 1 << 16
+
+
+def limit_faults(scene: Fragment) -> list[Fault]:
+    """What is too much of a scene whose names are in order."""
+    faults = [*_of_group(scene, ())]
+    count = Layout(scene).count
+    if count > MAX_PLACES:
+        faults.append(((), f"{count} copies of groups is not <= {MAX_PLACES}"))
+    return faults
+
+
+def _of_group(fragment: Fragment, loc: Loc) -> Iterator[Fault]:
+    count = len(fragment.surfaces) + sum(map(function_count, fragment.parts))
+    if count > MAX_SURFACES:
+        yield loc, f"{count} surfaces, with those of the parts, is not <= {MAX_SURFACES}"
+    else:
+        sizes: dict[int, tuple[int, int]] = {}
+        names = fragment.names()
+        for index, region in enumerate(names.regions):
+            yield from _of_region(region, (*loc, "cell", index, "region"), sizes)
+        for index, place in enumerate(fragment.places):
+            if place.within is not None:
+                region = names.region(place.within)
+                yield from _of_region(region, (*loc, "place", index, "within"), sizes)
+    for index, group in enumerate(fragment.groups):
+        yield from _of_group(group, (*loc, "group", index))
+
+
+def _of_region(region: Region, loc: Loc, sizes: dict[int, tuple[int, int]]) -> Iterator[Fault]:
+    levels, literals = _size(region, sizes)
+    if levels > MAX_LEVELS:
+        yield loc, f"{levels} nested levels, with the cells it names, is not <= {MAX_LEVELS}"
+    if literals > MAX_LITERALS:
+        what = "sides of surfaces, with the parts and cells it names"
+        yield loc, f"{literals} {what}, is not <= {MAX_LITERALS}"
+
+
+def _size(region: Region, sizes: dict[int, tuple[int, int]]) -> tuple[int, int]:
+    """Nested levels and literals of a region; what cells share is counted once and kept."""
+    if isinstance(region, Literal):
+        return 0, 1
+    if id(region) not in sizes:
+        parts = (region.of,) if isinstance(region, Complement) else region.of
+        found = [_size(part, sizes) for part in parts]
+        levels = 1 + max((level for level, _ in found), default=0)
+        sizes[id(region)] = levels, sum(literals for _, literals in found)
+    return sizes[id(region)]
