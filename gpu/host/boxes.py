@@ -1,0 +1,217 @@
+"""Boxes that contain regions: intervals of x, y, z narrowed by one inequality after another.
+
+F <= 0 with x and y somewhere in their intervals leaves an interval of z: F is a quadratic in z
+whose coefficients are intervals. Where axes are tilted, the axes of a surface are tried, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from halfstep.contract.arrays import Floats
+from halfstep.scene import halfspaces
+from halfstep.scene.region import Intersection, Literal, Region, Union
+
+Interval = tuple[float, float]
+
+# How often the inequalities of an AND narrow each other.
+ROUNDS = 3
+# A box is widened by this part of its size and place, against rounding.
+MARGIN = 2.0**-40
+# Second-order terms below this, next to the largest, are rounding of a rotation.
+NEGLIGIBLE = 2.0**-44
+EVERYTHING: Interval = (-math.inf, math.inf)
+
+
+class Empty(Exception):  # noqa: N818 - no error: a region without a point
+    """No point satisfies the inequalities."""
+
+
+def box_of(region: Region, matrices: Floats) -> Floats | None:
+    """A box that contains a region in normal form, infinite where none is found.
+
+    Args:
+        region: over the surfaces of ``matrices``.
+        matrices: (S, 4, 4), F = [x 1] M [x 1].
+
+    Returns:
+        (2, 3), least and greatest coordinates, or None where the region surely has no point.
+    """
+    try:
+        return _box(region, matrices)
+    except Empty:
+        return None
+
+
+def _box(region: Region, matrices: Floats) -> Floats:
+    if isinstance(region, Literal):
+        region = Intersection((region,))
+    if isinstance(region, Union):
+        found = [box for box in (box_of(part, matrices) for part in region.of) if box is not None]
+        if not found:
+            raise Empty
+        low, high = np.min(found, axis=0)[0], np.max(found, axis=0)[1]
+        return np.array([low, high])
+    assert isinstance(region, Intersection)
+    box = np.array([[-np.inf] * 3, [np.inf] * 3])
+    for part in region.of:
+        if isinstance(part, Union):
+            box = _common(box, _box(part, matrices))
+    inequalities = [
+        -matrices[part.surface] if part.positive else matrices[part.surface]
+        for part in region.of
+        if isinstance(part, Literal)
+    ]
+    box = _narrowed(box, inequalities)
+    if not np.isfinite(box).all():
+        box = _common(box, _corners(inequalities))
+    for axes in _tilted_axes(inequalities):
+        if np.isfinite(box).all():
+            break
+        turned = _narrowed(
+            np.array([[-np.inf] * 3, [np.inf] * 3]),
+            [_in_axes(matrix, axes) for matrix in inequalities],
+        )
+        if np.isfinite(turned).all():
+            corners = np.stack(np.meshgrid(*turned.T, indexing="ij"), axis=-1).reshape(-1, 3)
+            box = _common(box, _around(corners @ axes.T))
+    return _narrowed(box, inequalities)
+
+
+def _around(points: Floats) -> Floats:
+    box = np.array([points.min(axis=0), points.max(axis=0)])
+    return box + np.array([[-1], [1]]) * MARGIN * (np.abs(box).max() + 0 * box)
+
+
+def _common(first: Floats, second: Floats) -> Floats:
+    """What two boxes have in common."""
+    low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
+    if (low > high).any():
+        raise Empty
+    return np.array([low, high])
+
+
+def _corners(inequalities: Sequence[Floats]) -> Floats:
+    """The box of what planes alone enclose."""
+    planes = [np.append(2 * m[:3, 3], -m[3, 3]) for m in inequalities if not m[:3, :3].any()]
+    planes = [plane for plane in planes if plane[:3].any()]
+    everything = np.array([[-np.inf] * 3, [np.inf] * 3])
+    if len(planes) < 4 or not halfspaces.are_bounded(np.array([planes]))[0]:
+        return everything
+    points = halfspaces.vertices(np.array(planes))
+    return _around(points) if len(points) else everything
+
+
+def _tilted_axes(inequalities: Sequence[Floats]) -> list[Floats]:
+    """Axes of the quadrics, in columns, that are not those of the coordinates."""
+    found: list[Floats] = []
+    for matrix in inequalities:
+        second = matrix[:3, :3]
+        if not (second - np.diag(np.diag(second))).any():
+            continue
+        axes = np.linalg.eigh(second)[1]
+        if not any(np.allclose(np.abs(axes.T @ other).max(axis=0), 1.0) for other in found):
+            found.append(axes)
+    return found
+
+
+def _in_axes(matrix: Floats, axes: Floats) -> Floats:
+    """The matrix of F in other axes, without what rounding leaves of its second-order terms."""
+    turn = np.eye(4)
+    turn[:3, :3] = axes
+    found = turn.T @ matrix @ turn
+    size = np.abs(found[:3, :3])
+    found[:3, :3][size < NEGLIGIBLE * size.max(initial=0.0)] = 0.0
+    flat = np.abs(found[:3, 3])
+    found[:3, 3][flat < NEGLIGIBLE * flat.max(initial=0.0)] = 0.0
+    found[3, :3] = found[:3, 3]
+    return np.asarray(found)
+
+
+def _narrowed(box: Floats, inequalities: Sequence[Floats]) -> Floats:
+    """The box of the points in ``box`` where all F <= 0, or a larger one."""
+    intervals = [(float(low), float(high)) for low, high in box.T]
+    rows = [matrix.tolist() for matrix in inequalities]
+    for _ in range(ROUNDS):
+        for matrix in rows:
+            for axis in range(3):
+                intervals[axis] = _narrow(intervals, matrix, axis)
+    return np.array(intervals).T
+
+
+def _narrow(box: Sequence[Interval], matrix: Sequence[Sequence[float]], axis: int) -> Interval:
+    """What F <= 0 leaves of one coordinate: a x² + b x + c <= 0 for some b and c of intervals."""
+    j, k = (other for other in range(3) if other != axis)
+    row = matrix[axis]
+    b = _sum((2 * row[3], 2 * row[3]), _times(2 * row[j], box[j]), _times(2 * row[k], box[k]))
+    c = matrix[3][3] + _least(matrix[j][j], 2 * matrix[j][3], box[j])
+    c += _least(matrix[k][k], 2 * matrix[k][3], box[k])
+    c += _product(_times(2 * matrix[j][k], box[j]), box[k])[0] if matrix[j][k] else 0.0
+    low, high = box[axis]
+    if c == -math.inf:
+        return low, high
+    above = _solved(row[axis], b[0], c, (max(low, 0.0), high)) if high >= 0 else None
+    below = _solved(row[axis], -b[1], c, (max(-high, 0.0), -low)) if low <= 0 else None
+    sides = [above] if above is not None else []
+    sides += [(-below[1], -below[0])] if below is not None else []
+    if not sides:
+        raise Empty
+    return min(side[0] for side in sides), max(side[1] for side in sides)
+
+
+def _solved(a: float, b: float, c: float, within: Interval) -> Interval | None:
+    """The hull of the x >= 0 in an interval with a x² + b x + c <= 0; None where there is none."""
+    low, high = within
+    if b == -math.inf:
+        return within
+    first, last = 0.0, math.inf
+    if b == math.inf:
+        return (0.0, 0.0) if c <= 0 and low <= 0 else None
+    square = b * b - 4 * a * c
+    if a > 0:
+        if square < 0:
+            # Rounding may have lost a point that is touched.
+            if -square > 64 * MARGIN * (b * b + abs(4 * a * c)):
+                return None
+            square = 0.0
+        last = (-b + math.sqrt(square)) / (2 * a)
+        first = (-b - math.sqrt(square)) / (2 * a)
+    elif a < 0:
+        first = (-b - math.sqrt(max(square, 0.0))) / (2 * a) if c > 0 else 0.0
+    elif b > 0:
+        last = -c / b
+    elif c > 0:
+        first = -c / b if b < 0 else math.inf
+    room = MARGIN * (abs(b) / abs(2 * a) + math.sqrt(abs(c / a)) if a else abs(c / b) if b else 0.0)
+    low, high = max(low, first - room), min(high, last + room)
+    return (low, high) if low <= high and low < math.inf else None
+
+
+def _times(factor: float, interval: Interval) -> Interval:
+    if factor == 0.0:
+        return 0.0, 0.0
+    ends = factor * interval[0], factor * interval[1]
+    return min(ends), max(ends)
+
+
+def _product(first: Interval, second: Interval) -> Interval:
+    ends = [a * b if a and b else 0.0 for a in first for b in second]
+    return min(ends), max(ends)
+
+
+def _sum(*intervals: Interval) -> Interval:
+    return sum(low for low, _ in intervals), sum(high for _, high in intervals)
+
+
+def _least(a: float, b: float, x: Interval) -> float:
+    """The least a x² + b x over an interval."""
+    if a == 0.0:
+        return _times(b, x)[0]
+    vertex = min(max(-b / (2 * a), x[0]), x[1]) if a > 0 else x[0]
+    places = [vertex] if a > 0 else list(x)
+    if a < 0 and math.inf in (-x[0], x[1]):
+        return -math.inf
+    return min((a * place + b) * place for place in places)

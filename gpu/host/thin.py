@@ -1,0 +1,69 @@
+"""How thin a group's parts are: the least distance between surfaces that run side by side.
+
+A piece of a ray that is shorter than a cell between two grid points is lost. So a region gets
+halvings enough for the least distance between parallel planes, concentric spheres and coaxial
+cylinders: surfaces whose F differ by a constant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.arrays import Floats
+
+# Coefficients that agree to this, next to the largest, are those of surfaces side by side.
+PARALLEL = 2.0**-30
+# Closer than this, next to the box, they are taken for one surface with rounding.
+CLOSEST = 2.0**-26
+
+
+def least_distance(matrices: Floats, size: float) -> float:
+    """The least distance of surfaces side by side, infinite where there are none.
+
+    Args:
+        matrices: (4, 4, S), F = [x 1] M [x 1], coordinates that count from the middle of a box.
+        size: half the box's largest side.
+    """
+    stretch = np.array([size, size, size, 1.0])
+    rows = np.moveaxis(matrices, -1, 0) * np.multiply.outer(stretch, stretch)
+    upper = np.triu_indices(4)
+    shape, level = rows[:, upper[0], upper[1]][:, :-1], -rows[:, 3, 3]
+    largest = np.abs(shape).max(axis=1, initial=0.0)
+    some = largest > 0
+    shape, level = shape[some] / largest[some, None], level[some] / largest[some]
+    leading = np.argmax(np.abs(shape) > 0.5, axis=1)
+    sign = np.sign(shape[np.arange(len(shape)), leading])
+    shape, level = shape * sign[:, None], level * sign
+    is_plane = np.abs(shape[:, [0, 1, 2, 4, 5, 7]]).max(axis=1, initial=0.0) <= PARALLEL
+    place = _places(shape, level, is_plane)
+    # Neighbours in the order of one sum are all that can run side by side.
+    order = np.lexsort([place, np.rint(shape @ np.sqrt(np.arange(2.0, 11.0)) / PARALLEL / 64)])
+    first, second = order[:-1], order[1:]
+    alike = np.abs(shape[first] - shape[second]).max(axis=1, initial=0.0) <= PARALLEL
+    distance = np.abs(place[first] - place[second])
+    apart = distance[alike & (distance > CLOSEST)]
+    return float(apart.min(initial=np.inf)) * size
+
+
+def _places(shape: Floats, level: Floats, is_plane: NDArray[np.bool_]) -> Floats:
+    """Where each surface is along its normal, from where all surfaces side by side count.
+
+    Of a plane that is its distance, of F = x·M x + 2 s·x - k the semi-axis sqrt(k'/λ), k' being -F
+    at the centre and λ the largest curvature.
+    """
+    second = np.zeros((len(shape), 3, 3))
+    upper = np.triu_indices(4)
+    linear = np.zeros((len(shape), 3))
+    for column, (i, j) in enumerate(zip(upper[0][:-1], upper[1][:-1], strict=True)):
+        if j < 3:
+            second[:, i, j] = second[:, j, i] = shape[:, column]
+        else:
+            linear[:, i] = shape[:, column]
+    normal = np.linalg.norm(linear, axis=1)
+    flat = level / np.where(is_plane & (normal > 0), 2 * normal, 1.0)
+    bend = np.abs(np.linalg.eigvalsh(second)).max(axis=1)
+    center = -np.einsum("sij,sj->si", np.linalg.pinv(second, rcond=1e-9, hermitian=True), linear)
+    value = level - np.einsum("si,si->s", linear, center)
+    round_ = np.sqrt(np.maximum(value, 0.0) / np.where(bend > 0, bend, 1.0))
+    return np.where(is_plane, flat, round_)
