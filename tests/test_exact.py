@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.errors import UsageError
 from halfstep.scene import Scene, Volume, bundled_scenes, with_overrides
 from halfstep.tune import exact as module
 from halfstep.tune.exact import crossing, exact
@@ -46,6 +47,10 @@ def judged(scene: Scene, label: str) -> tuple[int, int]:
 
 @pytest.mark.parametrize("name", sorted(set(bundled_scenes()) - {"crowd"}))
 def test_every_bundled_scene(name: str) -> None:
+    if halfstep.load(name).layout().copies():
+        with pytest.raises(UsageError, match="no exact answer for cells"):
+            exact(halfstep.load(name))
+        return
     hits, depths = judged(halfstep.load(name), name)
     assert hits > 100
     assert depths > 0.5 * hits or name.startswith("edge")

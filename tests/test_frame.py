@@ -37,6 +37,10 @@ CONTRACT: dict[str, tuple[tuple[int, ...], type, float | None]] = {
     "normal": ((3,), np.float32, 0),
     "error": ((), np.float64, None),
     "steps": ((), np.int32, 0),
+    # Of cells, which the gallery has none of.
+    "place": ((), np.int32, -1),
+    "cell": ((), np.int32, -1),
+    "material": ((), np.int32, -1),
 }
 # Twice what `STEPS` halvings of the deepest solid of the gallery leave, along the ray.
 DISTANCE = 3e-4

@@ -32,6 +32,7 @@ ALL = frozenset(OUTPUT_WORDS | OUTPUT_BYTES)
 
 QUADRICS = {Class.QUADRIC, Class.QUADRIC_INSIDE}
 POLYHEDRA = {Class.POLYHEDRON, Class.POLYHEDRON_INSIDE}
+REGIONS = {Class.REGION, Class.REGION_INSIDE}
 # Function -> the classes one of which it is there for.
 CALLED = {
     "visible": {
@@ -44,14 +45,18 @@ CALLED = {
         "whole_interval": QUADRICS | POLYHEDRA,
         "from_the_eye": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
         "choose": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
-        "form_at": {Class.ELLIPSOID, *QUADRICS},
+        "form_at": {Class.ELLIPSOID, *QUADRICS, *REGIONS},
+        "crossing": REGIONS,
+        "look": REGIONS,
     },
     "article": {
         "article_quadric": QUADRICS,
         "article_polyhedron": POLYHEDRA,
         "article_patch": {Class.PATCH},
         "facing": {Class.PATCH},
-        "form_at": QUADRICS,
+        "form_at": QUADRICS | REGIONS,
+        "crossing": REGIONS,
+        "look": REGIONS,
     },
 }
 NEEDS = Needs(
@@ -63,6 +68,8 @@ NEEDS = Needs(
     point_lights=True,
     shininess_bits=6,
     short_keys=False,
+    surfaces=8,
+    levels=4,
 )
 
 
@@ -148,7 +155,7 @@ def test_code_of_a_number_format_is_there_for_it_alone(klass: Class, number_form
 @pytest.mark.slow
 def test_no_built_in_leaves_the_device_a_choice() -> None:
     """Bits do not hang on the order of a dot product, a contracted mix or a power."""
-    exact = {"abs", "bitcast", "ceil", "clamp", "countLeadingZeros", "max", "min", "select"}
+    exact = {"abs", "any", "bitcast", "ceil", "clamp", "countLeadingZeros", "max", "min", "select"}
     moved = {"subgroupBroadcast"}
     # Correctly rounded where bits are promised, as the canary sees.
     rounded = {"sqrt"}
@@ -251,7 +258,10 @@ EXACT = {"polynomial_exact", "forms_exact", "halve_incremental"}
 def as_it_lies(name: str) -> str:
     """A file with what it needs of others and of Python, all unexpanded."""
     form = FIXED32 if name.endswith("_fixed") else FLOAT32_EXACT if name in EXACT else FLOAT32
-    classes = (Class.QUADRIC,) if name == "store_bytes_four" else tuple(Class)
+    classes = tuple(Class)
+    if name in WIDE:
+        # Blocks of regions are of one quad.
+        classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS, classes=classes, format=form)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], together=4)

@@ -14,11 +14,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from halfstep.contract import program as words
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.layout import Flag
 from halfstep.contract.srgb import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.contract.stages import FACTS, STAGES, VISITS, Kind, files_of
 from halfstep.shader.library import stage
+from halfstep.shader.source import WORD
 from halfstep.testing import Kit, MismatchError, near_ties
 from halfstep.testing.census import leaves
 from halfstep.testing.module import Module
@@ -30,6 +32,7 @@ from halfstep.twin.nearest import Key
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial import Offset
 from halfstep.twin.shade import Light
+from halfstep.twin.sight import Paint
 from halfstep.twin.values import Value
 
 Array = NDArray[Any]
@@ -43,6 +46,9 @@ BLOCK_ROWS = 48
 ROWS = BLOCKS * BLOCK_ROWS
 BLOCK = np.repeat(np.arange(BLOCKS), BLOCK_ROWS)
 STEPS = 1 + BLOCK % 30
+
+# Of regions: surfaces, and words and levels of programs.
+SURFACES, WORDS, LEVELS = 4, 12, 4
 
 # Colours and weights of light are never negative; zeros without a sign are what Mesa keeps.
 LIT = ("ambient", "specular")
@@ -105,6 +111,12 @@ const MAX_LINES: u32 = 8u;
 const LIGHTS: u32 = 2u;
 const SHININESS_BITS: u32 = 11u;
 const HALVINGS: Run = {number_format.run};
+const SEARCHES: Run = {number_format.run};
+const SURFACES: u32 = {SURFACES}u;
+const CROSSINGS: u32 = {3 * SURFACES}u;
+const LEVELS: u32 = {LEVELS}u;
+{"".join(f"const {name}: u32 = {getattr(words, name)}u;" for name in WORD)}
+var<private> programs: array<u32, {WORDS}>;
 var<private> frame: Frame;
 var<private> lights: array<Light, LIGHTS>;
 """
@@ -289,6 +301,40 @@ FAULTS = [
     ("shade.shade", "away = dot", "away = -dot"),
     ("encode.srgb_level", ">=", ">"),
     ("encode.encode", "u4(16u)", "u4(8u)"),
+    ("arithmetic.moved", "c + by", "c - by"),
+    ("arithmetic_fixed.moved", "ceil", "floor"),
+    ("crossings.convex", "-form.g", "form.g"),
+    ("crossings.way_in", "b4(false)", "b4(true)"),
+    ("crossings.way_out", "-form.g", "form.g"),
+    ("crossings.line_way", "line.b > v4(0)", "line.b < v4(0)"),
+    ("crossings.point_after", "+ i4(1)", ""),
+    ("crossings.begins", "eye == EYE_INSIDE", "eye == EYE_OUTSIDE"),
+    ("crossings.is_outside", "< i4(0)", "<= i4(0)"),
+    ("crossings.turned_if", "~high", "high"),
+    ("crossings.ends_of", "is_outside(crossing)", "!is_outside(crossing)"),
+    ("crossings.crossing", "bowl.c <= v4(0)", "bowl.c < v4(0)"),
+    ("crossings.crossing", "first | last | turns", "first | last"),
+    ("crossings.line_crossing", "line.c - line.b", "line.c + line.b"),
+    ("crossings.in_cells", "!= outside", "== outside"),
+    ("walk.literal_at", "q < ends.high", "q <= ends.high"),
+    ("walk.later", "second.until > first.until", "second.until >= first.until"),
+    ("certify_region.spread", "run.g", "run.c"),
+    ("certify_region.shifted_form", "moved(form.c, by)", "form.c"),
+    ("certify_region.is_vague", "by >", "by <"),
+    ("certify_region.surely", "i4(never), vague", "i4(0), vague"),
+    ("certify_region.perhaps", "i4(0), vague", "i4(never), vague"),
+    ("certify_region.part_of", "q >= ends.high", "q > ends.high"),
+    ("certify_region.settled", "inside | outside", "inside & outside"),
+    ("certify_region.certify_region", "between.point - shown.q", "shown.q - between.point"),
+    ("region.paint_of", "solid.color[2]", "solid.color[1]"),
+    ("region.is_within", "y <= region.bottom", "y < region.bottom"),
+    ("region.position_before", "+ 1)", ")"),
+    ("region.plane_normal", "plane.normal[2]", "plane.normal[1]"),
+    ("region.outward", "falls != met.inside", "falls"),
+    ("region.painted", "look.specular", "look.color[0]"),
+    ("cross.crossed", "k < steps", "k + 1u < steps"),
+    ("cross.line_crossed", "k < steps", "k + 1u < steps"),
+    ("cross.doubted", "select(-by, by, raised)", "by"),
 ]
 
 
@@ -325,7 +371,7 @@ class Draw:
         if values is None:
             values = self._usual(name, leaf)
         # Pixels have places of their own; what else is one number or a record's is of a solid.
-        is_record = place.startswith(("solid.", "half_space."))
+        is_record = place.startswith(("solid.", "half_space.", "plane.", "look."))
         own = name in ("y", "j") or (leaf.ndim > 1 and not is_record)
         return values if own else values[::BLOCK_ROWS][BLOCK]
 
@@ -382,6 +428,28 @@ class Draw:
                 return rng.integers(0, 4, shape)
             case "position" | "exit_position":
                 return 2 * rng.integers(0, cells, shape) + 1 - cells
+            case "low" | "high":
+                point = rng.integers(0, cells + 2, shape)
+                return (
+                    point
+                    if place.startswith("ends")
+                    else np.where(rng.random(shape) < 0.3, ~point, point)
+                )
+            case "q" | "enters" | "leaves":
+                return rng.integers(0, cells + 2, shape)
+            case "never":
+                return (1 << STEPS) + 1
+            case "only":
+                return rng.integers(-1, 2, shape)
+            case "eye":
+                return rng.integers(0, 3, shape)
+            case "until":
+                few = rng.integers(-3, 4, shape)
+                return np.where(rng.random(shape) < 0.5, few, self._usual(name, leaf))
+            case "left" | "right" | "top" | "bottom":
+                return rng.integers(-3, 4, shape)
+            case "by":
+                return np.exp2(rng.uniform(-20, 30, shape))
             case "cell" | "first" | "last":
                 ends = np.where(rng.random(shape) < 0.5, -1, cells)
                 return np.where(rng.random(shape) < 0.3, ends, rng.integers(-1, cells + 1, shape))
@@ -514,6 +582,8 @@ def _argument(
             return chosen_for(function.format, "visible")
         case "keys":
             return keys
+        case "paint":
+            return _as_twin(given["paint"], Paint)
         case "facts":
             return FACTS
         case "like":

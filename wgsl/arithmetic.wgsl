@@ -12,6 +12,8 @@ const ROUNDING: f32 = 0x1p-24f;
 // A reduced product is the product times this, off by at most so much besides.
 const REDUCTION: f32 = 1.0;
 const REDUCTION_ERROR: f32 = 0.0;
+// A value is moved by no more than this.
+const LARGEST_MOVE: f32 = 16.0;
 
 fn product(a: v4, b: v4) -> w4 {
   return a * b;
@@ -34,4 +36,9 @@ fn discriminant_error(form: Form, errors: FormErrors) -> f4 {
   return 1.03 * (((2.0 * size_g + errors.g) * errors.g
     + 4.0 * (size_of(form.a) * errors.c + (size_of(form.c) + errors.c) * errors.a))
     + 3.0 * ROUNDING * (size_g * size_g + fourfold));
+}
+
+// A value and an error.
+fn moved(c: v4, by: f4) -> v4 {
+  return c + by;
 }

@@ -15,6 +15,8 @@ const ROUNDING: f32 = 0.0;
 // A reduced product is the product times this, off by at most so much besides.
 const REDUCTION: f32 = 0x1p-30f;
 const REDUCTION_ERROR: f32 = 1.0;
+// A value is moved by no more than this.
+const LARGEST_MOVE: f32 = 0x1p+20f;
 
 fn product(a: v4, b: v4) -> w4 {
   return w4(a) * w4(b);
@@ -35,4 +37,10 @@ fn steps_from_middle(position: i4, steps: u32, last_step: f32) -> v4 {
 fn discriminant_error(form: Form, errors: FormErrors) -> f4 {
   let sizes = abs(w4(form.g)) + w4(2) * (abs(w4(form.a)) + abs(w4(form.c)));
   return (1.03 * errors.g) * (2.0 * f4(sizes) + 5.0 * errors.g);
+}
+
+// A value and an error, which is rounded away from 0.
+fn moved(c: v4, by: f4) -> v4 {
+  let cut = i4(min(ceil(abs(by)), f4(LARGEST_MOVE)));
+  return c + select(cut, -cut, by < f4(0.0));
 }

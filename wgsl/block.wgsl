@@ -25,4 +25,8 @@ var<private> slope_0: Vector;  // along the normal of the solid at the sight
 // each quad
 var<private> certificate_0: Certificate;  // what is certain of the solid
 // each quad
+var<private> met_0: Met;  // of a region  //? regions
+// each quad
+var<private> paint_0: Paint;  // how the solid looks  //? regions & color
+// each quad
 var<private> nearest_0: Nearest;  // of all solids so far

@@ -37,6 +37,7 @@ fn keep(
   sight: Sight,
   slope: Vector,  //? normal
   certificate: Certificate,  //? error
+  paint: Paint,  //? regions & color
 ) -> Nearest {
   let key = key_at(sight.position, solid);
   let surface = u4(solid.surface) + u4(sight.surface);
@@ -51,11 +52,16 @@ fn keep(
     key, certificate.bound, solid.steps, solid.spare, solid.key_shift
   );
   let u = f4(sight.position) * solid.last_step;  //? point_lights
-  let color = Vector(  //? color
+  var color = Vector(  //? color
     f4(solid.color[0]),
     f4(solid.color[1]),
     f4(solid.color[2]),
   );
+  color = paint.color;  //? regions & color
+  var specular = f4(solid.specular);  //? gloss
+  specular = paint.specular;  //? regions & gloss
+  var shininess = u4(solid.shininess);  //? gloss
+  shininess = paint.shininess;  //? regions & gloss
   return Nearest(
     either_nearest(nearer, key, old.key),
     select(old.surface, surface, nearer),
@@ -65,8 +71,8 @@ fn keep(
     select(old.bound, certificate.bound, nearer),  //? error
     either(nearer, slope, old.slope),  //? normal
     either(nearer, color, old.color),  //? color
-    select(old.specular, f4(solid.specular), nearer),  //? gloss
-    select(old.shininess, u4(solid.shininess), nearer),  //? gloss
+    select(old.specular, specular, nearer),  //? gloss
+    select(old.shininess, shininess, nearer),  //? gloss
     select(old.depth, solid.depth_middle + u * solid.depth_half, nearer),  //? point_lights
   );
 }

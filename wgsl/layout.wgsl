@@ -46,6 +46,7 @@ struct Solid {
   color: array<f32, 3>,  // of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
+  region: u32,  // its row among the regions, if it is one
 }
 
 // A half-space along a ray: inside where c + b u <= 0.
@@ -60,4 +61,51 @@ struct HalfSpace {
 struct Light {
   @align(32) vector: vec4<f32>,  // direction to it (w = 0) or w times its position
   color: vec4<f32>,  // linear RGB
+}
+
+// What a solid that is a copy of a group of cells has besides; grid points count from 0 to 2^n.
+struct Region {
+  @align(32) first: i32,  // grid point where rays start
+  start_end: i32,  // last cell that may lie before the near base plane, or -1
+  last: i32,  // last grid point before the far base plane
+  last_sure: i32,  // the same, surely
+  left: i32,  // least x of its rectangle
+  right: i32,  // greatest x
+  top: i32,  // least y
+  bottom: i32,  // greatest y
+  flat_start: u32,  // its first plane
+  flat_count: u32,  // how many it has
+  curved_start: u32,  // its first quadric
+  curved_count: u32,  // how many it has
+  word_start: u32,  // its program's first word
+  word_end: u32,  // the word behind its last
+  looks_start: u32,  // appearance of its first cell; its surfaces follow
+  cells: u32,  // how many it has
+}
+
+// A plane of a region along a ray: F = c + b u.
+struct Flat {
+  @align(32) c: array<Coefficient, 3>,  // coefficients of 1, x, y
+  b: array<Coefficient, 3>,  // the same
+  normal: array<f32, 3>,  // gradient of F, world, of unit length
+  host_error: f32,  // error of c and b from the set-up, in their units
+  eye: u32,  // EYE_…: what is known of F at the eye
+}
+
+// A quadric of a region along a ray: F = A u² + G u + C.
+struct Curved {
+  @align(32) a: array<Coefficient, 6>,  // A as coefficients of 1, x, y, x², xy, y²
+  g: array<Coefficient, 6>,  // G
+  c: array<Coefficient, 6>,  // C
+  host_error: f32,  // error of A, G and C from the set-up, in their units
+  gradient: array<f32, 18>,  // half the gradient of F, world: [1, u][1, x, y][axis]
+  eye: u32,  // EYE_…: what is known of F at the eye
+}
+
+// How a cell, or a face that a surface cuts, looks.
+struct Appearance {
+  @align(32) color: array<f32, 3>,  // linear RGB
+  specular: f32,  // weight of the highlight
+  shininess: u32,  // exponent of the highlight
+  is_own: u32,  // 1 if a surface has one of its own, else 0: that of the cell
 }

@@ -12,6 +12,7 @@ fn keep_block(solid: Solid) {
     sight_0,
     slope_0,  //? normal
     certificate_0,  //? error
+    paint_0,  //? regions & color
   );
 }
 
@@ -40,6 +41,8 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
+      // each quad
+      paint_0 = paint_of(solid);  //? regions & color
       visit_ellipsoid(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -51,6 +54,8 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
+      // each quad
+      paint_0 = paint_of(solid);  //? regions & color
       visit_quadric(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -62,6 +67,8 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
+      // each quad
+      paint_0 = paint_of(solid);  //? regions & color
       visit_quadric_inside(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -73,6 +80,8 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
+      // each quad
+      paint_0 = paint_of(solid);  //? regions & color
       visit_polyhedron(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -84,6 +93,8 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
+      // each quad
+      paint_0 = paint_of(solid);  //? regions & color
       visit_polyhedron_inside(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -95,7 +106,31 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
+      // each quad
+      paint_0 = paint_of(solid);  //? regions & color
       visit_patch(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_region
+    let first = tile.starts[LIST_REGION];
+    let end = tile.starts[LIST_REGION + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_region_inside
+    let first = tile.starts[LIST_REGION_INSIDE];
+    let end = tile.starts[LIST_REGION_INSIDE + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region_inside(solid, j - solid.center_y);
       keep_block(solid);
     }
   }

@@ -145,7 +145,7 @@ def _groups(value: Any, shape: tuple[int, int], picked: Array) -> Any:
         return {name: _groups(part, shape, picked) for name, part in value.items()}
     if isinstance(value, list):
         return [_groups(part, shape, picked) for part in value]
-    if isinstance(value, tuple):  # a named one, as all structs of the twin
+    if hasattr(value, "_fields"):  # as all structs of the twin
         return type(value)(*(_groups(part, shape, picked) for part in value))
     return value
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from halfstep.cli.options import Commands
 from halfstep.cli.output import print_json, print_text
 from halfstep.errors import HalfstepError
 
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
     from halfstep.scene import Fragment, Scene
 
 
-def add(commands: Commands) -> None:
+def add(commands: Any) -> None:
     """Add the command to a parser's commands."""
     info = commands.add_parser("info", help="tell how a picture was made, or what a scene holds")
     info.set_defaults(run=run)

@@ -14,3 +14,5 @@ class Class(IntEnum):
     POLYHEDRON = 3
     POLYHEDRON_INSIDE = 4
     PATCH = 5
+    REGION = 6
+    REGION_INSIDE = 7

@@ -147,6 +147,7 @@ SOLID = Record(
         Field("color", "f32", 3, "of its material, linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
+        Field("region", "u32", 1, "its row among the regions, if it is one"),
     ),
 )
 
@@ -170,7 +171,66 @@ LIGHT = Record(
     ),
 )
 
-RECORDS = (FRAME, SOLID, HALF_SPACE, LIGHT)
+REGION = Record(
+    "Region",
+    "What a solid that is a copy of a group of cells has besides; grid points count from 0 to 2^n.",
+    (
+        Field("first", "i32", 1, "grid point where rays start"),
+        Field("start_end", "i32", 1, "last cell that may lie before the near base plane, or -1"),
+        Field("last", "i32", 1, "last grid point before the far base plane"),
+        Field("last_sure", "i32", 1, "the same, surely"),
+        Field("left", "i32", 1, "least x of its rectangle"),
+        Field("right", "i32", 1, "greatest x"),
+        Field("top", "i32", 1, "least y"),
+        Field("bottom", "i32", 1, "greatest y"),
+        Field("flat_start", "u32", 1, "its first plane"),
+        Field("flat_count", "u32", 1, "how many it has"),
+        Field("curved_start", "u32", 1, "its first quadric"),
+        Field("curved_count", "u32", 1, "how many it has"),
+        Field("word_start", "u32", 1, "its program's first word"),
+        Field("word_end", "u32", 1, "the word behind its last"),
+        Field("looks_start", "u32", 1, "appearance of its first cell; its surfaces follow"),
+        Field("cells", "u32", 1, "how many it has"),
+    ),
+)
+
+FLAT = Record(
+    "Flat",
+    "A plane of a region along a ray: F = c + b u.",
+    (
+        Field("c", "Coefficient", 3, "coefficients of 1, x, y"),
+        Field("b", "Coefficient", 3, "the same"),
+        Field("normal", "f32", 3, "gradient of F, world, of unit length"),
+        Field("host_error", "f32", 1, "error of c and b from the set-up, in their units"),
+        Field("eye", "u32", 1, "EYE_…: what is known of F at the eye"),
+    ),
+)
+
+CURVED = Record(
+    "Curved",
+    "A quadric of a region along a ray: F = A u² + G u + C.",
+    (
+        Field("a", "Coefficient", 6, "A as coefficients of 1, x, y, x², xy, y²"),
+        Field("g", "Coefficient", 6, "G"),
+        Field("c", "Coefficient", 6, "C"),
+        Field("host_error", "f32", 1, "error of A, G and C from the set-up, in their units"),
+        Field("gradient", "f32", 18, "half the gradient of F, world: [1, u][1, x, y][axis]"),
+        Field("eye", "u32", 1, "EYE_…: what is known of F at the eye"),
+    ),
+)
+
+APPEARANCE = Record(
+    "Appearance",
+    "How a cell, or a face that a surface cuts, looks.",
+    (
+        Field("color", "f32", 3, "linear RGB"),
+        Field("specular", "f32", 1, "weight of the highlight"),
+        Field("shininess", "u32", 1, "exponent of the highlight"),
+        Field("is_own", "u32", 1, "1 if a surface has one of its own, else 0: that of the cell"),
+    ),
+)
+
+RECORDS = (FRAME, SOLID, HALF_SPACE, LIGHT, REGION, FLAT, CURVED, APPEARANCE)
 
 
 def wgsl() -> str:

@@ -49,8 +49,13 @@ STAGES = (
     Stage(Kind.NUMBERS, "keys", ("keys_short",)),
     Stage(Kind.VALUES, "certify"),
     Stage(Kind.NUMBERS, "normal"),
+    Stage(Kind.VALUES, "crossings"),
+    Stage(Kind.NUMBERS, "walk"),
+    Stage(Kind.VALUES, "certify_region"),
     Stage(Kind.VALUES, "solid"),
     Stage(Kind.VALUES, "certificate"),
+    Stage(Kind.VALUES, "cross"),
+    Stage(Kind.VALUES, "region"),
     Stage(Kind.NUMBERS, "sight"),
     Stage(Kind.VALUES, "keep"),
     Stage(Kind.NUMBERS, "ray"),
@@ -58,6 +63,7 @@ STAGES = (
     Stage(Kind.NUMBERS, "finish"),
     Stage(Kind.NUMBERS, "encode"),
     Stage(Kind.BLOCK, "block"),
+    Stage(Kind.BLOCK, "walks"),
     Stage(Kind.BLOCK, "conveyor", ("closed",)),
     Stage(Kind.DEVICE, "pack"),
     Stage(Kind.DEVICE, "wide"),
@@ -90,6 +96,11 @@ VISITS = {
     ("article", Class.QUADRIC): _visit("visit_article", "curved"),
     ("article", Class.POLYHEDRON): _visit("visit_article", "flat"),
     ("article", Class.PATCH): _visit("visit_article", "patch"),
+    **{
+        (method, klass): _visit("visit_region", *facts)
+        for method in ("visible", "article")
+        for klass, facts in ((Class.REGION, ()), (Class.REGION_INSIDE, ("opened", "leaving")))
+    },
 }
 
 # What the marks of WGSL files ask for. A twin asks the same.
@@ -104,6 +115,7 @@ FACTS = {
     "curved": "the solid has a quadric",
     "flat": "the solid is a polyhedron",
     "patch": "the solid is a bounded plane",
+    "regions": "tiles may see a copy of a group of cells",
     "opened": "rays may start inside the solid",
     "broadcast": "invocations of a subgroup fetch records together",
     **{f"list_{klass.name.lower()}": f"tiles may see a solid of {klass.name}" for klass in Class},

@@ -473,7 +473,7 @@ def _leave_out_exit_handlers() -> None:
     """
     libc = ctypes.CDLL(None)
     if hasattr(libc, "on_exit"):  # of glibc alone; it hands on the exit code
-        libc.on_exit(libc._exit, None)
+        libc.on_exit(libc["_exit"], None)
         libc.on_exit(libc.fcloseall, None)
 
 

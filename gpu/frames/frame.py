@@ -60,6 +60,10 @@ class Frame:
             array = self._arrays[name] = array.found()
         return array
 
+    def __getstate__(self) -> dict[str, object]:
+        # Without what arrays are found from, which is larger than they are.
+        return {"_arrays": {name: getattr(self, name) for name in self._arrays}, "info": self.info}
+
     def __dir__(self) -> Iterable[str]:
         return [*super().__dir__(), *self._arrays]
 

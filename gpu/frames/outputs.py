@@ -41,14 +41,14 @@ class Levels(Enum):
 
 
 class Lookup(NamedTuple):
-    """An array that is a table's entries at surface numbers (H, W), looked up when it is wanted."""
+    """An array that is found from the numbers of surfaces (H, W) when it is wanted."""
 
-    table: Array
+    find: Callable[[Array], Array]
     numbers: Array
 
     def found(self) -> Array:
         """The array."""
-        return np.asarray(self.table[self.numbers])
+        return self.find(self.numbers)
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,10 @@ def _error(band: Band) -> Floats:
     whole interval lies behind.
     """
     packed, planes = band.packed, band.planes
-    setup, surfaces = packed.setup, packed.surfaces
+    setup = packed.setup
     half = _by_solid(packed, setup.solid, 2.0 ** -(setup.level + 1.0))
     rounding = _by_solid(packed, setup.solid, setup.depth_error)
-    solid = surfaces.solid[band.number]
+    solid = packed.surfaces.numbers.rows(band.number)
     t = planes["key"].astype(np.float64) * band.unit
     above = planes["bound"].astype(np.float64) * half[solid]
     below = t - planes["low"].astype(np.float64) * band.unit
@@ -126,8 +126,8 @@ def _error(band: Band) -> Floats:
 
 
 def _steps(band: Band) -> Lookup:
-    surfaces = band.packed.surfaces
-    return Lookup(steps_by_solid(band.packed)[surfaces.solid], band.number)
+    steps, numbers = steps_by_solid(band.packed), band.packed.surfaces.numbers
+    return Lookup(lambda number: np.asarray(steps[numbers.rows(number)]), band.number)
 
 
 def steps_by_solid(packed: Packed) -> I32:
@@ -203,18 +203,18 @@ _ROWS = (
     Output(
         name="solid",
         type=np.int32,
-        meaning="index in the file; always there",
+        meaning="index in the file, cells behind the solids; always there",
         miss="−1",
-        of=lambda band: Lookup(band.packed.surfaces.solid, band.number),
+        of=lambda band: Lookup(band.packed.surfaces.numbers.solids, band.number),
         levels=Levels.NUMBER_FROM_1,
         channels=("id",),
     ),
     Output(
         name="surface",
         type=np.int32,
-        meaning="number of the surface within the solid",
+        meaning="number of the surface within the solid, or the group of the cell",
         miss="−1",
-        of=lambda band: Lookup(band.packed.surfaces.number, band.number),
+        of=lambda band: Lookup(band.packed.surfaces.numbers.surfaces, band.number),
         levels=Levels.NUMBER_FROM_1,
         channels=("surface",),
     ),
@@ -285,11 +285,36 @@ _ROWS = (
         type=np.int32,
         meaning="halvings spent on the solid that was hit",
         miss="0",
-        of=lambda band: Lookup(
-            steps_by_solid(band.packed)[band.packed.surfaces.solid], band.number
-        ),
+        of=_steps,
         levels=Levels.NUMBER,
         channels=("steps",),
+    ),
+    Output(
+        name="place",
+        type=np.int32,
+        meaning="which copy of a group, depth first in the order of the file",
+        miss="−1, as of what is in no copy",
+        of=lambda band: Lookup(band.packed.surfaces.numbers.places, band.number),
+        levels=Levels.NUMBER_FROM_1,
+        channels=("place",),
+    ),
+    Output(
+        name="cell",
+        type=np.int32,
+        meaning="id of the cell",
+        miss="−1, as of what is no cell",
+        of=lambda band: Lookup(band.packed.surfaces.numbers.cells, band.number),
+        levels=Levels.NUMBER_FROM_1,
+        channels=("cell",),
+    ),
+    Output(
+        name="material",
+        type=np.int32,
+        meaning="id of the material",
+        miss="−1, as of what has a color alone",
+        of=lambda band: Lookup(band.packed.surfaces.numbers.materials, band.number),
+        levels=Levels.NUMBER_FROM_1,
+        channels=("material",),
     ),
 )
 # By name, in the order of a frame.

@@ -86,7 +86,7 @@ def _joined(bands: list[Array | Lookup]) -> Array | Lookup:
         return bands[0]
     lookups = [band for band in bands if isinstance(band, Lookup)]
     if lookups:
-        return Lookup(lookups[0].table, np.concatenate([band.numbers for band in lookups]))
+        return Lookup(lookups[0].find, np.concatenate([band.numbers for band in lookups]))
     return np.concatenate([band for band in bands if not isinstance(band, Lookup)])
 
 

@@ -7,15 +7,16 @@ camera; ``setup`` turns these arrays into per-frame constants, ``bounds`` into s
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 
-from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.contract.arrays import Array, Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.edges import EDGES
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
+from halfstep.host.regions import Regions
 from halfstep.scene import Box, PlanePatch, Quadric, Scene, Solid, halfspaces
 
 # The default volume is this much wider than the solids, so that no solid touches a base plane.
@@ -86,22 +87,28 @@ class Geometry:
     plane_blur: Floats  # (M,), what may be off, in distances from the origin; 0 but for some
     plane_two_sided: Bools  # (M,), it is seen from both sides: a patch, or one with an opposite
     hulls: Hulls
+    regions: Regions | None  # copies of groups, each the last of the K solids
 
     @property
     def count(self) -> int:
         """Number of solids K."""
         return len(self.is_patch)
 
+    @property
+    def solid_count(self) -> int:
+        """Number of those that are no copies of groups."""
+        return self.count - (0 if self.regions is None else self.regions.count)
+
 
 def build(scene: Scene) -> Geometry:
     """Stack the solids of ``scene``."""
     solids = scene.solids
     count = len(solids)
-    rotation = np.array([solid.world_from_local() for solid in solids])
-    origin = np.array([solid.origin for solid in solids], np.float64)
-    is_patch = np.array([solid.is_patch for solid in solids])
-    is_flat = np.array([solid.is_flat for solid in solids])
-    quadric = np.array([solid.quadric() for solid in solids])
+    rotation = np.array([solid.world_from_local() for solid in solids]).reshape(-1, 3, 3)
+    origin = np.array([solid.origin for solid in solids], np.float64).reshape(-1, 3)
+    is_patch = np.array([solid.is_patch for solid in solids], np.bool_)
+    is_flat = np.array([solid.is_flat for solid in solids], np.bool_)
+    quadric = np.array([solid.quadric() for solid in solids]).reshape(-1, 4, 4)
     has_quadric, is_nowhere = ~is_flat, np.zeros(count, bool)
     faces: list[Faces] = []
     for ix, solid in enumerate(solids):
@@ -113,7 +120,8 @@ def build(scene: Scene) -> Geometry:
     asked = [ix for ix, solid in enumerate(solids) if not isinstance(solid, Box | PlanePatch)]
     for ix, found in zip(asked, distinct([faces[ix] for ix in asked]), strict=True):
         faces[ix] = found
-    has_cut = np.array([_is_cut(solid, own) for solid, own in zip(solids, faces, strict=True)])
+    cut = [_is_cut(solid, own) for solid, own in zip(solids, faces, strict=True)]
+    has_cut = np.array(cut, np.bool_)
 
     form, hulls = _hulls(solids, [own.rows for own in faces], quadric, has_quadric, is_flat)
     plane_count = np.array([len(own.rows) for own in faces], np.int64)
@@ -124,7 +132,8 @@ def build(scene: Scene) -> Geometry:
     for ix in slender.tolist():
         faces[ix] = _with_edges(faces[ix])
     plane_count[slender] += EDGES
-    planes, number, blur, two_sided = map(np.concatenate, zip(*faces, strict=True))
+    nothing = alone(np.empty((0, 4)), np.empty(0, np.int64), np.empty(0))
+    planes, number, blur, two_sided = map(np.concatenate, zip(nothing, *faces, strict=True))
     planes = planes.T * np.array([[1.0], [1.0], [1.0], [-1.0]])
     plane_start = np.cumsum(plane_count) - plane_count
     plane_bounds = np.repeat(is_patch, plane_count)
@@ -152,6 +161,48 @@ def build(scene: Scene) -> Geometry:
         plane_blur=blur,
         plane_two_sided=two_sided,
         hulls=hulls,
+        regions=None,
+    )
+
+
+def with_regions(solids: Geometry, regions: Regions) -> Geometry:
+    """The solids and, behind them, copies of groups, each in its box."""
+    boxes = np.stack([program.box for program in regions.programs], axis=-1)
+    boxes = boxes.take(regions.of, axis=-1)
+    is_bounded = np.isfinite(boxes).all(axis=(0, 1))
+    own = np.flatnonzero(is_bounded)
+    ends = np.indices((2, 2, 2)).reshape(3, 8)
+    corners = boxes[ends, np.arange(3)[:, None]][..., own]  # (3, 8, B)
+    points = corners.transpose(0, 2, 1).reshape(3, -1)
+    hulls = solids.hulls
+    first = len(hulls.point_solid)
+
+    def behind(array: Array, value: float) -> Array:
+        more = np.full((*array.shape[:-1], regions.count), value, array.dtype)
+        return np.concatenate([array, more], axis=-1)
+
+    return replace(
+        solids,
+        **{
+            name: behind(getattr(solids, name), False)
+            for name in ("has_quadric", "is_patch", "is_ellipsoid", "is_empty", "is_loose")
+        },
+        quadric=behind(solids.quadric, 0.0),
+        plane_start=behind(solids.plane_start, 0),
+        plane_count=behind(solids.plane_count, 0),
+        origin=np.concatenate([solids.origin, regions.origin], axis=-1),
+        world_from_local=np.concatenate(
+            [solids.world_from_local, regions.world_from_local], axis=-1
+        ),
+        is_bounded=np.concatenate([solids.is_bounded, is_bounded]),
+        hulls=replace(
+            hulls,
+            point_ix=np.concatenate([hulls.point_ix, solids.count + own]),
+            point_start=np.concatenate([hulls.point_start, first + 8 * np.arange(len(own))]),
+            point_solid=np.concatenate([hulls.point_solid, np.repeat(solids.count + own, 8)]),
+            points=np.concatenate([hulls.points, points], axis=-1),
+        ),
+        regions=regions,
     )
 
 

@@ -9,21 +9,24 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import F32, I32, U32, Floats, Ints, Records
+from halfstep.contract.arrays import F32, U32, Floats, Ints, Records
 from halfstep.contract.classes import Class
-from halfstep.contract.formats import FRACTION_BITS, Format
+from halfstep.contract.formats import Format
 from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
+from halfstep.contract.regions import PackedRegions
 from halfstep.host.edges import monomials_of
+from halfstep.host.forms import FAINT, fixed_point_scale
 from halfstep.host.geometry import Geometry
+from halfstep.host.numbers import Numbers, numbers_of
+from halfstep.host.pack_regions import Appearances, appearances, pack_regions
+from halfstep.host.regions import NO_MATERIAL
 from halfstep.host.setup import START_BITS, Setup
 from halfstep.host.steps import Steps, format_for
 from halfstep.scene import Scene
 
-# Components of unit vectors and colours below this are as good as none: outputs would hold
-# subnormal numbers, which devices may flush.
-FAINT = 2.0**-63
-
+# A tile's record has its place, where each list begins, and where the last ends.
+MOST_CLASSES = layout.TILE_WORDS - 2
 # Rows: the class of a solid seen whole and from outside. Columns: its class whole, cut, and seen
 # from inside.
 _CLASS_SEEN = np.array(
@@ -34,6 +37,8 @@ _CLASS_SEEN = np.array(
         [Class.POLYHEDRON, Class.POLYHEDRON, Class.POLYHEDRON_INSIDE],
         [Class.POLYHEDRON_INSIDE] * 3,
         [Class.PATCH] * 3,
+        [Class.REGION, Class.REGION, Class.REGION_INSIDE],
+        [Class.REGION_INSIDE] * 3,
     ],
     np.int64,
 )
@@ -46,6 +51,8 @@ _ARTICLE_CLASS = np.array(
         Class.POLYHEDRON,
         Class.POLYHEDRON,
         Class.PATCH,
+        Class.REGION,
+        Class.REGION_INSIDE,
     ],
     np.int64,
 )
@@ -55,16 +62,15 @@ _FRAME, _LIGHT = layout.FRAME.dtype(), layout.LIGHT.dtype()
 
 @dataclass(frozen=True)
 class Surfaces:
-    """The surfaces of a scene, numbered through from 1; row 0 stands for no surface."""
+    """What a scene's surfaces are called and look like."""
 
-    solid: I32  # (S,), -1 in row 0
-    number: I32  # (S,), within the solid, -1 in row 0
-    first: Ints  # (K,), each solid's surface 0
+    numbers: Numbers
     color: F32  # (K, 3), of each solid's material
     specular: F32  # (K,)
     shininess: U32  # (K,)
     normal: F32  # (M, 3), of each half-space, world
     outside_class: Ints  # (K,), of each solid seen whole and from outside
+    appearances: Appearances | None  # of cells and their faces
 
 
 @dataclass(frozen=True)
@@ -88,14 +94,20 @@ class Packed:
     most_half_spaces: int  # of a solid
     solid_count: int  # of the scene
     surface_count: int  # of the scene
+    regions: PackedRegions | None  # what copies of groups have besides
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     """Number the surfaces of ``scene`` and look up the material of each solid."""
-    per_solid = geometry.plane_count + 1
+    per_solid, alone = geometry.plane_count + 1, geometry.solid_count
+    regions = geometry.regions
+    if regions is not None:
+        per_solid[alone:] = regions.faces[regions.of]
     first = 1 + np.cumsum(per_solid) - per_solid
-    owner = np.repeat(np.arange(geometry.count), per_solid)
+    owner = np.repeat(np.arange(alone), per_solid[:alone])
     materials = [scene.material_of(solid) for solid in scene.solids]
+    # Cells have their own.
+    materials += [NO_MATERIAL] * (geometry.count - alone)
     normals = np.einsum(
         "ijn,jn->ni",
         np.take(geometry.world_from_local, geometry.plane_solid, axis=-1),
@@ -107,14 +119,20 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     # Edges of the screen rectangle have no normal: they are not seen.
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return Surfaces(
-        solid=np.append(-1, owner).astype(np.int32),
-        number=number,
-        first=first,
+        numbers=numbers_of(
+            scene,
+            solid=np.append(-1, owner).astype(np.int32),
+            surface=number,
+            first=first,
+            count=int(per_solid.sum()),
+            regions=regions,
+        ),
         color=np.array([material.color for material in materials], np.float32),
         specular=np.array([material.specular for material in materials], np.float32),
         shininess=np.array([material.shininess for material in materials], np.uint32),
         normal=_clear(normals / np.where(length > 0, length, 1.0)).astype(np.float32),
         outside_class=_outside_classes(geometry),
+        appearances=None if regions is None else appearances(scene, regions),
     )
 
 
@@ -124,6 +142,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     classes, outside = _classes(tables, setup), tables.outside_class
     if scene.accuracy.method == "article":
         classes, outside = _ARTICLE_CLASS[classes], _ARTICLE_CLASS[outside]
+    classes, outside = _fewer(classes, outside)
     # Numbers of 16 bits or less are sorted in linear time.
     order = np.argsort(classes.astype(np.uint8), kind="stable")
     number_format = format_for(scene.accuracy, int(count.max(initial=0)))
@@ -142,10 +161,13 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         key_bits=keys.bits,
         lights=_lights(scene, setup),
         present=_present(classes, outside),
-        shininess_bits=int(tables.shininess[tables.specular > 0].max(initial=0)).bit_length(),
+        shininess_bits=_largest_exponent(tables).bit_length(),
         most_half_spaces=int(geometry.plane_count.max()),
-        solid_count=len(tables.first),
-        surface_count=len(tables.solid) - 1,
+        solid_count=len(tables.numbers.first),
+        surface_count=tables.numbers.count,
+        regions=None
+        if tables.appearances is None
+        else pack_regions(setup, tables.appearances, count, number_format),
     )
 
 
@@ -178,7 +200,7 @@ def _solids(
     host_error = setup.host_error
     if number_format.integer:
         sums = [(np.abs(form) * offsets).sum(axis=1) for form in quadratic.values()]
-        unit = _fixed_point_scale(np.max(sums, axis=0))
+        unit = fixed_point_scale(np.max(sums, axis=0))
         quadratic = {name: np.rint(form * unit) for name, form in quadratic.items()}
         host_error = host_error * unit[:, 0]
     for name, form in quadratic.items():
@@ -203,9 +225,11 @@ def _solids(
     }
     # As plain numbers: members of an enumeration take NumPy longer.
     solids["flags"] = sum(int(flag) * holds for flag, holds in facts.items())
-    solids["surface"] = tables.first[setup.solid]
+    solids["surface"] = tables.numbers.first[setup.solid]
     solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
 
+    if setup.copies is not None:
+        solids["region"][setup.copies.row] = np.arange(len(setup.copies.row))
     solids["color"] = tables.color.take(setup.solid, axis=0)
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]
@@ -220,13 +244,23 @@ def _half_spaces(tables: Surfaces, setup: Setup, number_format: Format, offsets:
     if number_format.integer:
         owner = np.repeat(np.arange(setup.count), setup.plane_count)
         sums = [(np.abs(form) * offsets[owner, :3]).sum(axis=1) for form in (plane_c, plane_b)]
-        unit = _fixed_point_scale(np.max(sums, axis=0))
+        unit = fixed_point_scale(np.max(sums, axis=0))
         plane_c, plane_b = np.rint(plane_c * unit), np.rint(plane_b * unit)
         plane_host_error = plane_host_error * unit[:, 0]
     half_spaces["c"], half_spaces["b"] = plane_c, plane_b
     half_spaces["normal"] = tables.normal.take(setup.plane, axis=0)
     half_spaces["host_error"] = plane_host_error
     return half_spaces
+
+
+def _largest_exponent(tables: Surfaces) -> int:
+    """Of all highlights, 0 where no material shines."""
+    looks = tables.appearances
+    largest = tables.shininess[tables.specular > 0].max(initial=0)
+    if looks is not None:
+        shining = looks.records["specular"] > 0
+        largest = max(largest, looks.records["shininess"][shining].max(initial=0))
+    return int(largest)
 
 
 @functools.cache
@@ -244,6 +278,21 @@ def _classes(tables: Surfaces, setup: Setup) -> Ints:
     return np.asarray(_CLASS_SEEN[tables.outside_class[setup.solid], column])
 
 
+def _fewer(classes: Ints, outside: Ints) -> tuple[Ints, Ints]:
+    """The classes, some joined: code for solids that rays may start in does for others, too.
+
+    Regions are long to compile, so they share one class where one of them needs it. Polyhedra do
+    where there are more classes than a tile's record has lists.
+    """
+    table = np.arange(len(Class))
+    seen = np.bincount(np.append(classes, outside), minlength=len(Class)) > 0
+    if seen[Class.REGION_INSIDE]:
+        table[Class.REGION], seen[Class.REGION] = Class.REGION_INSIDE, False
+    if seen.sum() > MOST_CLASSES:
+        table[Class.POLYHEDRON] = Class.POLYHEDRON_INSIDE
+    return table[classes], table[outside]
+
+
 def _present(classes: Ints, outside: Ints) -> tuple[Class, ...]:
     """The classes that solids have in this frame or seen from outside, in order."""
     count = np.bincount(classes, minlength=len(Class)) + np.bincount(outside, minlength=len(Class))
@@ -254,18 +303,14 @@ def _outside_classes(geometry: Geometry) -> Ints:
     """The class of each solid from outside and between the base planes."""
     kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
     classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
-    return np.select(kinds, classes, Class.POLYHEDRON)
+    found = np.select(kinds, classes, Class.POLYHEDRON)
+    found[geometry.solid_count :] = Class.REGION
+    return found
 
 
 def _value(u: Floats, number_format: Format) -> Floats:
     """Places on a ray as values of the format; the type they are stored in rounds them."""
     return u if number_format.value is np.float32 else np.rint(u * number_format.one)
-
-
-def _fixed_point_scale(largest: Floats) -> Floats:
-    """The power of two that makes terms of this magnitude fill ``FRACTION_BITS`` bits, (…, 1)."""
-    bits = np.ceil(np.log2(np.where(largest > 0, largest, 1.0)))
-    return np.asarray(2.0 ** (FRACTION_BITS - bits))[:, None]
 
 
 def _lights(scene: Scene, setup: Setup) -> Records:

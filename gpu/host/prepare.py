@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from halfstep.contract.arrays import Floats
-from halfstep.host import camera, geometry
+from halfstep.host import camera, geometry, regions
 from halfstep.host.geometry import Geometry
 from halfstep.host.pack import Packed, Surfaces, pack, surfaces
 from halfstep.host.setup import Setup, setup
@@ -35,6 +35,9 @@ class Solids:
             SceneError: the scene gives no volume and no solid is bounded.
         """
         built = geometry.build(scene)
+        groups = regions.regions_of(scene)
+        if groups is not None:
+            built = geometry.with_regions(built, groups)
         return cls(built, geometry.volume_box(scene, built), surfaces(scene, built))
 
 

@@ -16,7 +16,22 @@ import numpy as np
 from halfstep.contract.arrays import I32, Bools, Floats, Ints
 from halfstep.host.bounds import Bounds, bounds
 from halfstep.host.camera import View
-from halfstep.host.edges import edge_forms, end_lines, end_quadrics, monomials_of
+from halfstep.host.copies import Copies, copies
+from halfstep.host.edges import edge_forms, end_lines
+from halfstep.host.forms import (
+    HOST_ROUNDINGS,
+    NEGLIGIBLE,
+    Sight,
+    curved,
+    depth_of,
+    half_gradient,
+    length,
+    nearest_root,
+    power_of_two,
+    quadric_rounding,
+    quadric_value,
+    scaled_error,
+)
 from halfstep.host.geometry import Geometry
 
 # An interval starts at a multiple of 2^-START_BITS of its own length.
@@ -33,17 +48,8 @@ BASE_PLANE_ROUNDING = 2.0**-44
 # A plane that passes closer in front of the eye is moved this far from it, next to the largest
 # value of its form: in float32 rays would start behind it and miss it.
 EYE_CLEARANCE = 2.0**-20
-# Terms below this, next to 1, count as rounding; without them products of values are not
-# subnormal, which devices may flush.
-NEGLIGIBLE = 2.0**-40
-# Errors of more than this, in units of the largest value, all mean that nothing is certain.
-LARGEST_ERROR = 4.0
-# Scales beyond 2 to this overflow, or what they scale does.
-LARGEST_EXPONENT = 1000
 # No form is scaled up from less than this part of what it is elsewhere.
 FAINTEST = 2.0**-64
-# Points of rays are known to this many roundings of float64 of their distance from the eye.
-HOST_ROUNDINGS = 16 * 2.0**-53
 
 
 @dataclass(frozen=True)
@@ -82,6 +88,7 @@ class Setup:
     plane_c: Floats  # (N, 3), coefficients of 1, x, y
     plane_b: Floats  # (N, 3)
     plane_host_error: Floats  # (N,), error of c and b made by this set-up
+    copies: Copies | None  # of groups; they are the last of the scene's solids
 
     @property
     def count(self) -> int:
@@ -114,17 +121,27 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     rotation = geometry.world_from_local.take(ix, axis=-1)
     rays = _rays(view, center, geometry.origin.take(ix, axis=-1), rotation)
     # The eye and the direction of a ray are rounded once each, and so are the products with depth.
-    eye_distance, stretch = _length(rays[:2])
+    eye_distance, stretch = length(rays[:2])
     error = HOST_ROUNDINGS * (eye_distance + stretch * (middle + half))
-    sight = _Sight(rays, middle, half, offsets, error)
+    sight = Sight(rays, middle, half, offsets, error)
 
-    curved = _curved(geometry, ix, rotation, sight)
+    matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
+    bent = curved(matrix, has_quadric, rotation, sight)
     flat = _flat(geometry, ix, sight, starts_at_eye, rectangle, center)
     at_eye = np.flatnonzero(starts_at_eye)
     facts = _Eye.elsewhere(len(ix))
     if len(at_eye):
         for values, found in zip(facts, _eye(geometry, ix[at_eye], sight.at(at_eye)), strict=True):
             values[at_eye] = found
+    groups = None
+    if geometry.regions is not None:
+        row = np.flatnonzero(ix >= geometry.solid_count)
+        groups = copies(geometry.regions, row, ix[row] - geometry.solid_count, sight.at(row))
+        at_eye = starts_at_eye[row]
+        unsure = np.bincount(groups.owner[~groups.eye_sure], minlength=len(row)) > 0
+        facts.inside[row] = at_eye
+        facts.sure[row] = ~(at_eye & unsure)
+        facts.nearest[row] = np.where(at_eye, groups.nearest, 0.0)
 
     return Setup(
         view=view,
@@ -143,13 +160,13 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         rectangle=rectangle.T,
         center=center.T,
         offsets=offsets.T,
-        a=curved.a.T,
-        g=curved.g.T,
-        c=curved.c.T,
-        host_error=curved.error,
+        a=bent.a.T,
+        g=bent.g.T,
+        c=bent.c.T,
+        host_error=bent.error,
         eye_sure=facts.sure,
         depth_error=sight.error,
-        gradient=curved.gradient.transpose(3, 0, 1, 2),
+        gradient=bent.gradient.transpose(3, 0, 1, 2),
         nearest=np.maximum(low, facts.nearest),
         depth_middle=middle,
         depth_half=half,
@@ -159,48 +176,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         plane_c=flat.c.T,
         plane_b=flat.b.T,
         plane_host_error=flat.error,
+        copies=groups,
     )
-
-
-class _Sight(NamedTuple):
-    """How each visible solid is seen, in its own coordinates; solids come last."""
-
-    rays: Floats  # (4, 3, V), the eye, and directions per unit depth: [h, 1, x, y][axis]
-    middle: Floats  # (V,), depth at u = 0
-    half: Floats  # (V,), half the depth interval
-    offsets: Floats  # (2, V), largest |x| and |y|
-    error: Floats  # (V,), of points of rays
-
-    def at(self, places: Ints) -> _Sight:
-        """The solids at ``places``."""
-        return _Sight(*(each.take(places, axis=-1) for each in self))
-
-    def largest(self, values: Floats) -> Floats:
-        """Largest magnitudes (…, V) of what is linear in points of rays.
-
-        ``values`` (4, …, V) are those where x = y = u = 0, and the change along the directions;
-        both may be magnitudes themselves.
-        """
-        level, along_ray, *across = np.abs(values)
-        along_ray *= self.half
-        level += along_ray
-        deepest = self.middle + self.half
-        for change, offset in zip(across, self.offsets, strict=True):
-            change *= deepest
-            change *= offset
-            level += change
-        return np.asarray(level)
-
-
-@dataclass(frozen=True)
-class _Curved:
-    """What ``Setup`` needs of the quadrics; where there is none, F is 0."""
-
-    a: Floats  # (6, V)
-    g: Floats  # (6, V)
-    c: Floats  # (6, V)
-    error: Floats  # (V,)
-    gradient: Floats  # (2, 3, 3, V)
 
 
 @dataclass(frozen=True)
@@ -230,75 +207,10 @@ class _Eye(NamedTuple):
         return cls(inside, outside_quadric, np.ones(count, bool), np.zeros(count))
 
 
-def _curved(geometry: Geometry, ix: Ints, rotation: Floats, sight: _Sight) -> _Curved:
-    matrix = geometry.quadric.take(ix, axis=-1)
-    middle, half = sight.middle, sight.half
-    # The point where x = y = u = 0, and how it moves.
-    points = sight.rays.copy()
-    points[0] += middle * points[1]
-    # Half the gradient of F, M p + q, there and its change along the directions of rays.
-    slopes = np.einsum("abk,cbk->cak", matrix[:3, :3], points)
-    slopes[0] += matrix[:3, 3]
-    steepest = sight.largest(_length(slopes))
-
-    forms = _quadric_forms(matrix, points, slopes, sight)
-    monomials = monomials_of(sight.offsets)
-    end_quadrics(forms, sight.offsets, geometry.has_quadric[ix])
-    size = np.abs(forms)
-    scale = _power_of_two(np.einsum("fmk,mk->k", size, monomials))
-    least = NEGLIGIBLE / np.maximum(monomials, 1.0)
-    size *= scale
-    forms *= scale
-    forms *= size >= least
-    error = 2 * steepest * sight.error
-    error += _quadric_rounding(matrix, sight.largest(points))
-
-    gradient = np.empty((2, 3, 3, len(ix)))
-    unit = _power_of_two(steepest)
-    world = np.einsum("ijk,cjk->cik", rotation, slopes)
-    np.multiply(world[0], unit, out=gradient[0, 0])
-    np.multiply(world[2:], middle * unit, out=gradient[0, 1:])
-    np.multiply(world[1:], half * unit, out=gradient[1])
-    gradient *= np.abs(gradient) >= least[:3, None]
-    gradient[:, 1:] *= (sight.offsets > 0)[:, None]
-    a, g, c = forms
-    return _Curved(a, g, c, _scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
-
-
-def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: _Sight) -> Floats:
-    """A, G, C of F = A u² + G u + C as coefficients (3, 6, V) of 1, x, y, x², xy, y².
-
-    Args:
-        matrix: (4, 4, V).
-        points: (4, 3, V), the point where x = y = u = 0, and the directions of ``sight``.
-        slopes: (4, 3, V), half the gradient there, and its change along the directions.
-        sight: how the solids are seen.
-    """
-    middle, half = sight.middle, sight.half
-    forms = np.empty((3, 6, len(half)))
-    a, g, c = forms
-    products = np.einsum("iak,jak->ijk", points[1:], slopes)
-    slope = 2 * products[:, 0]
-    a[:3], a[3:5], a[5] = products[0, 1:], products[1, 2:], products[2, 3]
-    a[1:3] *= 2
-    a[4] *= 2
-    # Of x and y the middle of the interval moves, of u the ends of half its length.
-    g[0] = slope[0]
-    np.multiply(a[1:], middle, out=g[1:])
-    g[1:3] += slope[1:]
-    g[3:] *= 2
-    g *= half
-    c[0] = _quadric_value(matrix, points[0], slopes[0])
-    np.multiply(slope[1:], middle, out=c[1:3])
-    np.multiply(a[3:], middle * middle, out=c[3:])
-    a *= half * half
-    return forms
-
-
 def _flat(
     geometry: Geometry,
     ix: Ints,
-    sight: _Sight,
+    sight: Sight,
     starts_at_eye: Bools,
     rectangle: Ints,
     center: Ints,
@@ -317,7 +229,7 @@ def _flat(
     across = np.abs(slopes[1]) * offsets[0] + np.abs(slopes[2]) * offsets[1]
     largest = np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
     # A plane seen edge on may be this small in its rectangle alone, and would overflow beside it.
-    scale = _power_of_two(np.maximum(largest, FAINTEST * _length(slopes) * middle))
+    scale = power_of_two(np.maximum(largest, FAINTEST * length(slopes) * middle))
     seen = np.flatnonzero(starts_at_eye[owner] & ~geometry.plane_bounds[plane])
     two_sided = geometry.plane_two_sided[plane[seen]]
     moved = np.zeros(len(owner))
@@ -331,7 +243,7 @@ def _flat(
     lines[:, 0] *= size[:, 0] >= NEGLIGIBLE
     lines[:, 1:] *= size[:, 1:] >= NEGLIGIBLE / np.maximum(offsets, 1.0)
     error *= 1 + geometry.plane_blur[plane] / HOST_ROUNDINGS
-    error = _scaled_error(error * _length(rows[:3]), scale)
+    error = scaled_error(error * length(rows[:3]), scale)
     error += 3 * NEGLIGIBLE
     error += np.abs(moved)
     edge = geometry.plane_edge[plane]
@@ -343,18 +255,18 @@ def _flat(
     return _Flat(start, count, plane, c, b, error)
 
 
-def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
+def _eye(geometry: Geometry, ix: Ints, sight: Sight) -> _Eye:
     matrix = geometry.quadric.take(ix, axis=-1)
     has_quadric, is_patch = geometry.has_quadric[ix], geometry.is_patch[ix]
     eye, directions = sight.rays[0], sight.rays[1:]
-    rounding = HOST_ROUNDINGS * _length(eye)
-    gradient = _half_gradient(matrix, eye)
-    value = _quadric_value(matrix, eye, gradient)
-    error = 2 * _length(gradient) * rounding + _quadric_rounding(matrix, np.abs(eye))
+    rounding = HOST_ROUNDINGS * length(eye)
+    gradient = half_gradient(matrix, eye)
+    value = quadric_value(matrix, eye, gradient)
+    error = 2 * length(gradient) * rounding + quadric_rounding(matrix, np.abs(eye))
     slope = 2 * np.einsum("ak,iak->ik", gradient, directions)
     bend = np.einsum("iak,abk,jbk->ijk", directions, matrix[:3, :3], directions)
     reach = np.concatenate([np.ones((1, len(ix))), sight.offsets])
-    nearest = _nearest_root(
+    nearest = nearest_root(
         np.abs(value),
         np.einsum("ik,ik->k", np.abs(slope), reach),
         np.einsum("ijk,ik,jk->k", np.abs(bend), reach, reach),
@@ -364,7 +276,7 @@ def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
     rows = geometry.planes.take(plane, axis=-1)
     height, slopes = _heights(rows, sight.rays[..., owner])
     steepest = np.einsum("in,in->n", np.abs(slopes), reach[:, owner])
-    reached = _depth_of(np.abs(height), steepest)
+    reached = depth_of(np.abs(height), steepest)
     nearest_flat = np.full(len(ix), np.inf)
     seen = ~geometry.plane_bounds[plane]
     np.minimum.at(nearest_flat, owner[seen], reached[seen])
@@ -373,8 +285,8 @@ def _eye(geometry: Geometry, ix: Ints, sight: _Sight) -> _Eye:
         return np.asarray(np.bincount(owner[~condition], minlength=len(ix)) == 0)
 
     inside = all_of(height <= 0) & (~has_quadric | (value <= 0)) & ~is_patch
-    room = rounding[owner] + geometry.plane_blur[plane] * _length(eye)[owner]
-    height_sure = all_of(np.abs(height) > _length(rows[:3]) * room)
+    room = rounding[owner] + geometry.plane_blur[plane] * length(eye)[owner]
+    height_sure = all_of(np.abs(height) > length(rows[:3]) * room)
     return _Eye(
         inside=inside,
         outside_quadric=value > 0,
@@ -434,13 +346,13 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
     end = np.minimum(high / far + padding, 1.0)
 
     def start_at(level: I32) -> tuple[Floats, Floats]:
-        length = np.ldexp(1.0, -level)
-        grid = length * 2.0**-START_BITS
+        span = np.ldexp(1.0, -level)
+        grid = span * 2.0**-START_BITS
         start = np.floor(begin / grid) * grid
-        return np.minimum(np.maximum(start, 0.0), 1.0 - length), length
+        return np.minimum(np.maximum(start, 0.0), 1.0 - span), span
 
-    start, length = start_at(level)
-    level -= (start + length < end) & (level > 0)
+    start, span = start_at(level)
+    level -= (start + span < end) & (level > 0)
     return level.astype(np.int64), start_at(level)[0]
 
 
@@ -455,24 +367,6 @@ def _rays(view: View, center: Ints, origin: Floats, rotation: Floats) -> Floats:
     return np.einsum("jik,cjk->cik", rotation, rays)
 
 
-def _length(vectors: Floats) -> Floats:
-    """Lengths (…, N) of vectors (…, 3, N)."""
-    return np.asarray(np.sqrt(np.einsum("...an,...an->...n", vectors, vectors)))
-
-
-def _power_of_two(largest: Floats) -> Floats:
-    """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
-    fraction, exponent = np.frexp(largest)
-    # A power of two itself has the fraction 1/2.
-    exponent = np.clip((fraction == 0.5) - exponent, -LARGEST_EXPONENT, LARGEST_EXPONENT)
-    return np.asarray(np.ldexp(1.0, exponent))
-
-
-def _scaled_error(error: Floats, scale: Floats) -> Floats:
-    """Errors of values that were multiplied by powers of two."""
-    return np.asarray(np.minimum(error, LARGEST_ERROR / scale) * scale)
-
-
 def _eye_clearance(height: Floats, two_sided: Bools) -> Floats:
     """What takes a plane's value at the eye to ``EYE_CLEARANCE`` if the eye is outside of it.
 
@@ -481,41 +375,3 @@ def _eye_clearance(height: Floats, two_sided: Bools) -> Floats:
     outside = (height > 0) | (two_sided & (height < 0))
     missing = np.maximum(EYE_CLEARANCE - np.abs(height), 0.0)
     return np.where(outside, np.copysign(missing, height), 0.0)
-
-
-def _half_gradient(matrix: Floats, point: Floats) -> Floats:
-    """M p + q (3, V) of matrices (4, 4, V) at points (3, V)."""
-    return np.asarray(np.einsum("abk,bk->ak", matrix[:3, :3], point) + matrix[:3, 3])
-
-
-def _quadric_value(matrix: Floats, point: Floats, half_gradient: Floats) -> Floats:
-    """F (V,) of matrices (4, 4, V) at points (3, V), from M p + q there."""
-    terms = half_gradient + matrix[:3, 3]
-    return np.asarray(np.einsum("ak,ak->k", terms, point) + matrix[3, 3])
-
-
-def _quadric_rounding(matrix: Floats, point: Floats) -> Floats:
-    """Error of F at points no larger than ``point`` by component, from rounding its terms.
-
-    It exceeds that of the point itself where large terms cancel: a quadric far from the origin of
-    its coordinates.
-    """
-    size = np.abs(matrix)
-    return HOST_ROUNDINGS * _quadric_value(size, point, _half_gradient(size, point))
-
-
-def _nearest_root(level: Floats, slope: Floats, curvature: Floats) -> Floats:
-    """A lower bound of the depth at which any ray meets F = 0.
-
-    Along a ray F = F(h) + B t + A t², so no root is nearer than that of |F(h)| = |B| t + |A| t²
-    with the largest |A| and |B|.
-    """
-    root = slope + np.sqrt(slope * slope + 4 * curvature * level)
-    return _depth_of(2 * level, root)
-
-
-def _depth_of(height: Floats, slope: Floats) -> Floats:
-    """The depth at which ``slope`` takes ``height``, both >= 0, away; infinite if it never does."""
-    never = np.where(height > 0, np.inf, 0.0)
-    reached = slope > height * 2.0**-LARGEST_EXPONENT
-    return np.asarray(np.divide(height, slope, out=never, where=reached))

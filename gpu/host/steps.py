@@ -18,6 +18,8 @@ from halfstep.scene import Accuracy, Scene
 
 # Share of a tolerance that is left to rounding.
 ROUNDING_SHARE = 2.0**-4
+# Halvings of a region beyond those that make a cell as long as its parts are thin.
+THIN_STEPS = 2
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,12 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | No
         wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
         short = wanted > most
         count = np.minimum(np.maximum(wanted, 1), most).astype(np.int64)
+        if setup.copies is not None and accuracy.method == "visible":
+            # What lies between two surfaces that are nearer than a cell would be lost.
+            row = setup.copies.row
+            cells = 2 * setup.depth_half[row] / setup.copies.thinnest
+            needed = np.ceil(np.log2(np.maximum(cells, 1.0))) + THIN_STEPS
+            count[row] = np.maximum(count[row], np.where(cells > 0, np.minimum(needed, most), 1))
     reached = setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE)
     return Steps(count, short, reached, most)
 

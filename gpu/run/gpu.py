@@ -61,6 +61,11 @@ _NAMES = {
     4: "lists of tiles",
     7: "lights",
     8: "sRGB table",
+    9: "regions",
+    10: "planes of regions",
+    11: "quadrics of regions",
+    12: "appearances of regions",
+    13: "programs of regions",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -232,6 +237,8 @@ class Device(Turns):
             7: packed.lights,
             8: srgb_quads(),
         }
+        if packed.regions is not None:
+            contents |= dict(enumerate(packed.regions.arrays, start=9))
         try:
             with device_errors(self.adapter):
                 pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at

@@ -15,6 +15,7 @@ def needs_of(
     uniform: bool = False,
 ) -> Needs:
     """What the shader of a frame must hold; ``uniform``: if its solids are few enough for it."""
+    regions = packed.regions
     return Needs(
         classes=packed.present,
         outputs=outputs,
@@ -25,8 +26,15 @@ def needs_of(
         shininess_bits=packed.shininess_bits,
         together=together,
         uniform=uniform and _fits_uniform(packed),
+        surfaces=0 if regions is None else _enough(regions.most_surfaces),
+        levels=0 if regions is None else _enough(regions.levels),
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
+
+
+def _enough(count: int) -> int:
+    """Room for so many: a power of two, so that scenes share shaders."""
+    return max(4, 1 << (count - 1).bit_length())
 
 
 def _fits_uniform(packed: Packed) -> bool:

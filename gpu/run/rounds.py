@@ -16,6 +16,7 @@ from halfstep.shader.needs import Needs
 
 Ints = NDArray[np.int64]
 U32 = NDArray[np.uint32]
+Records = NDArray[np.void]
 
 
 def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
@@ -30,7 +31,29 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
         rounds += planes * np.where(is_patch, 2, 2 * steps + 7)
         if "error" in needs.outputs:  # the other method certifies in the loop that clips
             rounds += planes
+    if packed.regions is not None:
+        of_region = np.isin(packed.classes, (Class.REGION, Class.REGION_INSIDE))
+        regions = packed.regions.records[packed.solids["region"][of_region]]
+        rounds[of_region] = _rounds_of_regions(needs, regions, steps[of_region])
     return np.asarray(rounds + 1)
+
+
+def _rounds_of_regions(needs: Needs, regions: Records, steps: Ints) -> Ints:
+    """The most rounds of copies of groups, which take ``steps`` rounds for a search."""
+    flat, curved, cells = (
+        regions[name].astype(np.int64) for name in ("flat_count", "curved_count", "cells")
+    )
+    words = regions["word_end"].astype(np.int64) - regions["word_start"]
+    surfaces, certified = flat + curved, "error" in needs.facts
+    # All surfaces are crossed, with errors twice more, and looked up for normals and looks.
+    rounds = surfaces * (steps + 2) + 2
+    rounds += certified * surfaces * (2 * steps + 5)
+    rounds += 3 * surfaces + cells + 5
+    # A leap ends where a surface is crossed, a quadric at two places; a walk looks once more where
+    # it begins and where it ends.
+    looks = 2 * curved + flat + 2
+    walks = 6 if certified else 2
+    return np.asarray(rounds + walks * (looks * (words + 2) + 2))
 
 
 def rounds_of_finish(needs: Needs) -> int:

@@ -70,9 +70,13 @@ class Band:
         visit = VISITS[self._method, klass]
         facts = self._facts | visit.facts
         run = getattr(module(visit.file), visit.file)
-        seen: Seen = run(solid, self._packed.half_spaces, x, y, self._chosen, facts)
+        is_region = klass in (Class.REGION, Class.REGION_INSIDE)
+        rest = self._packed.regions if is_region else self._packed.half_spaces
+        seen: Seen = run(solid, rest, x, y, self._chosen, facts)
         old = _each(_part, self._nearest, window=window)
-        new = keep.keep(old, solid, seen.sight, seen.slope, seen.certificate, self._keys, facts)
+        new = keep.keep(
+            old, solid, seen.sight, seen.slope, seen.certificate, seen.paint, self._keys, facts
+        )
         # A tile whose list leaves out a solid keeps nothing of it.
         _each(np.copyto, old, new, where=tried)
 

@@ -108,12 +108,12 @@ class _Node:
         self._around = around
         self._inside = {group.name: _Node(group, self) for group in fragment.groups}
 
-    def _named(self, name: str) -> _Node:
+    def named(self, name: str) -> _Node:
         if name in self._inside:
             return self._inside[name]
         if self._around is None:
             raise KeyError(name)
-        return self._around._named(name)
+        return self._around.named(name)
 
     @property
     def size(self) -> int:
@@ -124,13 +124,13 @@ class _Node:
     def total(self) -> int:
         """How many copies there are in a copy of the group; it may be huge."""
         fragment = self.fragment
-        total = sum(self._named(place.group).size for place in fragment.places)
-        total += sum(self._named(cell.fill).size for cell in fragment.cells if cell.fill)
+        total = sum(self.named(place.group).size for place in fragment.places)
+        total += sum(self.named(cell.fill).size for cell in fragment.cells if cell.fill)
         for lattice in fragment.lattices:
             names = lattice.named_groups()
             counts = np.bincount(lattice.which() + 1, minlength=len(names) + 1).tolist()[1:]
             total += sum(
-                count * self._named(name).size for name, count in zip(names, counts, strict=True)
+                count * self.named(name).size for name, count in zip(names, counts, strict=True)
             )
         return total
 
@@ -146,7 +146,7 @@ class _Node:
         names += [name for lattice in fragment.lattices for name in lattice.named_groups()]
         names += [cell.fill for cell in filled if cell.fill is not None]
         index = {name: number for number, name in enumerate(dict.fromkeys(names))}
-        targets = [self._named(name) for name in index]
+        targets = [self.named(name) for name in index]
 
         meaning = fragment.names()
         cuts: dict[Formula, int] = {}

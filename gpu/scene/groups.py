@@ -28,8 +28,9 @@ class Cell(Named, Operand):
     Attributes:
         id: number in the output ``cell``; without one, its place among all cells, from 1.
         region: where it is, a formula over the surfaces, the parts and the earlier cells of its
-            group; everywhere without one. Of two cells in one place the earlier one is there.
-        visible: whether it is shown; it takes its place in any case.
+            group; everywhere without one. Of two visible cells in one place the earlier one
+            is seen.
+        visible: whether it is shown; if not, it hides nothing.
         fill: the group that is seen inside the region.
     """
 

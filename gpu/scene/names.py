@@ -126,11 +126,11 @@ class _Group:
             yield from self._formula_faults(place, (*self.loc, "place", index, "within"))
         for loc, name in self.placed():
             if self.named(name) is None:
-                known = hint(name, self._names(), "those that may be named here are")
+                known = hint(name, self.names(), "those that may be named here are")
                 yield loc, f"{show(name)} is not a group; {known}"
 
-    def _names(self) -> list[str]:
-        return [*self._named, *(self._around._names() if self._around else ())]
+    def names(self) -> list[str]:
+        return [*self._named, *(self._around.names() if self._around else ())]
 
     def _faults_of_cells(self, materials: _Materials, cell_ids: dict[int, Loc]) -> Iterator[Fault]:
         for index, cell in enumerate(_tables(self.table, "cell")):

@@ -9,11 +9,28 @@ from __future__ import annotations
 import numpy as np
 
 from halfstep.contract.formats import Format
-from halfstep.contract.layout import HALF_SPACE, SOLID, TILE_WORDS, Record
+from halfstep.contract.layout import (
+    APPEARANCE,
+    CURVED,
+    FLAT,
+    HALF_SPACE,
+    REGION,
+    SOLID,
+    TILE_WORDS,
+    Record,
+)
 from halfstep.shader.needs import Needs
 
 # Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
 FETCHED = 32
+
+# What regions have in buffers of their own, in the order of the bindings.
+REGION_RECORDS = {
+    "regions": REGION,
+    "flats": FLAT,
+    "curves": CURVED,
+    "appearances": APPEARANCE,
+}
 
 
 def fetches(needs: Needs) -> str:
@@ -23,6 +40,11 @@ def fetches(needs: Needs) -> str:
         _record_at(needs, HALF_SPACE, "half_spaces", "half_space"),
         _tile_at(needs),
     ]
+    if "regions" in needs.facts:
+        functions += [
+            _record_at(needs, record, array, record.name.lower())
+            for array, record in REGION_RECORDS.items()
+        ]
     return "\n".join(functions)
 
 

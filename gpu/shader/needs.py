@@ -40,6 +40,8 @@ class Needs:
     # Solids and half-spaces are few enough for uniform memory, of which such a device has less, but
     # where a load takes a third of the time; for records fetched together only.
     uniform: bool = False
+    surfaces: int = 0  # the most of a region, or a little more
+    levels: int = 0  # the most that a region's program opens at once, or a little more
     conveyor: str = "conveyor"  # the stage that finds where roots are
 
     @cached_property
@@ -60,7 +62,14 @@ class Needs:
             wanted |= {"point_lights"} if self.point_lights else set()
         if self.together > 1:
             wanted.add("broadcast")
+        if self.has_regions:
+            wanted.add("regions")
         return frozenset(wanted)
+
+    @property
+    def has_regions(self) -> bool:
+        """Whether it tries copies of groups."""
+        return Class.REGION in self.classes or Class.REGION_INSIDE in self.classes
 
     @property
     def choices(self) -> frozenset[str]:
@@ -81,7 +90,8 @@ class Needs:
         That is worth while for the code of one class, on devices where a fetch costs most.
         """
         shades_long = self.light_rounds > MOST_LIGHT_ROUNDS
-        if self.method == "article" or "error" in self.outputs or shades_long:
+        is_long = self.method == "article" or "error" in self.outputs or self.has_regions
+        if is_long or shades_long:
             return 1
         return 4 if self.together > 1 and len(self.classes) <= 1 else 2
 

@@ -25,11 +25,12 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 
+from halfstep.contract import program
 from halfstep.contract.layout import LANES, TILE
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
 from halfstep.shader.expand import expand
-from halfstep.shader.fetch import FETCHED, fetches
+from halfstep.shader.fetch import FETCHED, REGION_RECORDS, fetches
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
 
@@ -37,6 +38,8 @@ from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offs
 # long to compile: llvmpipe needs minutes for 128.
 MAX_LINES = 8
 
+# What words of programs are made of.
+WORD = ("SLOT", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS")
 # Files whose functions need what an invocation or a device holds.
 _JOINING = {
     name
@@ -106,12 +109,17 @@ def constants(needs: Needs) -> str:
         "BROADCAST": needs.together,
         "LIGHTS": needs.lights,
         "SHININESS_BITS": needs.shininess_bits,
+        "SURFACES": needs.surfaces,
+        "CROSSINGS": needs.surfaces * (3 if "error" in needs.facts else 1),
+        "LEVELS": needs.levels,
+        **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
     numbers |= {f"PLANE_{name.upper()}": n for name, n in plane_offsets(needs.outputs).items()}
     numbers |= {f"BYTES_{name.upper()}": n for name, n in byte_offsets(needs.outputs).items()}
     lines = [f"const {name}: u32 = {number}u;" for name, number in numbers.items()]
     lines.append(f"const HALVINGS: Run = {halvings};")
+    lines.append(f"const SEARCHES: Run = {needs.format.run};")
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -128,6 +136,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[7] = "uniform"
     if "image" in needs.outputs:
         types[8] = "uniform"
+    if needs.surfaces:  # bound for all shaders of a frame, if some of them read it or not
+        types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
     return types
 
 
@@ -158,4 +168,13 @@ def bindings(needs: Needs) -> str:
         # A word of each vec4, because uniform arrays have no smaller stride.
         table = f"var<uniform> srgb_table: array<vec4<u32>, {SRGB_ENTRIES}>"
         lines.append(f"@group(0) @binding(8) {table};")
+    if "regions" in needs.facts:
+        arrays = {
+            name: record.name if needs.together == 1 else "vec4<u64>"
+            for name, record in REGION_RECORDS.items()
+        }
+        lines += [
+            f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;"
+            for number, (name, type_) in enumerate((arrays | {"programs": "u32"}).items(), start=9)
+        ]
     return "\n".join(lines) + "\n"

@@ -18,10 +18,12 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import FLOAT32
 from halfstep.contract.layout import HALF_SPACE, SOLID, Flag
 from halfstep.contract.stages import VISITS
+from halfstep.errors import UsageError
 from halfstep.host.camera import View
+from halfstep.host.forms import NEGLIGIBLE
 from halfstep.host.geometry import Geometry
 from halfstep.host.prepare import Solids, frame_setup
-from halfstep.host.setup import NEGLIGIBLE, Setup
+from halfstep.host.setup import Setup
 from halfstep.scene import Scene
 from halfstep.twin import certify, forms, polynomial, root
 from halfstep.twin.chosen import Chosen, module
@@ -58,8 +60,11 @@ def exact(scene: Scene) -> Exact:
 
     Raises:
         SceneError: an unbounded scene without a volume.
+        UsageError: the scene has cells.
     """
     solids = Solids.of(scene)
+    if solids.geometry.regions is not None:
+        raise UsageError(f"{scene.name}: tune knows no exact answer for cells")
     constants = frame_setup(scene, solids=solids)
     view = constants.view
     shape = view.height, view.width
@@ -155,4 +160,4 @@ def crossing(seen: root.Root) -> Floats:
     return np.where(seen.flipped, -v, v)
 
 
-CHOSEN = Chosen(polynomial.Offset, forms, _computed, certify.DIRECT)
+CHOSEN = Chosen(polynomial.Offset, forms, _computed, certify.DIRECT, certify.DIRECT)

@@ -13,6 +13,8 @@ ROUNDING = np.float32(2.0**-24)
 # A reduced product is the product times this, off by at most so much besides.
 REDUCTION = np.float32(1)
 REDUCTION_ERROR = np.float32(0)
+# A value is moved by no more than this.
+LARGEST_MOVE = np.float32(16)
 
 
 def product(a: F32, b: F32) -> F32:
@@ -41,3 +43,8 @@ def discriminant_error(form: Form, errors: FormErrors) -> F32:
         )
         + 3 * ROUNDING * (size_g * size_g + fourfold)
     )
+
+
+def moved(c: F32, by: F32) -> F32:
+    """A value and an error."""
+    return c + by

@@ -17,6 +17,8 @@ ROUNDING = np.float32(0)
 # A reduced product is the product times this, off by at most so much besides.
 REDUCTION = np.float32(2.0**-30)
 REDUCTION_ERROR = np.float32(1)
+# A value is moved by no more than this.
+LARGEST_MOVE = np.float32(2.0**20)
 
 
 def product(a: I32, b: I32) -> I64:
@@ -43,3 +45,9 @@ def discriminant_error(form: Form, errors: FormErrors) -> F32:
     sizes = size_g + 2 * (size_a + size_c)
     room = np.float32(1.03) * errors.g
     return room * (2 * sizes.astype(np.float32) + 5 * errors.g)
+
+
+def moved(c: I32, by: F32) -> I32:
+    """A value and an error, which is rounded away from 0."""
+    cut = np.minimum(np.ceil(np.abs(by)), LARGEST_MOVE).astype(np.int32)
+    return c + np.where(by < 0, -cut, cut)

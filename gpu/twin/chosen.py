@@ -56,7 +56,8 @@ class Chosen(NamedTuple):
     offset: Callable[[NDArray[Any], NDArray[Any]], Offset]
     forms: Forms
     conveyor: Callable[[Root, Root, int, Collection[str]], Sight]
-    halvings: Run  # the roundings of the conveyor
+    halvings: Run  # the roundings of the method
+    searches: Run  # the roundings of the conveyor
 
 
 def chosen_for(number_format: Format, method: str) -> Chosen:
@@ -68,6 +69,7 @@ def chosen_for(number_format: Format, method: str) -> Chosen:
         forms=forms,
         conveyor=partial(conveyor, module(number_format.halve)),
         halvings=getattr(certify, run),
+        searches=getattr(certify, number_format.run),
     )
 
 

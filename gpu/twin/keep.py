@@ -11,7 +11,8 @@ from halfstep.twin.certify import Certificate, confirms, least_key
 from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.nearest import FAR, Key, depth_key, either_key, lesser_key
 from halfstep.twin.normal import NO_VECTOR, Vector, either
-from halfstep.twin.sight import Sight
+from halfstep.twin.region import paint_of
+from halfstep.twin.sight import Paint, Sight
 
 # Of one of the modules of keys.
 NearestKey = Any
@@ -74,6 +75,7 @@ def keep(
     sight: Sight,
     slope: Vector,
     certificate: Certificate,
+    paint: Paint | None,
     keys: Keys,
     facts: Collection[str],
 ) -> Nearest:
@@ -102,12 +104,13 @@ def keep(
     if "normal" in facts:
         new = new._replace(slope=either(nearer, slope, old.slope))
     if "color" in facts:
-        color = Vector(*(np.asarray(component) for component in solid["color"]))
+        color = paint_of(solid).color if paint is None else paint.color
         new = new._replace(color=either(nearer, color, old.color))
     if "gloss" in facts:
+        shown = paint_of(solid) if paint is None else paint
         new = new._replace(
-            specular=np.where(nearer, solid["specular"], old.specular),
-            shininess=np.where(nearer, solid["shininess"], old.shininess),
+            specular=np.where(nearer, shown.specular, old.specular),
+            shininess=np.where(nearer, shown.shininess, old.shininess),
         )
     if "point_lights" in facts:
         u = sight.position.astype(np.float32) * solid["last_step"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from halfstep.twin.certify import Certificate
-from halfstep.twin.lanes import I32, Bools
+from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.normal import Vector
 
 
@@ -19,9 +19,18 @@ class Sight(NamedTuple):
     exit_position: I32
 
 
+class Paint(NamedTuple):
+    """How a point looks."""
+
+    color: Vector  # linear
+    specular: F32
+    shininess: U32
+
+
 class Seen(NamedTuple):
     """What a visit finds of a solid; slope and certificate are empty where no fact asks."""
 
     sight: Sight
     slope: Vector  # along the normal of the solid at the sight
     certificate: Certificate  # what is certain of the solid
+    paint: Paint | None = None  # how it looks, if that is not the same all over it

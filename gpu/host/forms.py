@@ -1,0 +1,204 @@
+"""Forms of quadrics along the rays of a frame, and what rounding makes of them, float64.
+
+Solids, or surfaces of regions, come last in every array.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.contract.formats import FRACTION_BITS
+from halfstep.host.edges import end_quadrics, monomials_of
+
+# Terms below this, next to 1, count as rounding; without them products of values are not
+# subnormal, which devices may flush.
+NEGLIGIBLE = 2.0**-40
+# Errors of more than this, in units of the largest value, all mean that nothing is certain.
+LARGEST_ERROR = 4.0
+# Scales beyond 2 to this overflow, or what they scale does.
+LARGEST_EXPONENT = 1000
+# Points of rays are known to this many roundings of float64 of their distance from the eye.
+HOST_ROUNDINGS = 16 * 2.0**-53
+
+# Components of unit vectors and colours below this are as good as none: outputs would hold
+# subnormal numbers, which devices may flush.
+FAINT = 2.0**-63
+
+
+class Sight(NamedTuple):
+    """How each visible solid is seen, in its own coordinates; solids come last."""
+
+    rays: Floats  # (4, 3, V), the eye, and directions per unit depth: [h, 1, x, y][axis]
+    middle: Floats  # (V,), depth at u = 0
+    half: Floats  # (V,), half the depth interval
+    offsets: Floats  # (2, V), largest |x| and |y|
+    error: Floats  # (V,), of points of rays
+
+    def at(self, places: Ints) -> Sight:
+        """The solids at ``places``."""
+        return Sight(*(each.take(places, axis=-1) for each in self))
+
+    def largest(self, values: Floats) -> Floats:
+        """Largest magnitudes (…, V) of what is linear in points of rays.
+
+        ``values`` (4, …, V) are those where x = y = u = 0, and the change along the directions;
+        both may be magnitudes themselves.
+        """
+        level, along_ray, *across = np.abs(values)
+        along_ray *= self.half
+        level += along_ray
+        deepest = self.middle + self.half
+        for change, offset in zip(across, self.offsets, strict=True):
+            change *= deepest
+            change *= offset
+            level += change
+        return np.asarray(level)
+
+
+@dataclass(frozen=True)
+class Curved:
+    """F = A u² + G u + C and its gradient; where there is no quadric, F is 0."""
+
+    a: Floats  # (6, V)
+    g: Floats  # (6, V)
+    c: Floats  # (6, V)
+    error: Floats  # (V,)
+    gradient: Floats  # (2, 3, 3, V)
+
+
+def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> Curved:
+    """Forms of quadrics.
+
+    Args:
+        matrix: (4, 4, V), F = [x 1] M [x 1].
+        is_ended: (V,), F > 0 is wanted beside a rectangle that is one pixel wide or high.
+        rotation: (3, 3, V), world from local.
+        sight: how they are seen.
+    """
+    middle, half = sight.middle, sight.half
+    # The point where x = y = u = 0, and how it moves.
+    points = sight.rays.copy()
+    points[0] += middle * points[1]
+    # Half the gradient of F, M p + q, there and its change along the directions of rays.
+    slopes = np.einsum("abk,cbk->cak", matrix[:3, :3], points)
+    slopes[0] += matrix[:3, 3]
+    steepest = sight.largest(length(slopes))
+
+    forms = _quadric_forms(matrix, points, slopes, sight)
+    monomials = monomials_of(sight.offsets)
+    end_quadrics(forms, sight.offsets, is_ended)
+    size = np.abs(forms)
+    scale = power_of_two(np.einsum("fmk,mk->k", size, monomials))
+    least = NEGLIGIBLE / np.maximum(monomials, 1.0)
+    size *= scale
+    forms *= scale
+    forms *= size >= least
+    error = 2 * steepest * sight.error
+    error += quadric_rounding(matrix, sight.largest(points))
+
+    gradient = np.empty((2, 3, 3, matrix.shape[-1]))
+    unit = power_of_two(steepest)
+    world = np.einsum("ijk,cjk->cik", rotation, slopes)
+    np.multiply(world[0], unit, out=gradient[0, 0])
+    np.multiply(world[2:], middle * unit, out=gradient[0, 1:])
+    np.multiply(world[1:], half * unit, out=gradient[1])
+    gradient *= np.abs(gradient) >= least[:3, None]
+    gradient[:, 1:] *= (sight.offsets > 0)[:, None]
+    a, g, c = forms
+    return Curved(a, g, c, scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
+
+
+def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: Sight) -> Floats:
+    """A, G, C of F = A u² + G u + C as coefficients (3, 6, V) of 1, x, y, x², xy, y².
+
+    Args:
+        matrix: (4, 4, V).
+        points: (4, 3, V), the point where x = y = u = 0, and the directions of ``sight``.
+        slopes: (4, 3, V), half the gradient there, and its change along the directions.
+        sight: how the solids are seen.
+    """
+    middle, half = sight.middle, sight.half
+    forms = np.empty((3, 6, len(half)))
+    a, g, c = forms
+    products = np.einsum("iak,jak->ijk", points[1:], slopes)
+    slope = 2 * products[:, 0]
+    a[:3], a[3:5], a[5] = products[0, 1:], products[1, 2:], products[2, 3]
+    a[1:3] *= 2
+    a[4] *= 2
+    # Of x and y the middle of the interval moves, of u the ends of half its length.
+    g[0] = slope[0]
+    np.multiply(a[1:], middle, out=g[1:])
+    g[1:3] += slope[1:]
+    g[3:] *= 2
+    g *= half
+    c[0] = quadric_value(matrix, points[0], slopes[0])
+    np.multiply(slope[1:], middle, out=c[1:3])
+    np.multiply(a[3:], middle * middle, out=c[3:])
+    a *= half * half
+    return forms
+
+
+def length(vectors: Floats) -> Floats:
+    """Lengths (…, N) of vectors (…, 3, N)."""
+    return np.asarray(np.sqrt(np.einsum("...an,...an->...n", vectors, vectors)))
+
+
+def power_of_two(largest: Floats) -> Floats:
+    """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
+    fraction, exponent = np.frexp(largest)
+    # A power of two itself has the fraction 1/2.
+    exponent = np.clip((fraction == 0.5) - exponent, -LARGEST_EXPONENT, LARGEST_EXPONENT)
+    return np.asarray(np.ldexp(1.0, exponent))
+
+
+def scaled_error(error: Floats, scale: Floats) -> Floats:
+    """Errors of values that were multiplied by powers of two."""
+    return np.asarray(np.minimum(error, LARGEST_ERROR / scale) * scale)
+
+
+def half_gradient(matrix: Floats, point: Floats) -> Floats:
+    """M p + q (3, V) of matrices (4, 4, V) at points (3, V)."""
+    return np.asarray(np.einsum("abk,bk->ak", matrix[:3, :3], point) + matrix[:3, 3])
+
+
+def quadric_value(matrix: Floats, point: Floats, half_gradient: Floats) -> Floats:
+    """F (V,) of matrices (4, 4, V) at points (3, V), from M p + q there."""
+    terms = half_gradient + matrix[:3, 3]
+    return np.asarray(np.einsum("ak,ak->k", terms, point) + matrix[3, 3])
+
+
+def quadric_rounding(matrix: Floats, point: Floats) -> Floats:
+    """Error of F at points no larger than ``point`` by component, from rounding its terms.
+
+    It exceeds that of the point itself where large terms cancel: a quadric far from the origin of
+    its coordinates.
+    """
+    size = np.abs(matrix)
+    return HOST_ROUNDINGS * quadric_value(size, point, half_gradient(size, point))
+
+
+def nearest_root(level: Floats, slope: Floats, curvature: Floats) -> Floats:
+    """A lower bound of the depth at which any ray meets F = 0.
+
+    Along a ray F = F(h) + B t + A t², so no root is nearer than that of |F(h)| = |B| t + |A| t²
+    with the largest |A| and |B|.
+    """
+    root = slope + np.sqrt(slope * slope + 4 * curvature * level)
+    return depth_of(2 * level, root)
+
+
+def depth_of(height: Floats, slope: Floats) -> Floats:
+    """The depth at which ``slope`` takes ``height``, both >= 0, away; infinite if it never does."""
+    never = np.where(height > 0, np.inf, 0.0)
+    reached = slope > height * 2.0**-LARGEST_EXPONENT
+    return np.asarray(np.divide(height, slope, out=never, where=reached))
+
+
+def fixed_point_scale(largest: Floats) -> Floats:
+    """The power of two that makes terms of this magnitude fill ``FRACTION_BITS`` bits, (…, 1)."""
+    bits = np.ceil(np.log2(np.where(largest > 0, largest, 1.0)))
+    return np.asarray(2.0 ** (FRACTION_BITS - bits))[:, None]

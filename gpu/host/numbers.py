@@ -1,0 +1,123 @@
+"""What the numbers of surfaces in a picture stand for.
+
+Surfaces are numbered through from 1; 0 is none. Those of solids come first. A copy of a group has a
+number for each of its cells with each of its surfaces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from halfstep.contract.arrays import I32, U32, Bools, Ints
+from halfstep.host.regions import Regions
+from halfstep.scene import Scene
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The surfaces of a scene.
+
+    Rows of solids and copies, K of them, are those of ``Geometry``.
+    """
+
+    first: Ints  # (K,), each one's first number
+    count: int  # of all numbers
+    solid: I32  # (S + 1,), of each number of a solid's surface, -1 for none
+    surface: I32  # (S + 1,), within the solid, -1 for none
+    solid_material: I32  # (K0 + 1,), of each solid, the last for none
+    regions: Regions | None
+    cell: I32  # (C + 1,), of each cell of the scene, the last for none
+    cell_material: I32  # (C + 1,)
+
+    def rows(self, numbers: U32) -> Ints:
+        """Rows of solids and copies, -1 for none."""
+        if self.regions is None:
+            return self.solid[numbers].astype(np.int64)
+        return np.searchsorted(self.first, numbers, side="right") - 1
+
+    def solids(self, numbers: U32) -> I32:
+        """The output ``solid``: solids of the file, then its cells; -1 for none."""
+        found = self._of_solids(self.solid, numbers)
+        of, cells, _ = self._in_copies(numbers)
+        found[of] = len(self.solid_material) - 1 + cells
+        return found
+
+    def surfaces(self, numbers: U32) -> I32:
+        """The output ``surface``: within the solid, or the group of the cell; -1 for none."""
+        found = self._of_solids(self.surface, numbers)
+        of, _, functions = self._in_copies(numbers)
+        found[of] = functions
+        return found
+
+    def places(self, numbers: U32) -> I32:
+        """The output ``place``: which copy of a group, -1 for none."""
+        found = np.full(numbers.shape, -1, np.int32)
+        if self.regions is not None:
+            row = self.rows(numbers) - self._alone
+            found[row >= 0] = self.regions.number[row[row >= 0]]
+        return found
+
+    def cells(self, numbers: U32) -> I32:
+        """The output ``cell``: its id, -1 for none."""
+        found = np.full(numbers.shape, -1, np.int32)
+        of, cells, _ = self._in_copies(numbers)
+        found[of] = self.cell[cells]
+        return found
+
+    def materials(self, numbers: U32) -> I32:
+        """The output ``material``: its id, -1 for none."""
+        found = self._of_solids(self.solid_material[self.solid], numbers)
+        of, cells, _ = self._in_copies(numbers)
+        found[of] = self.cell_material[cells]
+        return found
+
+    @property
+    def _alone(self) -> int:
+        """How many rows are solids, not copies."""
+        return len(self.first) - (0 if self.regions is None else self.regions.count)
+
+    def _of_solids(self, table: I32, numbers: U32) -> I32:
+        """Entries of a table of the surfaces of solids."""
+        return np.asarray(table[np.where(numbers < len(table), numbers, 0)])
+
+    def _in_copies(self, numbers: U32) -> tuple[Bools, Ints, Ints]:
+        """Which numbers are of copies; the cell of the scene and the function of the group."""
+        of = np.asarray(numbers >= len(self.solid))
+        if self.regions is None or not of.any():
+            return np.zeros_like(of), np.empty(0, np.int64), np.empty(0, np.int64)
+        inside = numbers[of].astype(np.int64)
+        row = np.searchsorted(self.first, inside, side="right") - 1
+        which = self.regions.of[row - self._alone]
+        cell, slot = np.divmod(inside - self.first[row], self.regions.surface_count[which])
+        cells = self.regions.cells[self.regions.first_program_cell[which] + cell]
+        return of, cells, self.regions.functions[self.regions.first_surface[which] + slot]
+
+
+def numbers_of(
+    scene: Scene,
+    solid: I32,
+    surface: I32,
+    first: Ints,
+    count: int,
+    regions: Regions | None,
+) -> Numbers:
+    """The numbers of a scene's surfaces; arguments as `Numbers` has them."""
+    materials = {material.name: number for number, material in enumerate(scene.materials, start=1)}
+    cells = [] if regions is None else regions.all_cells
+    return Numbers(
+        first=first,
+        count=count,
+        solid=solid,
+        surface=surface,
+        solid_material=_ids([materials.get(one.material or "", -1) for one in scene.solids]),
+        regions=regions,
+        cell=_ids([k if one.id is None else one.id for k, one in enumerate(cells, start=1)]),
+        cell_material=_ids([materials.get(one.material or "", -1) for one in cells]),
+    )
+
+
+def _ids(numbers: list[int]) -> I32:
+    """Ids, and -1 behind them."""
+    return np.array([*numbers, -1], np.int32)

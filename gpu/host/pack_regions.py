@@ -1,0 +1,146 @@
+"""Copies of groups as the records that the shaders and the twin read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from halfstep.contract import layout
+from halfstep.contract.arrays import Floats, Ints, Records
+from halfstep.contract.formats import Format
+from halfstep.contract.regions import PackedRegions
+from halfstep.host.copies import Copies
+from halfstep.host.edges import monomials_of
+from halfstep.host.forms import FAINT, fixed_point_scale
+from halfstep.host.regions import NO_MATERIAL, Regions
+from halfstep.host.setup import BASE_PLANE_SLACK, Setup
+from halfstep.scene import Material, Scene
+from halfstep.scene.solids import Part
+
+# A base plane is known to this much, in u, besides its slack.
+BASE_PLANE_ERROR = 2.0**-19
+
+
+@dataclass(frozen=True)
+class Appearances:
+    """How the cells of each program look, and then its surfaces, one program after another."""
+
+    records: Records
+    start: Ints  # (G,), of each program
+
+
+def appearances(scene: Scene, regions: Regions) -> Appearances:
+    """How all cells and surfaces look."""
+    rows: list[tuple[Material, bool]] = []
+    start: list[int] = []
+    for owned in regions.owned:
+        start.append(len(rows))
+        rows += [(scene.material_of(owned.group.cells[ix]), True) for ix in owned.program.cells]
+        functions = owned.group.functions()
+        for ix in owned.program.functions.tolist():
+            # Those of regions that cut the copy come behind the group's own.
+            owner = functions[ix].owner if ix < len(functions) else None
+            if isinstance(owner, Part) and (owner.material or owner.color) is not None:
+                rows.append((scene.material_of(owner), True))
+            else:
+                rows.append((NO_MATERIAL, False))
+    records = np.zeros(len(rows), layout.APPEARANCE.dtype())
+    records["color"] = [material.color for material, _ in rows]
+    records["specular"] = [material.specular for material, _ in rows]
+    records["shininess"] = [material.shininess for material, _ in rows]
+    records["is_own"] = [is_own for _, is_own in rows]
+    return Appearances(records, np.array(start, np.int64))
+
+
+def pack_regions(
+    setup: Setup, looks: Appearances, steps: Ints, number_format: Format
+) -> PackedRegions:
+    """Records of the copies in ``setup`` with ``steps`` (V,) halvings for each solid."""
+    copies = setup.copies
+    assert copies is not None
+    regions = copies.regions
+    program = regions.of[copies.copy]
+    records = np.zeros(len(copies.row), layout.REGION.dtype(number_format))
+    row = copies.row
+    points = np.exp2(steps[row])
+
+    def grid(u: Floats) -> Floats:
+        """Grid points of places on a ray, not whole."""
+        return (u + 1) / 2 * points
+
+    near_u, far_u, slack = setup.near_u[row], setup.far_u[row], BASE_PLANE_SLACK
+    near_cut, far_cut = setup.near_cut[row], far_u != 1.0
+    room = slack + BASE_PLANE_ERROR
+    records["first"] = np.where(near_cut, np.clip(np.ceil(grid(near_u)), 0, points), 0)
+    records["start_end"] = np.where(near_cut, np.floor(grid(near_u + room)), -1)
+    records["last"] = np.where(far_cut, np.clip(np.ceil(grid(far_u)), 0, points), points)
+    records["last_sure"] = np.where(far_cut, np.floor(grid(far_u - room)), points)
+    edges = setup.rectangle[row] - np.repeat(setup.center[row], 2, axis=1)
+    for name, edge in zip(("left", "right", "top", "bottom"), edges.T, strict=True):
+        records[name] = edge
+    flat, curved = np.flatnonzero(copies.is_plane), np.flatnonzero(~copies.is_plane)
+    for kind, chosen in (("flat", flat), ("curved", curved)):
+        counts = np.bincount(copies.owner[chosen], minlength=len(row))
+        records[f"{kind}_count"] = counts
+        records[f"{kind}_start"] = np.cumsum(counts) - counts
+    ends = np.cumsum([len(one.words) for one in regions.programs])
+    records["word_end"] = ends[program]
+    records["word_start"] = ends[program] - [len(regions.programs[ix].words) for ix in program]
+    records["cells"] = [len(regions.programs[ix].cells) for ix in program]
+    records["looks_start"] = looks.start[program]
+    return PackedRegions(
+        records=records,
+        flat=_flat(copies, flat, setup, number_format),
+        curved=_curved(copies, curved, setup, number_format),
+        words=np.concatenate([one.words for one in regions.programs]),
+        appearances=looks.records,
+        most_words=max(len(one.words) for one in regions.programs),
+        most_surfaces=max(one.count for one in regions.programs),
+        levels=max(one.levels for one in regions.programs),
+    )
+
+
+def _flat(copies: Copies, chosen: Ints, setup: Setup, number_format: Format) -> Records:
+    """Records of planes."""
+    records = np.zeros(len(chosen), layout.FLAT.dtype(number_format))
+    forms = {"c": copies.c[chosen, :3], "b": copies.g[chosen, :3]}
+    _write(records, copies, chosen, forms, setup, number_format)
+    normals = copies.gradient[chosen, 0, 0]
+    size = np.sqrt((normals**2).sum(axis=1, keepdims=True))
+    normals = normals / np.where(size > 0, size, 1.0)
+    records["normal"] = np.where(np.abs(normals) < FAINT, 0.0, normals)
+    return records
+
+
+def _curved(copies: Copies, chosen: Ints, setup: Setup, number_format: Format) -> Records:
+    """Records of quadrics."""
+    records = np.zeros(len(chosen), layout.CURVED.dtype(number_format))
+    forms = {"a": copies.a[chosen], "g": copies.g[chosen], "c": copies.c[chosen]}
+    _write(records, copies, chosen, forms, setup, number_format)
+    records["gradient"] = copies.gradient[chosen].reshape(-1, 18)
+    return records
+
+
+def _write(
+    records: Records,
+    copies: Copies,
+    chosen: Ints,
+    forms: dict[str, Floats],
+    setup: Setup,
+    number_format: Format,
+) -> None:
+    """Write the forms of surfaces, their errors, and what is known of them at the eye."""
+    owner = copies.row[copies.owner[chosen]]
+    error = copies.host_error[chosen]
+    if number_format.integer:
+        offsets = monomials_of(setup.offsets[owner].T + layout.TILE).T
+        sums = [(np.abs(form) * offsets[:, : form.shape[1]]).sum(axis=1) for form in forms.values()]
+        unit = fixed_point_scale(np.max(sums, axis=0))
+        forms = {name: np.rint(form * unit) for name, form in forms.items()}
+        error = error * unit[:, 0]
+    for name, form in forms.items():
+        records[name] = form
+    records["host_error"] = error
+    at_eye = setup.starts_at_eye[owner]
+    records["eye"] = np.where(at_eye, np.where(copies.value[chosen] > 0, 2, 1), 0)

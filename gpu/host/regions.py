@@ -1,0 +1,388 @@
+"""Groups of cells made ready once a scene: merged surfaces, formulas as programs, copies.
+
+Surfaces that coincide become one, so that at every grid point exactly one of F <= 0 and F > 0
+holds for all cells that name them: neighbours have neither gap nor overlap, and a hole as deep as
+its part leaves no skin.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.errors import SceneError
+from halfstep.host.boxes import box_of
+from halfstep.host.formulas import (
+    Senses,
+    decided,
+    literals,
+    nesting,
+    normal_form,
+    program,
+    truth,
+)
+from halfstep.host.thin import least_distance
+from halfstep.scene import Material, Scene
+from halfstep.scene.copies import Copies, Layout
+from halfstep.scene.groups import Cell, Fragment, Group
+from halfstep.scene.region import Intersection, Region, Union
+
+# Surfaces coincide if their coefficients, in units of the group's box, agree to this.
+COINCIDENT = 2.0**-34
+# The sign of a surface is that of its first coefficient above this.
+SIGN = 2.0**-20
+# A box is widened by this part of its size, against rounding.
+PADDING = 2.0**-20
+# Distinct surfaces of a group: a ray holds where it crosses each.
+MOST_SURFACES = 255
+# What solids that are copies of groups have in place of a material.
+NO_MATERIAL = Material(name="none", color=(0.0, 0.0, 0.0))
+_UPPER = np.triu_indices(4)
+
+
+@dataclass(frozen=True)
+class Program:
+    """The visible cells of a group over its S distinct surfaces, of which P planes come first.
+
+    Coordinates count from ``middle``, in the axes of the group.
+    """
+
+    middle: Floats  # (3,), in coordinates of the group
+    box: Floats  # (2, 3), infinite where nothing bounds the cells
+    matrices: Floats  # (4, 4, S), F = [x 1] M [x 1]; of a plane only the linear part
+    planes: int  # P
+    functions: Ints  # (S,), of each surface the first of the group's functions that it stands for
+    cells: Ints  # (C,), the group's cells that the program has, in its order
+    words: NDArray[np.uint32]
+    levels: int  # that the program opens at once
+    thinnest: float  # least distance of surfaces side by side, infinite where there are none
+
+    @property
+    def count(self) -> int:
+        """Number of surfaces S."""
+        return self.matrices.shape[-1]
+
+
+def compiled(
+    matrices: Floats, regions: Sequence[Region], is_visible: Bools, volume: Floats | None
+) -> Program | None:
+    """The program of a group, None where no visible cell has a point.
+
+    Args:
+        matrices: (F, 4, 4), the functions of the group, in its coordinates.
+        regions: of its cells, over these functions.
+        is_visible: (C,), of each cell.
+        volume: (2, 3), a box outside of which nothing is shown, in coordinates of the group.
+    """
+    plain = Senses(range(len(matrices)), [False] * len(matrices))
+    shown = np.flatnonzero(is_visible)
+    formulas = [normal_form(regions[ix], plain) for ix in shown.tolist()]
+    boxes = [box_of(region, matrices) for region in formulas]
+    found = [box for box in boxes if box is not None]
+    if not found:
+        return None
+    box = np.array([np.min(found, axis=0)[0], np.max(found, axis=0)[1]])
+    measure = box if np.isfinite(box).all() or volume is None else volume
+    if not np.isfinite(measure).all():
+        measure = np.array([[-1.0] * 3, [1.0] * 3])
+    middle, radius = measure.mean(axis=0), max(float(np.ptp(measure, axis=0).max()) / 2, 1e-300)
+
+    moved = _moved(matrices, middle)
+    first, opposite = _merged(moved, radius)
+    used = sorted({literal.surface for region in formulas for literal in literals(region)})
+    kept = list(dict.fromkeys(int(first[ix]) for ix in used))
+    is_plane = {ix: not _second_order(moved[ix], radius).any() for ix in kept}
+    kept.sort(key=lambda ix: not is_plane[ix])
+    slots = {ix: slot for slot, ix in enumerate(kept)}
+    senses = Senses([slots.get(int(ix), -1) for ix in first], opposite.tolist())
+    merged = [normal_form(region, senses) for region in formulas]
+    # Merging may leave a cell without a point, or the whole of space.
+    some = [ix for ix, region in enumerate(merged) if region != Union(())]
+    if not some:
+        return None
+    own = np.moveaxis(moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
+    planes = sum(is_plane.values())
+    own[:3, :3, :planes] = 0.0
+    reach = PADDING * (np.ptp(box, axis=0) + np.abs(box - middle).max(axis=0))
+    return Program(
+        middle=middle,
+        box=box - middle + np.array([[-1.0], [1.0]]) * np.where(np.isfinite(reach), reach, 0.0),
+        matrices=own,
+        planes=planes,
+        functions=np.array(kept, np.int64),
+        cells=shown[some],
+        words=program([merged[ix] for ix in some]),
+        levels=nesting([merged[ix] for ix in some]),
+        thinnest=least_distance(own, radius),
+    )
+
+
+def _moved(matrices: Floats, middle: Floats) -> Floats:
+    """The matrices (F, 4, 4) in coordinates that count from ``middle``."""
+    shift = np.eye(4)
+    shift[:3, 3] = middle
+    return np.asarray(np.einsum("ai,fab,bj->fij", shift, matrices, shift))
+
+
+def _scaled(matrices: Floats, radius: float) -> Floats:
+    """Coefficients (F, 10) where the radius of the box is 1, the largest 1 in magnitude."""
+    stretch = np.array([radius, radius, radius, 1.0])
+    rows = (matrices * np.multiply.outer(stretch, stretch))[:, _UPPER[0], _UPPER[1]]
+    size = np.abs(rows).max(axis=1, keepdims=True)
+    return np.asarray(rows / np.where(size > 0, size, 1.0))
+
+
+def _second_order(matrix: Floats, radius: float) -> Bools:
+    """Which second-order terms of a matrix (4, 4) are more than rounding next to the others."""
+    stretch = np.array([radius, radius, radius, 1.0])
+    scaled = np.abs(matrix * np.multiply.outer(stretch, stretch))
+    return np.asarray(scaled[:3, :3] > COINCIDENT * scaled.max(initial=0.0))
+
+
+def _merged(matrices: Floats, radius: float) -> tuple[Ints, Bools]:
+    """Of each function (F,) the first that coincides with it, and whether it has the other sign."""
+    rows = _scaled(matrices, radius)
+    leading = np.argmax(np.abs(rows) > SIGN, axis=1)
+    sign = np.where(rows[np.arange(len(rows)), leading] < 0, -1.0, 1.0)
+    rows = rows * sign[:, None]
+    # Equal rows have equal sums of any kind: only neighbours in their order can be equal.
+    weights = np.sqrt(np.arange(2.0, 12.0))
+    order = np.argsort(rows @ weights, kind="stable")
+    sums = (rows @ weights)[order]
+    first = np.arange(len(rows))
+    for place, ix in enumerate(order.tolist()):
+        other = place - 1
+        while other >= 0 and sums[place] - sums[other] <= COINCIDENT * weights.sum():
+            candidate = int(order[other])
+            if np.abs(rows[ix] - rows[candidate]).max() <= COINCIDENT:
+                low, high = sorted((int(first[ix]), int(first[candidate])))
+                first[first == high] = low
+            other -= 1
+    return first, sign != sign[first]
+
+
+@dataclass(frozen=True)
+class Owned:
+    """A program and whose it is."""
+
+    program: Program
+    group: Fragment
+    first_cell: int  # number of the group's first cell among those of the scene
+
+
+@dataclass(frozen=True)
+class Regions:
+    """I copies of groups; copies come last in every array."""
+
+    owned: tuple[Owned, ...]
+    of: Ints  # (I,), index of each copy's program
+    number: Ints  # (I,), of the copy, -1 of the scene itself
+    all_cells: tuple[Cell, ...]  # of the scene and its groups, in the order of the file
+    origin: Floats  # (3, I), the program's middle, world
+    world_from_local: Floats  # (3, 3, I)
+
+    @property
+    def programs(self) -> list[Program]:
+        """All programs."""
+        return [each.program for each in self.owned]
+
+    @property
+    def count(self) -> int:
+        """Number of copies I."""
+        return len(self.of)
+
+    @functools.cached_property
+    def first_surface(self) -> Ints:
+        """The first surface of each program among those of all, and their number (G + 1,)."""
+        return np.cumsum([0, *(program.count for program in self.programs)])
+
+    @functools.cached_property
+    def surface_count(self) -> Ints:
+        """Distinct surfaces of each program (G,)."""
+        return np.diff(self.first_surface)
+
+    @functools.cached_property
+    def functions(self) -> Ints:
+        """Of each surface of all programs (ΣS,) the function of its group."""
+        return np.concatenate([program.functions for program in self.programs])
+
+    @functools.cached_property
+    def first_program_cell(self) -> Ints:
+        """Where the cells of each program begin in ``cells`` (G,)."""
+        return np.cumsum([0, *(len(program.cells) for program in self.programs)])[:-1]
+
+    @functools.cached_property
+    def cells(self) -> Ints:
+        """Of each cell of all programs (ΣC,) its number among those of the scene."""
+        return np.concatenate([each.first_cell + each.program.cells for each in self.owned])
+
+    @functools.cached_property
+    def faces(self) -> Ints:
+        """Of each program (G,) how many faces can be told apart: cells times surfaces."""
+        return np.array([len(one.cells) * one.count for one in self.programs], np.int64)
+
+    @functools.cached_property
+    def matrices(self) -> Floats:
+        """Surfaces (4, 4, ΣS) of all programs one after another."""
+        return np.concatenate([program.matrices for program in self.programs], axis=-1)
+
+
+def regions_of(scene: Scene) -> Regions | None:
+    """All that the scene shows of cells, None where it has none.
+
+    Raises:
+        SceneError: nothing bounds some cells and there is no volume, or a limit is exceeded.
+    """
+    if not scene.cells and not scene.groups:
+        return None
+    layout = Layout(scene)
+    first_cells = _first_cells(scene)
+    volume = None if scene.volume is None else np.array([scene.volume.min, scene.volume.max])
+    found: list[Owned] = []
+    parts: list[tuple[int, Ints, Floats]] = []
+    plain: dict[int, int] = {}
+    faults: list[str] = []
+    for copies in layout.copies():
+        group, first_cell = copies.group, first_cells[id(copies.group)]
+        shown = np.array([cell.is_shown for cell in group.cells])
+        if not shown.any() or not len(copies.number):
+            continue
+        key = id(group)
+        if key not in plain:
+            program = _program_of(scene, group, shown, volume, faults)
+            plain[key] = -1 if program is None else len(found)
+            if program is not None:
+                found.append(Owned(program, group, first_cell))
+        if plain[key] < 0:
+            continue
+        whole = found[plain[key]].program
+        kept, own = _cut_copies(copies, whole, shown)
+        parts.append((plain[key], copies.number[kept], copies.maps[kept]))
+        for ix, program in own:
+            parts.append((len(found), copies.number[[ix]], copies.maps[[ix]]))
+            found.append(Owned(program, group, first_cell))
+    if faults:
+        raise SceneError(*faults)
+    if not parts:
+        return None
+    of = np.concatenate([np.full(len(number), ix) for ix, number, _ in parts])
+    number = np.concatenate([number for _, number, _ in parts])
+    maps = np.concatenate([maps for _, _, maps in parts])
+    order = np.argsort(number, kind="stable")
+    of, number, maps = of[order], number[order], maps[order]
+    middle = np.array([each.program.middle for each in found])[of]
+    return Regions(
+        owned=tuple(found),
+        of=of,
+        number=number,
+        all_cells=tuple(_cells_of(scene)),
+        origin=np.einsum("nij,nj->in", maps[:, :, :3], middle) + maps[:, :, 3].T,
+        world_from_local=np.ascontiguousarray(np.moveaxis(maps[:, :, :3], 0, -1)),
+    )
+
+
+def _cells_of(fragment: Fragment) -> Iterator[Cell]:
+    """All cells, the order in which `_first_cells` counts."""
+    yield from fragment.cells
+    for group in fragment.groups:
+        yield from _cells_of(group)
+
+
+def _first_cells(scene: Fragment) -> dict[int, int]:
+    """The number of the first cell of each group among all cells, in the order of the file."""
+    numbers: dict[int, int] = {}
+
+    def visit(fragment: Fragment, number: int) -> int:
+        numbers[id(fragment)] = number
+        number += len(fragment.cells)
+        for group in fragment.groups:
+            number = visit(group, number)
+        return number
+
+    visit(scene, 0)
+    return numbers
+
+
+def _program_of(
+    scene: Scene, group: Fragment, shown: Bools, volume: Floats | None, faults: list[str]
+) -> Program | None:
+    """The program of a group; its faults are added to ``faults``."""
+    where = f"group {group.name}: " if isinstance(group, Group) else ""
+    regions = group.names().regions
+    matrices = _matrices_of(group)
+    plain = Senses(range(len(matrices)), [False] * len(matrices))
+    for cell, region, is_shown in zip(group.cells, regions, shown.tolist(), strict=True):
+        if is_shown and box_of(normal_form(region, plain), matrices) is None:
+            faults.append(f"{scene.name}: {where}{cell.title}: its region is empty")
+    program = compiled(matrices, regions, shown, volume)
+    if program is None:
+        return None
+    if not np.isfinite(program.box).all() and volume is None:
+        faults.append(
+            f"{scene.name}: volume: missing; {where or 'the scene: '}nothing bounds its cells"
+        )
+    if program.count > MOST_SURFACES:
+        faults.append(
+            f"{scene.name}: {where}{program.count:,} distinct surfaces in its visible cells, more "
+            f"than {MOST_SURFACES:,}"
+        )
+    return program
+
+
+def _matrices_of(group: Fragment) -> Floats:
+    """Matrices (F, 4, 4) of the functions of a group."""
+    return np.array([function.matrix for function in group.functions()]).reshape(-1, 4, 4)
+
+
+def _cut_copies(
+    copies: Copies, whole: Program, shown: Bools
+) -> tuple[Ints, list[tuple[int, Program]]]:
+    """Which copies regions around them leave whole, and the programs of those that they cut.
+
+    The others are cut away.
+    """
+    state = np.ones(len(copies.number), np.int8)
+    around: list[tuple[Region, Floats, NDArray[np.int8]]] = []
+    for within in copies.within:
+        matrices = _matrices_of(within.group)
+        maps = np.zeros((len(within.maps), 4, 4))
+        maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
+        own = np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)
+        signs = _signs(own, whole.middle, whole.box)
+        around.append((within.region, own, signs))
+        state = np.minimum(state, truth(within.region, signs))
+    programs: list[tuple[int, Program]] = []
+    for ix in np.flatnonzero(state == 0).tolist():
+        functions = [_matrices_of(copies.group)]
+        regions = list(copies.group.names().regions)
+        for region, own, signs in around:
+            first = sum(map(len, functions))
+            plain = Senses(range(first, first + len(own[ix])), [False] * len(own[ix]))
+            local = Senses(range(len(own[ix])), [False] * len(own[ix]))
+            left = decided(normal_form(region, local), signs[:, ix].tolist())
+            cut = normal_form(left, plain)
+            regions = [Intersection((cell, cut)) for cell in regions]
+            functions.append(own[ix])
+        program = compiled(np.concatenate(functions), regions, shown, whole.middle + whole.box)
+        if program is not None:
+            programs.append((ix, program))
+    return np.flatnonzero(state == 1), programs
+
+
+def _signs(matrices: Floats, middle: Floats, box: Floats) -> NDArray[np.int8]:
+    """Signs (S, N) of functions (N, S, 4, 4) that they have all over a box, 0 where unknown."""
+    if not np.isfinite(box).all():
+        return np.zeros(matrices.shape[1::-1], np.int8)
+    center, half = middle + box.mean(axis=0), np.ptp(box, axis=0) / 2
+    point = np.append(center, 1.0)
+    value = np.einsum("i,nsij,j->sn", point, matrices, point)
+    slope = np.abs(2 * np.einsum("nsij,j->nsi", matrices[:, :, :3], point)) @ half
+    bend = np.einsum("i,nsij,j->sn", half, np.abs(matrices[:, :, :3, :3]), half)
+    size = np.einsum("i,nsij,j->sn", np.abs(point), np.abs(matrices), np.abs(point))
+    reach = slope.T + bend + COINCIDENT * size
+    return (value > reach).astype(np.int8) - (value < -reach)

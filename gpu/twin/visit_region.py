@@ -1,0 +1,164 @@
+"""Twin of ``visit_region.wgsl``: a copy of a group of cells, its surfaces on one grid, a walk."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from halfstep.contract.regions import PackedRegions
+from halfstep.twin.certify import NO_CERTIFICATE
+from halfstep.twin.certify_region import (
+    Between,
+    certify_region,
+    settled,
+    spread,
+)
+from halfstep.twin.chosen import Chosen
+from halfstep.twin.cross import crossed, doubted, line_crossed
+from halfstep.twin.lanes import I32
+from halfstep.twin.normal import NO_VECTOR, Vector, either, gradient
+from halfstep.twin.region import (
+    Met,
+    is_within,
+    outward,
+    painted,
+    plane_normal,
+    position_before,
+)
+from halfstep.twin.sight import Paint, Seen, Sight
+from halfstep.twin.solid import eye_sure, starts_at_eye
+from halfstep.twin.walk import ANY_CELL, Place
+from halfstep.twin.walks import (
+    Crossed,
+    Walk,
+    first_of,
+    is_out,
+    known_plane,
+    known_quadric,
+    path_of,
+    place_at,
+    walk,
+)
+
+
+def visit_region(
+    solid: np.void,
+    regions: PackedRegions,
+    x: I32,
+    y: I32,
+    chosen: Chosen,
+    facts: Collection[str],
+) -> Seen:
+    """What rays see of a copy of a group of cells."""
+    region, steps = regions.records[int(solid["region"])], int(solid["steps"])
+    at = chosen.offset(x, y)
+    flat = regions.flat[int(region["flat_start"]) :][: int(region["flat_count"])]
+    curved = regions.curved[int(region["curved_start"]) :][: int(region["curved_count"])]
+    program = regions.words[int(region["word_start"]) : int(region["word_end"])]
+    crossings = [
+        line_crossed(
+            chosen.forms.line_at(plane["c"], plane["b"], at), steps, int(plane["eye"]), chosen
+        )
+        for plane in flat
+    ]
+    for quadric in curved:
+        form = chosen.forms.form_at(quadric["a"], quadric["g"], quadric["c"], at)
+        crossings.append(crossed(form, steps, int(quadric["eye"]), chosen))
+    count = len(crossings)
+    if "error" in facts:
+        known = [known_plane(plane, at, chosen) for plane in flat]
+        known += [known_quadric(quadric, at, chosen) for quadric in curved]
+        doubts = [spread(one.form, one.errors, chosen.searches) for one in known]
+        for raised in (True, False):
+            crossings += [
+                doubted(one.form, by, raised, steps, one.eye, chosen)
+                for one, by in zip(known, doubts, strict=True)
+            ]
+    shape = (x + 0 * y).shape
+    any_cell = np.full(shape, ANY_CELL)
+    places: dict[Walk, Place] = {}
+    last_walk = Walk.ENTRY
+    if "leaving" in facts:
+        last_walk = Walk.BEYOND
+    if "error" in facts:
+        last_walk = Walk.SURELY_OUT if "opened" in facts else Walk.SURELY_IN
+    for which in list(Walk)[: last_walk + 1]:
+        begin = (
+            places[Walk.ENTRY] if which == Walk.BEYOND else place_at(first_of(which, region), shape)
+        )
+        only = places[Walk.ENTRY].cell if is_out(which) else any_cell
+        path = path_of(which, program, count, steps)
+        places[which] = walk(crossings, path, not is_out(which), begin, only)
+    entry = shown = places[Walk.ENTRY]
+    beyond = places.get(Walk.BEYOND, entry)
+    inside = entry.q == region["first"]
+    if "opened" in facts:
+        shown = Place(
+            np.where(inside, beyond.q, entry.q),
+            np.where(inside, beyond.surface, entry.surface),
+            entry.cell,
+        )
+    within = is_within(region, x, y)
+    hit = (shown.q <= region["last"]) & within
+    if "opened" not in facts:
+        hit = hit & ~inside
+    met = Met(shown, inside)
+    surface = shown.cell * np.int32(count) + shown.surface
+    sight = Sight(
+        hit,
+        surface,
+        position_before(shown.q, steps),
+        beyond.q <= region["last"],
+        position_before(beyond.q, steps),
+    )
+    certificate = NO_CERTIFICATE
+    if "error" in facts:
+        into = Between(places[Walk.PERHAPS_IN].q, places[Walk.SURELY_IN].q)
+        if "opened" in facts:
+            into = Between(
+                np.where(inside, places[Walk.PERHAPS_OUT].q, into.cell),
+                np.where(inside, places[Walk.SURELY_OUT].q, into.point),
+            )
+        # Where the near base plane cuts, rays start somewhere in these cells.
+        start = place_at(first_of(Walk.PERHAPS_IN, region), shape).q
+        near = Between(start, place_at(int(region["start_end"]) + 1, shape).q)
+        certain = np.ones(shape, bool)
+        begun = np.full(shape, eye_sure(solid) or not starts_at_eye(solid))
+        for slot in range(count):
+            sure = crossings[Crossed.SURELY * count + slot]
+            maybe = crossings[Crossed.PERHAPS * count + slot]
+            certain &= settled(sure, maybe, into) | (shown.surface == slot)
+            begun &= settled(sure, maybe, near) | (region["start_end"] < 0)
+        certificate = certify_region(
+            shown,
+            hit,
+            inside,
+            within,
+            surface,
+            into,
+            certain,
+            begun,
+            region,
+            solid["last_step"],
+        )
+    slope: Vector = NO_VECTOR
+    if "normal" in facts:
+        for slot, plane in enumerate(flat):
+            normal = outward(plane_normal(plane), crossings[slot], met)
+            slope = either(shown.surface == slot, normal, slope)
+        u = sight.position.astype(np.float32) * solid["last_step"]
+        for slot, quadric in enumerate(curved, start=len(flat)):
+            bent = gradient(quadric["gradient"], x.astype(np.float32), y.astype(np.float32), u)
+            slope = either(shown.surface == slot, outward(bent, crossings[slot], met), slope)
+    paint = None
+    if "color" in facts:
+        looks = regions.appearances[int(region["looks_start"]) :]
+        zero = np.zeros(shape, np.float32)
+        paint = Paint(Vector(zero, zero, zero), zero, zero.astype(np.uint32))
+        for cell in range(int(region["cells"])):
+            paint = painted(paint, looks[cell], shown.cell == cell)
+        for slot in range(count):
+            look = looks[int(region["cells"]) + slot]
+            paint = painted(paint, look, (shown.surface == slot) & bool(look["is_own"]))
+    return Seen(sight, slope, certificate, paint)

@@ -1,0 +1,78 @@
+"""Twin of ``walk.wgsl``: a region's formula asked at grid points, and the leaps between them.
+
+At a grid point q a literal knows whether it holds and until which grid point it surely goes on so:
+e is that point where it holds and its one's complement, which is negative, where it does not. The
+order of e makes OR the greater of two, AND the lesser, NOT the complement: the sign of the result
+says whether the formula holds, and the rest until where that surely lasts. A walk leaps there until
+it finds what it wants. No leap passes a change of the formula, and each ends where a surface is
+crossed.
+
+A program is the formula in the order of its text. All levels take the greater: an AND is the
+complement of the OR of complements, so closing a level complements, and literals on odd levels are
+complemented once more.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.twin.crossings import Crossing, ends_of, is_outside
+from halfstep.twin.lanes import I32
+
+# Less than all e.
+LEAST = np.int32(-(2**31))
+# No cell in particular.
+ANY_CELL = np.int32(-1)
+
+
+class Held(NamedTuple):
+    """Until where a truth lasts, as e, and the surface that ends it."""
+
+    until: I32
+    surface: I32
+
+
+class Look(NamedTuple):
+    """A formula at grid points, and the first of its cells that holds there, -1 where none does."""
+
+    held: Held
+    cell: I32
+
+
+class Path(NamedTuple):
+    """What a walk reads: words of a program, crossings, and a grid point behind all others."""
+
+    words: NDArray[np.uint32]
+    negative: int  # where the crossings for literals F <= 0 begin
+    positive: int  # and those for literals F > 0
+    never: np.int32
+    over_cells: bool  # q are cells, not grid points
+    wider: bool  # a literal holds in a cell if anywhere in it, else if all over it
+
+
+class Place(NamedTuple):
+    """Where a walk is: a grid point, the surface that was crossed last, and the cell there."""
+
+    q: I32
+    surface: I32
+    cell: I32
+
+
+def literal_at(crossing: Crossing, q: I32, never: np.int32, turn: bool) -> I32:
+    """e of F <= 0, or of its complement if ``turn``."""
+    ends = ends_of(crossing)
+    within = np.where(q < ends.high, ends.high, ~never)
+    e = np.where(q < ends.low, ~ends.low, within)
+    return np.where(is_outside(crossing) != turn, ~e, e)
+
+
+def later(first: Held, second: Held) -> Held:
+    """The one with the greater e; of equal ones the first."""
+    greater = second.until > first.until
+    return Held(
+        np.where(greater, second.until, first.until),
+        np.where(greater, second.surface, first.surface),
+    )

@@ -1,0 +1,104 @@
+"""What rays see of cells, in extended precision: where surfaces are met, sorted, and asked between.
+
+It knows nothing of grids, programs or boxes: along a ray every function F is a quadratic in the
+depth, and between two of all their roots no cell begins or ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.scene.region import Complement, Intersection, Literal, Region
+
+Floats = NDArray[np.float64]
+Wide = NDArray[np.longdouble]
+Bools = NDArray[np.bool_]
+
+
+class Truth(NamedTuple):
+    """Of each ray what it shows, arrays (R,)."""
+
+    hit: Bools
+    depth: Floats
+    cell: NDArray[np.int64]
+    inside: Bools  # the ray starts in a cell, and shows where it leaves it
+    thin: Floats  # the shortest piece that some cell has or lacks, in depth
+    leaves: Floats  # where it leaves the cell, the far plane where it does not
+
+
+def holds(region: Region, values: Wide) -> Bools:
+    """Whether a region holds at functions' values (S, …)."""
+    if isinstance(region, Literal):
+        return (values[region.surface] > 0) == region.positive
+    if isinstance(region, Complement):
+        return ~holds(region.of, values)
+    found = np.full(values.shape[1:], isinstance(region, Intersection))
+    for part in region.of:
+        other = holds(part, values)
+        found = found & other if isinstance(region, Intersection) else found | other
+    return found
+
+
+def truth(
+    matrices: Floats,
+    cells: Sequence[Region],
+    eye: Floats,
+    directions: Floats,
+    near: float,
+    far: float,
+) -> Truth:
+    """What rays show.
+
+    Args:
+        matrices: (S, 4, 4), F = [p 1] M [p 1].
+        cells: regions over these functions, the earlier one first.
+        eye: (3,).
+        directions: (R, 3), per unit of depth.
+        near: depth where rays start.
+        far: depth where they end.
+    """
+    start, along = np.append(eye, 1.0).astype(np.longdouble), directions.astype(np.longdouble)
+    along = np.column_stack([along, np.zeros(len(along), np.longdouble)])
+    wide = matrices.astype(np.longdouble)
+    a = np.array([((along @ m) * along).sum(axis=1) for m in wide])
+    b = np.array([2 * ((along @ m) @ start) for m in wide])
+    c = np.array([start @ m @ start for m in wide])[:, None]
+    with np.errstate(all="ignore"):
+        root = np.sqrt(b * b - 4 * a * c)
+        q = -(b + np.where(b >= 0, root, -root)) / 2
+        events = np.concatenate([q / a, c / q])
+    events = np.where((events > near) & (events < far), events, far)
+    rays = np.arange(len(directions))
+    ends = np.full((1, len(rays)), far, np.longdouble)
+    times = np.sort(np.concatenate([events, ends, ends - far + near]), axis=0)
+    middle = (times[1:] + times[:-1]) / 2
+    there = np.array(
+        [holds(cell, (a[:, None] * middle + b[:, None]) * middle + c[:, None]) for cell in cells]
+    )
+    some = times[1:] > times[:-1]
+    first = np.argmax(some, axis=0)
+    cell_at = np.where(there.any(axis=0), np.argmax(there, axis=0), -1)
+    inside = cell_at[first, rays] >= 0
+    entry = np.argmax((cell_at >= 0) & some, axis=0)
+    entered = ((cell_at >= 0) & some).any(axis=0)
+    cell = np.where(entered, cell_at[entry, rays], -1)
+    later = np.arange(len(middle))[:, None] >= entry
+    out = ~there[np.maximum(cell, 0), :, rays].T & some & later
+    leaves = np.where(out.any(axis=0), times[np.argmax(out, axis=0), rays], far)
+    depth = np.where(inside, leaves, times[entry, rays])
+    hit = entered & ~(inside & (leaves >= far))
+    pieces = np.where(
+        some & (times[:-1] > near) & (times[1:] < far), times[1:] - times[:-1], np.inf
+    )
+    return Truth(
+        hit,
+        np.where(hit, depth, np.nan).astype(np.float64),
+        np.where(hit, cell, -1),
+        inside,
+        pieces.min(axis=0).astype(np.float64),
+        np.where(hit, leaves, np.nan).astype(np.float64),
+    )

@@ -1,0 +1,445 @@
+"""Cells as a user renders them, against an oracle that sorts all roots in extended precision."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import halfstep
+from halfstep.device.adapters import Adapter
+from halfstep.frames.outputs import OUTPUTS
+from halfstep.host.boxes import box_of
+from halfstep.host.formulas import normal_form
+from halfstep.host.prepare import prepare
+from halfstep.run import gpu as run_gpu
+from halfstep.scene import Scene
+from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
+from halfstep.shader.needs import Needs
+from halfstep.shader.source import compose
+from tests.region_oracle import holds, truth
+from tests.test_boxes import plain, random_region, random_surface
+
+Floats = NDArray[np.float64]
+
+NUMBERED = ("solid", "surface", "cell", "place", "material", "color")
+LIGHT = {"direction": [1, -2, 3], "color": [0.8, 0.8, 0.8]}
+WIDTH, HEIGHT = 32, 24
+# Rays on which two surfaces are nearer than this part of the far depth are left to the bounds.
+NEAR_TIE = 1e-9
+
+
+def text_of(region: Region) -> str:
+    """A region as a formula; surfaces are numbered from 1."""
+    match region:
+        case Literal(surface, positive):
+            return f"{'+' if positive else '-'}{surface + 1}"
+        case Complement(of):
+            return f"~({text_of(of)})"
+        case Intersection(of):
+            return "(" + " & ".join(map(text_of, of)) + ")"
+        case Union(of):
+            return "(" + " | ".join(map(text_of, of)) + ")"
+
+
+def surface_of(matrix: Floats, number: int) -> dict[str, Any]:
+    """The table of a surface."""
+    m = 2 * matrix
+    return {
+        "id": number,
+        "kind": "quadric",
+        "coefficients": [
+            *np.diag(matrix)[:3],
+            *(m[0, 1], m[0, 2], m[1, 2]),
+            *m[:3, 3],
+            matrix[3, 3],
+        ],
+    }
+
+
+def scene_of(
+    matrices: Floats, cells: list[Region], camera: Mapping[str, Any], **tables: Any
+) -> Scene:
+    """A scene of surfaces and cells."""
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": dict(camera),
+            "image": {"width": WIDTH, "height": HEIGHT},
+            "light": [LIGHT],
+            "surface": [surface_of(matrix, k) for k, matrix in enumerate(matrices, start=1)],
+            "cell": [{"region": text_of(cell), "color": [0.2, 0.5, 0.7]} for cell in cells],
+            **tables,
+        }
+    )
+
+
+def ball() -> Floats:
+    """The matrix of a sphere of radius 1.2, in which all cells are."""
+    return np.diag([1.0, 1.0, 1.0, -1.44])
+
+
+def random_cells(rng: np.random.Generator) -> tuple[Floats, list[Region]]:
+    """Surfaces, and one to three cells in a ball."""
+    count = int(rng.integers(2, 8))
+    matrices = np.array([ball(), *(random_surface(rng) for _ in range(count))])
+    inside = Literal(0, positive=False)
+    cells: list[Region] = [
+        Intersection((inside, random_region(rng, count + 1, 3))) for _ in range(rng.integers(1, 4))
+    ]
+    return matrices, cells
+
+
+def random_camera(rng: np.random.Generator) -> dict[str, Any]:
+    """From outside, or in 3 of 10 from within."""
+    eye = rng.normal(size=3)
+    distance = rng.uniform(0.1, 1.1) if rng.random() < 0.3 else rng.uniform(2, 9)
+    return {
+        "center": list(eye * distance / np.linalg.norm(eye)),
+        "look_at": list(rng.uniform(-0.2, 0.2, 3)),
+        "fov_degrees": float(rng.uniform(10, 70)),
+    }
+
+
+def random_volume(rng: np.random.Generator) -> dict[str, Any]:
+    """In half of all scenes a volume whose base planes cut the ball."""
+    if rng.random() < 0.5:
+        return {}
+    low, high = rng.uniform(-1.2, -0.1, 3), rng.uniform(0.1, 1.2, 3)
+    return {"volume": {"min": list(low), "max": list(high)}}
+
+
+@pytest.mark.parametrize(
+    ("number_format", "steps"),
+    [("float32", 6), ("float32", 12), ("float32", 20), ("fixed32", 8), ("fixed32", 20)],
+)
+def test_depths_are_within_their_bounds(number_format: str, steps: int) -> None:
+    seed = 20261129
+    rng = np.random.default_rng(seed)
+    hits = certain = misses = inside = wrong = 0
+    for trial in range(40):
+        matrices, cells = random_cells(rng)
+        scene = scene_of(
+            matrices,
+            cells,
+            random_camera(rng),
+            accuracy={"steps": steps, "number_format": number_format},
+            **random_volume(rng),
+        )
+        if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+            with pytest.raises(halfstep.SceneError, match="is empty"):
+                halfstep.render(scene, backend="numpy")
+            continue
+        frame = halfstep.render(scene, backend="numpy")
+        setup = prepare(scene).setup
+        j, i = np.mgrid[:HEIGHT, :WIDTH]
+        directions = setup.view.directions(i, j).reshape(-1, 3)
+        exact = truth(matrices, cells, setup.view.eye, directions, setup.near, setup.far)
+        depth, error = frame.depth.ravel(), frame.error.ravel()
+        hit, bounded = frame.solid.ravel() >= 0, np.isfinite(error)
+        slack = 1e-12 * setup.far
+        with np.errstate(invalid="ignore"):
+            off = np.abs(depth - exact.depth) > error + slack
+        violated = bounded & np.where(hit, ~exact.hit | off, exact.hit)
+        assert not violated.any(), (seed, trial, np.flatnonzero(violated))
+        # What is certain is named right.
+        cell = frame.cell.ravel()
+        named = bounded & hit & (exact.thin > NEAR_TIE * setup.far)
+        assert (cell[named] == exact.cell[named] + 1).all(), (seed, trial)
+        hits, certain = hits + hit.sum(), certain + (hit & bounded).sum()
+        misses, inside = misses + (~hit & bounded).sum(), inside + (exact.inside & hit).sum()
+        wrong += (hit != exact.hit).sum()
+    assert hits > 6_000, seed
+    assert inside > 1_000, seed
+    assert misses > 6_000, seed
+    if steps >= 12:
+        assert certain > 0.95 * hits, seed
+        assert wrong < 0.001 * hits, seed
+
+
+SIZE = (64, 48)
+# A ball with a bite and a hole, and a pin in the hole: two cells share a surface.
+TWO_CELLS = {
+    "format": 1,
+    "camera": {"center": [3, -4, 2.5], "look_at": [0, 0, 0], "fov_degrees": 30},
+    "accuracy": {"steps": 12},
+    "light": [LIGHT, {"position": [3, -3, 3], "color": [0.3, 0.3, 0.3]}],
+    "material": [
+        {"name": "steel", "color": [0.4, 0.5, 0.6], "specular": 0.4, "shininess": 30},
+        {"name": "brass", "color": [0.8, 0.6, 0.2]},
+    ],
+    "part": [
+        {"name": "ball", "kind": "sphere", "radius": 1},
+        {
+            "name": "bite",
+            "kind": "sphere",
+            "radius": 0.7,
+            "origin": [0.5, -0.5, 0.5],
+            "material": "brass",
+        },
+        {"name": "hole", "kind": "cylinder", "radius": 0.3, "z_min": -1.6, "z_max": 1.4},
+        {"name": "slab", "kind": "box", "size": [3, 3, 0.4], "origin": [0, 0, -0.3]},
+    ],
+    "cell": [
+        {
+            "name": "thing",
+            "id": 7,
+            "region": "(ball - bite | slab & ball) - hole",
+            "material": "steel",
+        },
+        {"name": "pin", "region": "hole & ~bite", "color": [0.2, 0.7, 0.3]},
+    ],
+}
+WITHIN = {"center": [-0.5, 0.3, 0.1], "look_at": [0.5, -0.6, 0.3], "fov_degrees": 80}
+
+
+def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[str]:
+    """Outputs of which the device and the twin differ in a bit."""
+    frames = [
+        halfstep.render(scene, size=SIZE, outputs=outputs, backend=backend, **options)
+        for backend in ("gpu", "numpy")
+    ]
+    return [
+        name
+        for name in frames[0].outputs
+        if not np.array_equal(getattr(frames[0], name), getattr(frames[1], name), equal_nan=True)
+    ]
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+@pytest.mark.parametrize("camera", [None, WITHIN], ids=["outside", "inside"])
+def test_the_device_gives_the_bits_of_the_twin(
+    camera: dict[str, Any] | None, number_format: str
+) -> None:
+    scene = Scene.from_dict(TWO_CELLS)
+    assert differing(scene, tuple(OUTPUTS), number_format=number_format, camera=camera) == []
+    assert differing(scene, ("image",), number_format=number_format, camera=camera) == []
+
+
+# A word of the kernel, and what a slip would make of it.
+FAULTS = [
+    ("if (word & OPENS) != 0u", "if (word & CLOSES) != 0u"),
+    ("level--;", ""),
+    ("~inner.until, inner.surface", "inner.until, inner.surface"),
+    ("(word & TURN) != 0u", "(word & POSITIVE) != 0u"),
+    ("select(place.surface, seen.held.surface, goes)", "seen.held.surface"),
+    ("| (only == i4(number))", "| (only != i4(number))"),
+    ("number++;", ""),
+    ("region.word_start, region.word_end", "region.word_start, region.word_end - 1u"),
+    ("keep_crossing(region.flat_count + k,", "keep_crossing(k,"),
+    ("let surface = shown.cell * i4(i32(count))", "let surface = shown.cell"),
+    ("shown.q <= i4(region.last)", "shown.q < i4(0)"),
+    ("position_before(beyond.q,", "position_before(shown.q,"),
+    ("outward(normal, crossing_at(slot)", "outward(normal, crossing_at(0u)"),
+    ("region.looks_start + k", "region.looks_start"),
+    ("look.is_own != 0u", "look.is_own == 0u"),
+]
+
+
+@pytest.mark.parametrize(("old", "new"), FAULTS)
+def test_a_fault_in_the_kernel_is_seen(
+    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    texts: list[str] = []
+
+    def faulty(needs: Needs) -> str:
+        texts.append(compose(needs))
+        return texts[-1].replace(old, new)
+
+    monkeypatch.setattr(run_gpu, "compose", faulty)
+    scene = Scene.from_dict(TWO_CELLS)
+    assert differing(
+        scene, ("image", "normal", "cell", "surface", "depth_exit"), adapter=adapter.summary.index
+    )
+    assert any(old in text for text in texts)
+
+
+def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:
+    frame = halfstep.render(TWO_CELLS, size=SIZE, backend="numpy", outputs=NUMBERED)
+    thing, pin = frame.cell == 7, frame.cell == 2
+    assert thing.sum() > 300
+    assert pin.sum() > 50
+    assert (frame.solid[thing] == 0).all()
+    assert (frame.solid[pin] == 1).all()
+    assert (frame.material[thing] == 1).all()
+    assert (frame.material[pin] == -1).all()
+    assert (frame.place == -1).all()
+    # Functions: ball 0, bite 1, hole 2 … 4, slab 5 … 10. A pin shows its side and its top.
+    assert set(np.unique(frame.surface[pin])) <= {1, 2, 3, 4}
+    assert {0, 1} <= set(np.unique(frame.surface[thing]))
+    # The bite's face has the colour of the part that cut it.
+    bite = thing & (frame.surface == 1)
+    red, _, blue = (frame.color[bite] / frame.color[bite].max()).mean(axis=0)
+    assert red > 1.5 * blue
+
+
+def test_exits_are_where_rays_leave_their_cell() -> None:
+    seed = 5
+    rng = np.random.default_rng(seed)
+    compared = 0
+    for trial in range(20):
+        matrices, cells = random_cells(rng)
+        if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+            continue
+        scene = scene_of(matrices, cells, random_camera(rng), accuracy={"steps": 16})
+        frame = halfstep.render(scene, backend="numpy", outputs=("depth", "depth_exit", "cell"))
+        setup = prepare(scene).setup
+        j, i = np.mgrid[:HEIGHT, :WIDTH]
+        directions = setup.view.directions(i, j).reshape(-1, 3)
+        exact = truth(matrices, cells, setup.view.eye, directions, setup.near, setup.far)
+        step = 2.0**-15 * (setup.far - setup.near) + 1e-12
+        alike = exact.hit & (frame.cell.ravel() == exact.cell + 1) & (exact.thin > 8 * step)
+        with np.errstate(invalid="ignore"):
+            alike &= np.abs(frame.depth.ravel() - exact.depth) < step
+        off = np.abs(frame.depth_exit.ravel() - exact.leaves)[alike]
+        # Grazing rays may be off by more than a step.
+        assert (off > 4 * step).mean() < 0.01, (seed, trial)
+        compared += alike.sum()
+    assert compared > 3_000, seed
+
+
+def test_normals_point_out_of_the_cell() -> None:
+    seed = 9
+    rng = np.random.default_rng(seed)
+    seen = 0
+    for trial in range(15):
+        matrices, cells = random_cells(rng)
+        if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+            continue
+        scene = scene_of(matrices, cells, random_camera(rng), accuracy={"steps": 20})
+        frame = halfstep.render(scene, backend="numpy", outputs=("position", "normal", "cell"))
+        hit = frame.cell > 0
+        point, normal = frame.position[hit], frame.normal[hit].astype(np.float64)
+        cell = frame.cell[hit] - 1
+        for side, wanted in ((1e-3, False), (-1e-3, True)):
+            moved = np.column_stack([point + side * normal, np.ones(len(point))])
+            values = np.einsum("pi,sij,pj->sp", moved, matrices, moved)
+            there = np.array([holds(one, values) for one in cells])[cell, np.arange(len(cell))]
+            # Edges, thin parts and grazing rays are left out by their share.
+            assert (there == wanted).mean() > 0.93, (seed, trial, side)
+        seen += hit.sum()
+    assert seen > 2_000, seed
+
+
+def test_coincident_faces_leave_no_skin() -> None:
+    """A rod less a bore as long as the rod: its ends are open, from wherever they are seen."""
+    rod = {"kind": "cylinder", "z_min": -1, "z_max": 1}
+    scene = {
+        "format": 1,
+        "camera": {"center": [0.6, -0.4, 6], "look_at": [0, 0, 0], "fov_degrees": 20},
+        "accuracy": {"steps": 14},
+        "part": [
+            {"name": "rod", "radius": 0.8, **rod},
+            {"name": "bore", "radius": 0.5, **rod},
+        ],
+        "cell": [{"region": "rod - bore", "color": [1, 1, 1]}],
+    }
+    frame = halfstep.render(scene, size=(96, 96), backend="numpy", outputs=("position", "solid"))
+    hit = frame.solid >= 0
+    radius = np.hypot(frame.position[..., 0], frame.position[..., 1])[hit]
+    on_end = np.abs(np.abs(frame.position[..., 2][hit]) - 1) < 1e-3
+    assert on_end.sum() > 500
+    assert (radius[on_end] > 0.499).all()
+
+
+def test_neighbours_that_share_a_surface_leave_no_gap() -> None:
+    """Of two halves of a ball no ray passes between: it hits what the whole ball hits."""
+    half = {"id": 1, "kind": "plane", "axis": [0.3, 0.2, 0.9], "origin": [0.01, 0.02, 0.03]}
+    ball_ = {"id": 2, "kind": "sphere", "radius": 1}
+    camera = {"center": [3, 0.5, 0.4], "look_at": [0, 0, 0], "fov_degrees": 45}
+    tables = {"format": 1, "camera": camera, "accuracy": {"steps": 8}, "surface": [half, ball_]}
+    white = {"color": [1, 1, 1]}
+    split = {**tables, "cell": [{"region": "-1 -2", **white}, {"region": "+1 -2", **white}]}
+    whole = {**tables, "cell": [{"region": "-2", **white}]}
+    depths = [
+        halfstep.render(scene, size=(128, 96), backend="numpy", outputs=("depth",)).depth
+        for scene in (split, whole)
+    ]
+    np.testing.assert_array_equal(depths[0], depths[1])
+
+
+def test_thin_parts_get_halvings_enough() -> None:
+    """A shell of 1e-4: without `steps` it is seen wherever it is."""
+    shell = {
+        "format": 1,
+        "camera": {"center": [4, 0, 0], "look_at": [0, 0, 0], "fov_degrees": 40},
+        "accuracy": {"tolerance_pixels": 8.0},
+        "surface": [
+            {"id": 1, "kind": "sphere", "radius": 1},
+            {"id": 2, "kind": "sphere", "radius": 0.9999},
+            {"id": 3, "kind": "plane", "axis": [1, 0, 0]},
+        ],
+        "cell": [{"region": "-1 +2 -3", "color": [1, 1, 1]}],
+    }
+    frame = halfstep.render(
+        shell, size=(64, 64), backend="numpy", outputs=("solid", "depth", "steps")
+    )
+    # The bowl is open to the viewer: its rays hit its inner side within the rim.
+    y, z = np.mgrid[:64, :64] - 31.5
+    pixel = 2 * np.tan(np.radians(20)) / 64
+    inner = np.hypot(y, z) * pixel * 4 < 0.97
+    assert (frame.solid[inner] == 0).all()
+    assert frame.steps.max() >= 15
+
+
+BAD = [
+    ({"region": "-1 +1"}, "its region is empty"),
+    ({"region": "+1"}, "volume: missing"),
+]
+
+
+@pytest.mark.parametrize(("cell", "message"), BAD)
+def test_cells_without_geometry_are_faults(cell: dict[str, Any], message: str) -> None:
+    scene = {
+        "format": 1,
+        "camera": {"center": [4, 0, 0], "look_at": [0, 0, 0]},
+        "surface": [{"id": 1, "kind": "sphere", "radius": 1}],
+        "cell": [{"color": [1, 1, 1], **cell}],
+    }
+    with pytest.raises(halfstep.SceneError, match=message):
+        halfstep.render(scene, backend="numpy")
+
+
+def test_copies_cut_by_a_region_are_seen_within_it_alone() -> None:
+    """A lattice of rods fills a ball: what is shown is in the ball, and cut where it ends."""
+    scene = {
+        "format": 1,
+        "camera": {"center": [5, -4, 3], "look_at": [0, 0, 0], "fov_degrees": 30},
+        "accuracy": {"steps": 14},
+        "surface": [{"id": 1, "kind": "sphere", "radius": 1}],
+        "cell": [{"region": "-1", "fill": "rods"}],
+        "group": [
+            {
+                "name": "rod",
+                "surface": [{"id": 1, "kind": "cylinder", "radius": 0.12}],
+                "part": [
+                    {"name": "bar", "kind": "cylinder", "radius": 0.12, "z_min": -2, "z_max": 2}
+                ],
+                "cell": [{"region": "bar", "color": [0.8, 0.5, 0.2]}],
+            },
+            {
+                "name": "rods",
+                "lattice": [
+                    {"kind": "rectangular", "pitch": [0.4, 0.4], "shape": [7, 7], "group": "rod"}
+                ],
+            },
+        ],
+    }
+    frame = halfstep.render(scene, size=(96, 72), backend="numpy", outputs=(*NUMBERED, "position"))
+    hit = frame.solid >= 0
+    distance = np.linalg.norm(frame.position[hit], axis=-1)
+    assert hit.sum() > 500
+    assert distance.max() < 1.001
+    assert (np.abs(distance - 1) < 1e-3).sum() > 100
+    x, y = (frame.position[hit][:, axis] for axis in (0, 1))
+    from_axis = np.hypot(x - 0.4 * np.rint(x / 0.4), y - 0.4 * np.rint(y / 0.4))
+    assert (from_axis < 0.121).all()
+    # Each copy has its number, and each is where its number says.
+    which = np.rint(x / 0.4) + 3 + 7 * (3 - np.rint(y / 0.4))
+    order = frame.place[hit]
+    assert len(np.unique(order)) > 10
+    assert len(np.unique(np.column_stack([which, order]), axis=0)) == len(np.unique(order))

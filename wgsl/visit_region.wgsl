@@ -1,0 +1,137 @@
+// A copy of a group of cells -> its visible point: all surfaces on one grid, then a walk.
+
+fn visit_region(solid: Solid, y: i32) {
+  let region = region_at(solid.region);
+  let count = region.flat_count + region.curved_count;
+  for (var k = 0u; k < region.flat_count; k++) {
+    let plane = flat_at(region.flat_start + k);
+    // each quad
+    {
+      let line = line_at(plane.c, plane.b, offset(x_0, y));
+      keep_crossing(k, line_crossed(line, solid.steps, plane.eye));
+    }
+  }
+  for (var k = 0u; k < region.curved_count; k++) {
+    let quadric = curved_at(region.curved_start + k);
+    // each quad
+    {
+      let form = form_at(quadric.a, quadric.g, quadric.c, offset(x_0, y));
+      keep_crossing(region.flat_count + k, crossed(form, solid.steps, quadric.eye));
+    }
+  }
+  for (var k = 0u; k < count; k++) {  //? error
+    // each quad
+    {
+      let known = known_form(region, k, offset(x_0, y));
+      let by = spread(known.form, known.errors, SEARCHES);
+      for (var which = SURELY; which <= PERHAPS; which += SURFACES) {
+        keep_crossing(which + k, doubted(known.form, by, which == SURELY, solid.steps, known.eye));
+      }
+    }
+  }
+  // each quad
+  {
+    var entry = place_at(region.first);
+    var beyond = entry;  //? leaving
+    var into = Between(i4(0), i4(0));  //? error
+    var out_of = into;  //? error & opened
+    var last_walk = WALK_ENTRY;
+    last_walk = WALK_BEYOND;  //? leaving
+    last_walk = WALK_SURELY_IN;  //? error
+    last_walk = WALK_SURELY_OUT;  //? error & opened
+    // One loop for all walks: compiled once.
+    for (var number = 0u; number < last_walk + 1u; number++) {
+      var begin = place_at(first_of(number, region));
+      var only = i4(ANY_CELL);
+      if number == WALK_BEYOND {
+        begin = entry;
+      }
+      if is_out(number) {
+        only = entry.cell;
+      }
+      let path = path_of(number, region, solid.steps);
+      let place = walk(path, !is_out(number), begin, only);
+      if number == WALK_ENTRY {
+        entry = place;
+      }
+      if number == WALK_BEYOND {  //? leaving
+        beyond = place;
+      }
+      if number == WALK_PERHAPS_IN {  //? error
+        into.cell = place.q;
+      }
+      if number == WALK_SURELY_IN {  //? error
+        into.point = place.q;
+      }
+      if number == WALK_PERHAPS_OUT {  //? error & opened
+        out_of.cell = place.q;
+      }
+      if number == WALK_SURELY_OUT {  //? error & opened
+        out_of.point = place.q;
+      }
+    }
+    let inside = entry.q == i4(region.first);
+    var shown = entry;
+    shown.q = select(entry.q, beyond.q, inside);  //? opened
+    shown.surface = select(entry.surface, beyond.surface, inside);  //? opened
+    let within = is_within(region, x_0, y);
+    var hit = (shown.q <= i4(region.last)) & within;
+    hit = hit & !inside;  //? !opened
+    met_0 = Met(shown, inside);
+    let surface = shown.cell * i4(i32(count)) + shown.surface;
+    sight_0 = Sight(
+      hit,
+      surface,
+      position_before(shown.q, solid.steps),
+      beyond.q <= i4(region.last),  //? exit
+      position_before(beyond.q, solid.steps),  //? exit
+    );
+    into.cell = select(into.cell, out_of.cell, inside);  //? error & opened
+    into.point = select(into.point, out_of.point, inside);  //? error & opened
+    // Where the near base plane cuts, rays start somewhere in these cells.
+    let near = Between(i4(max(region.first - 1, 0)), i4(region.start_end + 1));  //? error
+    var certain = b4(true);  //? error
+    var begun_surely = b4(eye_sure(solid) | !starts_at_eye(solid));  //? error
+    for (var k = 0u; k < count; k++) {  //? error
+      let sure = crossing_at(SURELY + k);
+      let maybe = crossing_at(PERHAPS + k);
+      certain &= settled(sure, maybe, into) | (shown.surface == i4(i32(k)));
+      begun_surely &= settled(sure, maybe, near) | b4(region.start_end < 0);
+    }
+    certificate_0 = certify_region(  //? error
+      shown, hit, inside, within, surface, into, certain, begun_surely, region, solid.last_step
+    );
+    slope_0 = NO_VECTOR;  //? normal
+  }
+  for (var k = 0u; k < region.flat_count; k++) {  //? normal
+    let normal = plane_normal(flat_at(region.flat_start + k));
+    // each quad
+    slope_0 = either(
+      met_0.shown.surface == i4(i32(k)), outward(normal, crossing_at(k), met_0), slope_0
+    );
+  }
+  for (var k = 0u; k < region.curved_count; k++) {  //? normal
+    let quadric = curved_at(region.curved_start + k);
+    let slot = region.flat_count + k;
+    // each quad
+    {
+      let u = f4(sight_0.position) * solid.last_step;
+      let normal = gradient(quadric.gradient, f4(x_0), f32(y), u);
+      slope_0 = either(
+        met_0.shown.surface == i4(i32(slot)), outward(normal, crossing_at(slot), met_0), slope_0
+      );
+    }
+  }
+  for (var k = 0u; k < region.cells; k++) {  //? color
+    let look = appearance_at(region.looks_start + k);
+    // each quad
+    paint_0 = painted(paint_0, look, met_0.shown.cell == i4(i32(k)));
+  }
+  for (var k = 0u; k < count; k++) {  //? color
+    let look = appearance_at(region.looks_start + region.cells + k);
+    // each quad
+    paint_0 = painted(
+      paint_0, look, (met_0.shown.surface == i4(i32(k))) & b4(look.is_own != 0u)
+    );
+  }
+}

@@ -1,0 +1,64 @@
+// A region's formula asked at grid points, and the leaps between them.
+//
+// At a grid point q a literal knows whether it holds and until which grid point it surely goes on
+// so: e is that point where it holds and its one's complement, which is negative, where it does
+// not. The order of e makes OR the greater of two, AND the lesser, NOT the complement: the sign of
+// the result says whether the formula holds, and the rest until where that surely lasts. A walk
+// leaps there until it finds what it wants. No leap passes a change of the formula, and each ends
+// where a surface is crossed.
+//
+// A program is the formula in the order of its text. All levels take the greater: an AND is the
+// complement of the OR of complements, so closing a level complements, and literals on odd levels
+// are complemented once more.
+
+// Less than all e.
+const LEAST: i32 = i32(-0x80000000);
+// No cell in particular.
+const ANY_CELL: i32 = -1;
+
+// Until where a truth lasts, as e, and the surface that ends it.
+struct Held {
+  until: i4,
+  surface: i4,
+}
+
+// A formula at grid points, and the first of its cells that holds there, -1 where none does.
+struct Look {
+  held: Held,
+  cell: i4,
+}
+
+// Where a walk is: a grid point, the surface that was crossed last, and the cell there.
+struct Place {
+  q: i4,
+  surface: i4,
+  cell: i4,
+}
+
+// What a walk reads: words of a program, crossings, and a grid point behind all others.
+struct Path {
+  first_word: u32,
+  end_word: u32,
+  negative: u32,  // where the crossings for literals F <= 0 begin
+  positive: u32,  // and those for literals F > 0
+  never: i32,
+  over_cells: bool,  // q are cells, not grid points
+  wider: bool,  // a literal holds in a cell if anywhere in it, else if all over it
+}
+
+// e of F <= 0, or of its complement if turn.
+fn literal_at(crossing: Crossing, q: i4, never: i32, turn: bool) -> i4 {
+  let ends = ends_of(crossing);
+  let within = select(i4(~never), ends.high, q < ends.high);
+  let e = select(within, ~ends.low, q < ends.low);
+  return select(e, ~e, is_outside(crossing) != b4(turn));
+}
+
+// The one with the greater e; of equal ones the first.
+fn later(first: Held, second: Held) -> Held {
+  let greater = second.until > first.until;
+  return Held(
+    select(first.until, second.until, greater),
+    select(first.surface, second.surface, greater),
+  );
+}
