@@ -388,6 +388,7 @@ def test_thin_parts_get_halvings_enough() -> None:
 
 BAD = [
     ({"region": "-1 +1"}, "its region is empty"),
+    ({"region": "-1 +2"}, "its region is empty"),  # the same sphere, given twice
     ({"region": "+1"}, "volume: missing"),
 ]
 
@@ -397,11 +398,62 @@ def test_cells_without_geometry_are_faults(cell: dict[str, Any], message: str) -
     scene = {
         "format": 1,
         "camera": {"center": [4, 0, 0], "look_at": [0, 0, 0]},
-        "surface": [{"id": 1, "kind": "sphere", "radius": 1}],
+        "surface": [
+            {"id": 1, "kind": "sphere", "radius": 1},
+            {"id": 2, "kind": "quadric", "coefficients": [2, 2, 2, 0, 0, 0, 0, 0, 0, -2]},
+        ],
         "cell": [{"color": [1, 1, 1], **cell}],
     }
     with pytest.raises(halfstep.SceneError, match=message):
         halfstep.render(scene, backend="numpy")
+
+
+def test_all_of_space_hides_nothing() -> None:
+    """A cell without a region has no surface to be seen, as a solid of all of space has none."""
+    ball_ = {"id": 1, "kind": "sphere", "radius": 1}
+    scene = {
+        "format": 1,
+        "camera": {"center": [4, 0, 0], "look_at": [0, 0, 0]},
+        "volume": {"min": [-2, -2, -2], "max": [2, 2, 2]},
+        "accuracy": {"steps": 8},
+        "surface": [ball_],
+        "cell": [{"color": [1, 0, 0]}, {"region": "-1", "color": [1, 1, 1]}],
+    }
+    frame = halfstep.render(scene, size=(32, 32), backend="numpy", outputs=("cell",))
+    assert (frame.cell == 2).sum() > 50
+    assert (frame.cell == 1).sum() == 0
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("backend", ["numpy", "gpu"])
+@pytest.mark.parametrize("cell", [{"color": [1, 0, 0]}, {"region": "-1", "visible": False}])
+def test_cells_of_which_nothing_is_seen_leave_the_background(
+    cell: dict[str, Any], backend: str
+) -> None:
+    scene = {
+        "format": 1,
+        "camera": {"center": [4, 0, 0], "look_at": [0, 0, 0]},
+        "volume": {"min": [-2, -2, -2], "max": [2, 2, 2]},
+        "surface": [{"id": 1, "kind": "sphere", "radius": 1}],
+        "cell": [cell],
+    }
+    frame = halfstep.render(scene, size=(32, 32), backend=backend)
+    assert (frame.solid == -1).all()
+    assert (frame.error == 0).all()
+    assert (frame.cell == -1).all()
+    assert (frame.image == frame.image[0, 0]).all()
+
+
+def test_a_tolerance_that_cells_cannot_meet_is_told() -> None:
+    scene = {
+        "format": 1,
+        "camera": {"center": [4, 0, 0], "look_at": [0, 0, 0]},
+        "accuracy": {"tolerance": 1e-12},
+        "surface": [{"id": 1, "kind": "sphere", "radius": 1}],
+        "cell": [{"region": "-1", "color": [1, 1, 1]}],
+    }
+    with pytest.warns(UserWarning, match="needs more than 22 steps for a copy of a group"):
+        halfstep.render(scene, size=(16, 16), backend="numpy", outputs=("solid",))
 
 
 def test_copies_cut_by_a_region_are_seen_within_it_alone() -> None:

@@ -304,5 +304,7 @@ def _keep_memory() -> None:
 
 
 def _name_of(scene: Scene, ix: int) -> str:
+    if ix >= len(scene.solids):
+        return "a copy of a group of cells"
     name = scene.solids[ix].name
     return f"solid[{ix}]" if name is None else repr(name)

@@ -127,7 +127,7 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
             count=int(per_solid.sum()),
             regions=regions,
         ),
-        color=np.array([material.color for material in materials], np.float32),
+        color=np.array([material.color for material in materials], np.float32).reshape(-1, 3),
         specular=np.array([material.specular for material in materials], np.float32),
         shininess=np.array([material.shininess for material in materials], np.uint32),
         normal=_clear(normals / np.where(length > 0, length, 1.0)).astype(np.float32),
@@ -162,7 +162,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         lights=_lights(scene, setup),
         present=_present(classes, outside),
         shininess_bits=_largest_exponent(tables).bit_length(),
-        most_half_spaces=int(geometry.plane_count.max()),
+        most_half_spaces=int(geometry.plane_count.max(initial=0)),
         solid_count=len(tables.numbers.first),
         surface_count=tables.numbers.count,
         regions=None
@@ -296,7 +296,9 @@ def _fewer(classes: Ints, outside: Ints) -> tuple[Ints, Ints]:
 def _present(classes: Ints, outside: Ints) -> tuple[Class, ...]:
     """The classes that solids have in this frame or seen from outside, in order."""
     count = np.bincount(classes, minlength=len(Class)) + np.bincount(outside, minlength=len(Class))
-    return tuple(klass for klass, found in zip(Class, count.tolist(), strict=True) if found)
+    found = tuple(klass for klass, seen in zip(Class, count.tolist(), strict=True) if seen)
+    # Tiles have a list at least, if only of a class that no solid has.
+    return found or (Class.POLYHEDRON,)
 
 
 def _outside_classes(geometry: Geometry) -> Ints:

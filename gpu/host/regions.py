@@ -30,7 +30,7 @@ from halfstep.host.thin import least_distance
 from halfstep.scene import Material, Scene
 from halfstep.scene.copies import Copies, Layout
 from halfstep.scene.groups import Cell, Fragment, Group
-from halfstep.scene.region import Intersection, Region, Union
+from halfstep.scene.region import Intersection, Region
 
 # Surfaces coincide if their coefficients, in units of the group's box, agree to this.
 COINCIDENT = 2.0**-34
@@ -101,8 +101,8 @@ def compiled(
     slots = {ix: slot for slot, ix in enumerate(kept)}
     senses = Senses([slots.get(int(ix), -1) for ix in first], opposite.tolist())
     merged = [normal_form(region, senses) for region in formulas]
-    # Merging may leave a cell without a point, or the whole of space.
-    some = [ix for ix, region in enumerate(merged) if region != Union(())]
+    # Merging may leave a cell without a point. What is all of space has no surface to be seen.
+    some = [ix for ix, region in enumerate(merged) if literals(region)]
     if not some:
         return None
     own = np.moveaxis(moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
@@ -316,10 +316,14 @@ def _program_of(
     regions = group.names().regions
     matrices = _matrices_of(group)
     plain = Senses(range(len(matrices)), [False] * len(matrices))
-    for cell, region, is_shown in zip(group.cells, regions, shown.tolist(), strict=True):
-        if is_shown and box_of(normal_form(region, plain), matrices) is None:
-            faults.append(f"{scene.name}: {where}{cell.title}: its region is empty")
     program = compiled(matrices, regions, shown, volume)
+    # Merging surfaces may have left a cell without a point.
+    kept = set() if program is None else set(program.cells.tolist())
+    for ix in np.flatnonzero(shown).tolist():
+        region = normal_form(regions[ix], plain)
+        is_empty = ix not in kept or box_of(region, matrices) is None
+        if is_empty and region != Intersection(()):
+            faults.append(f"{scene.name}: {where}{group.cells[ix].title}: its region is empty")
     if program is None:
         return None
     if not np.isfinite(program.box).all() and volume is None:
