@@ -14,6 +14,7 @@ from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
+from halfstep.host.numbers import numbers_of
 from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
 from halfstep.scene import Scene
@@ -406,6 +407,95 @@ def test_cells_without_geometry_are_faults(cell: dict[str, Any], message: str) -
     }
     with pytest.raises(halfstep.SceneError, match=message):
         halfstep.render(scene, backend="numpy")
+
+
+CHANGES: dict[str, Any] = {
+    "surface": {"surface": [{"id": 1, "kind": "sphere", "radius": 0.3}]},
+    "part": {"part": [{"name": "a", "kind": "sphere", "radius": 0.2}]},
+    "cell": {"cell": [{"region": "-1 & ~a", "color": [1, 0, 0]}]},
+    "place": {"place": [{"group": "g", "origin": [0, 1.5, 0]}]},
+    "lattice": {"lattice": [{"kind": "rectangular", "pitch": [1, 1], "rows": [".g"]}]},
+    "group": {
+        "group": [
+            {
+                "name": "g",
+                "part": [{"name": "b", "kind": "box", "size": [1, 1, 2]}],
+                "cell": [{"region": "b", "color": [0, 0, 1]}],
+            }
+        ]
+    },
+}
+
+
+@pytest.mark.parametrize("table", CHANGES)
+def test_a_renderer_sees_what_changes_from_scene_to_scene(table: str) -> None:
+    first: dict[str, Any] = {
+        "format": 1,
+        "camera": {"center": [8, 0, 0.5], "look_at": [0, 0, 0]},
+        "accuracy": {"steps": 10},
+        "surface": [{"id": 1, "kind": "sphere", "radius": 1}],
+        "part": [{"name": "a", "kind": "sphere", "radius": 0.8, "origin": [1, 0, 0]}],
+        "cell": [{"region": "-1 - a", "color": [1, 1, 1]}],
+        "group": [
+            {
+                "name": "g",
+                "part": [{"name": "b", "kind": "box", "size": [1, 1, 1]}],
+                "cell": [{"region": "b", "color": [0, 0, 1]}],
+            }
+        ],
+        "place": [{"group": "g", "origin": [0, -2, 0]}],
+        "lattice": [
+            {
+                "kind": "rectangular",
+                "pitch": [1, 1],
+                "rows": ["g."],
+                "groups": {"g": "g"},
+                "origin": [0, 2, 1],
+            }
+        ],
+    }
+    second = {**first, **CHANGES[table]}
+    if table == "lattice":
+        second["lattice"] = [{**first["lattice"][0], **CHANGES[table]["lattice"][0]}]
+    options: dict[str, Any] = {"size": (64, 48), "backend": "numpy", "outputs": ("image",)}
+    alone = halfstep.render(second, **options).image
+    with halfstep.Renderer(first, **options) as renderer:
+        before = renderer.render().image
+        np.testing.assert_array_equal(renderer.render(second).image, alone)
+    assert (before != alone).any()
+
+
+def test_places_move_in_an_animation() -> None:
+    scene = Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [8, 0, 0], "look_at": [0, 0, 0]},
+            "accuracy": {"steps": 10},
+            "animation": {"frames": 3, "orbit_degrees": 0},
+            "group": [
+                {
+                    "name": "g",
+                    "part": [{"name": "b", "kind": "box", "size": [1, 1, 1]}],
+                    "cell": [{"region": "b", "color": [0, 0, 1]}],
+                }
+            ],
+            "place": [
+                {
+                    "group": "g",
+                    "key": [{"at": 0, "origin": [0, -2, 0]}, {"at": 1, "origin": [0, 2, 0]}],
+                }
+            ],
+        }
+    )
+    frames = halfstep.render_frames(scene, size=(64, 48), backend="numpy", outputs=("solid",))
+    middles = [np.nonzero(frame.solid == 0)[1].mean() for frame in frames]
+    assert np.diff(middles).max() < -5 or np.diff(middles).min() > 5
+
+
+def test_more_faces_than_numbers_are_refused() -> None:
+    first, none = np.array([1]), np.zeros(1, np.int32)
+    with pytest.raises(halfstep.SceneError, match="faces in all copies of groups"):
+        numbers_of(Scene.from_dict(TWO_CELLS), none, none, first, 2**32, None)
 
 
 def test_all_of_space_hides_nothing() -> None:

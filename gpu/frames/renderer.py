@@ -240,11 +240,7 @@ class Renderer:
     def _solids_of(self, scene: Scene) -> tuple[Solids, str]:
         """The solids of ``scene`` and their digest; most often they are the same as before."""
         before, solids, sha256 = self._kept
-        if (scene.solids, scene.materials, scene.volume) != (
-            before.solids,
-            before.materials,
-            before.volume,
-        ):
+        if not Solids.are_shared(scene, before):
             solids, sha256 = Solids.of(scene), scene.solids_sha256
         self._kept = scene, solids, sha256
         return solids, sha256

@@ -11,8 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.contract.arrays import I32, U32, Bools, Ints
+from halfstep.errors import SceneError
 from halfstep.host.regions import Regions
 from halfstep.scene import Scene
+
+# Shaders have numbers of surfaces in words of 32 bits.
+MOST_NUMBERS = 2**32 - 1
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,16 @@ def numbers_of(
     count: int,
     regions: Regions | None,
 ) -> Numbers:
-    """The numbers of a scene's surfaces; arguments as `Numbers` has them."""
+    """The numbers of a scene's surfaces; arguments as `Numbers` has them.
+
+    Raises:
+        SceneError: there are more than 32 bits tell apart.
+    """
+    if count > MOST_NUMBERS:
+        raise SceneError(
+            f"{scene.name}: {count:,} faces in all copies of groups, cells times surfaces, are "
+            f"more than {MOST_NUMBERS:,}"
+        )
     materials = {material.name: number for number, material in enumerate(scene.materials, start=1)}
     cells = [] if regions is None else regions.all_cells
     return Numbers(

@@ -16,7 +16,10 @@ from halfstep.host.geometry import Geometry
 from halfstep.host.pack import Packed, Surfaces, pack, surfaces
 from halfstep.host.setup import Setup, setup
 from halfstep.host.steps import steps_for
-from halfstep.scene import Scene
+from halfstep.scene import Fragment, Scene
+
+# What solids and cells are made of.
+_SHARED = ("solids", "materials", "volume", *Fragment.model_fields)
 
 
 @dataclass(frozen=True)
@@ -27,12 +30,18 @@ class Solids:
     volume: tuple[Floats, Floats]  # corners (min, max) of the modelled volume, world, (3,) each
     surfaces: Surfaces
 
+    @staticmethod
+    def are_shared(scene: Scene, other: Scene) -> bool:
+        """Whether two scenes have the same solids, cells and volume."""
+        return all(getattr(scene, key) == getattr(other, key) for key in _SHARED)
+
     @classmethod
     def of(cls, scene: Scene) -> Self:
         """The solids of ``scene``.
 
         Raises:
-            SceneError: the scene gives no volume and no solid is bounded.
+            SceneError: nothing bounds what is seen and the scene gives no volume; a cell is empty;
+                a limit is exceeded.
         """
         built = geometry.build(scene)
         groups = regions.regions_of(scene)
@@ -65,7 +74,7 @@ def prepare(
         most_steps: no tolerance gets more halvings; None leaves it to the number format.
 
     Raises:
-        SceneError: the scene gives no volume and no solid is bounded.
+        SceneError: as of `Solids.of`.
     """
     known = Solids.of(scene) if solids is None else solids
     constants = frame_setup(scene, samples, solids=known)
