@@ -17,7 +17,6 @@ class PackedRegions:
     words: U32
     appearances: Records
     most_surfaces: int  # of a program of the scene
-    most_words: int  # of a program of the scene
     levels: int  # that a program of the scene opens at once
 
     @property

@@ -95,7 +95,6 @@ def pack_regions(
         curved=_curved(copies, curved, setup, number_format),
         words=np.concatenate([one.words for one in regions.programs]),
         appearances=looks.records,
-        most_words=max(len(one.words) for one in regions.programs),
         most_surfaces=max(one.count for one in regions.programs),
         levels=max(one.levels for one in regions.programs),
     )

@@ -360,10 +360,10 @@ def _cut_copies(
         signs = _signs(own, whole.middle, whole.box)
         around.append((within.region, own, signs))
         state = np.minimum(state, truth(within.region, signs))
+    own_functions, own_regions = _matrices_of(copies.group), copies.group.names().regions
     programs: list[tuple[int, Program]] = []
     for ix in np.flatnonzero(state == 0).tolist():
-        functions = [_matrices_of(copies.group)]
-        regions = list(copies.group.names().regions)
+        functions, regions = [own_functions], list(own_regions)
         for region, own, signs in around:
             first = sum(map(len, functions))
             plain = Senses(range(first, first + len(own[ix])), [False] * len(own[ix]))
