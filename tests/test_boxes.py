@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, OPENS, POSITIVE, SLOT, TURN
+from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, POSITIVE, TURN
 from halfstep.host.boxes import box_of
-from halfstep.host.formulas import Senses, decided, literals, nesting, normal_form, program, truth
+from halfstep.host.formulas import Formula, Senses, decided, literals, normal_form, truth
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 
 Floats = NDArray[np.float64]
@@ -133,7 +133,7 @@ def run(words: Sequence[int], positive: Bools) -> Bools:
             inner = nothing
         deepest = max(deepest, len(stack))
         if word & LEAF:
-            holding = positive[word & SLOT] == bool(word & POSITIVE)
+            holding = positive[word >> NUMBER] == bool(word & POSITIVE)
             turned = bool(word & TURN) != bool(word & POSITIVE)
             inner = inner | (holding != turned)
         if word & CLOSES:
@@ -154,7 +154,8 @@ def test_programs_say_what_formulas_say() -> None:
         if not cells:
             continue
         positive = rng.random((6, 64)) < 0.5
-        words = program(cells).tolist()
+        whole = Formula(cells).whole
+        words = whole.words.tolist()
         expected = holds(Union(tuple(cells)), positive)
         assert (run(words, positive) == expected).all(), (seed, cells)
         opened, most = 0, 0
@@ -162,9 +163,53 @@ def test_programs_say_what_formulas_say() -> None:
             opened += bool(word & OPENS)
             most = max(most, opened)
             opened -= bool(word & CLOSES)
-        assert most == nesting(cells)
+        assert most == whole.levels
         levels = max(levels, most)
     assert levels >= 4, seed
+
+
+def test_excerpts_say_what_formulas_say_on_what_is_seen() -> None:
+    """Signs are known on some pieces of rays; elsewhere a surface may have either."""
+    seed = 17
+    rng = np.random.default_rng(seed)
+    shorter = constant = narrow = 0
+    for trial in range(300):
+        cells = [normal_form(random_region(rng, 6, 4), plain(6)) for _ in range(2)]
+        cells = [cell for cell in cells if literals(cell)]
+        if not cells:
+            continue
+        formula = Formula(cells)
+        blocks = 16
+        state = rng.choice([-1, 0, 1], (6, blocks, 8), p=[0.4, 0.2, 0.4])
+        # Most surfaces keep a sign for several pieces.
+        state = np.where(rng.random((6, blocks, 1)) < 0.6, state[..., :1], state)
+        inside, outside = (
+            np.packbits(state == sign, axis=-1, bitorder="little")[..., 0] for sign in (-1, 1)
+        )
+        cut, narrowed = rng.random((2, blocks)) < 0.7
+        decided = formula.decided(inside, outside, None, cut & narrowed, narrowed)
+        live, holding = formula.live(decided), formula.holds(decided)
+        for block in range(blocks):
+            excerpt = formula.excerpt(live[:, block], holding[:, block])
+            shorter += int(live[:, block].sum()) < formula.literal_count
+            constant += not live[:, block].any()
+            first, last = int(decided.first[block]), int(decided.last[block])
+            narrow += last - first < 7
+            found = np.zeros((8, 32), bool)
+            expected = np.zeros((8, 32), bool)
+            for piece in range(8):
+                signs = state[:, block, piece, None]
+                positive = np.where(signs == 0, rng.random((6, 32)) < 0.5, signs > 0)
+                words = excerpt.words.tolist()
+                found[piece] = run(words, positive)
+                expected[piece] = holds(Union(tuple(cells)), positive)
+            seen = slice(first, last + 1)
+            assert (found[seen] == expected[seen]).all(), (seed, trial, block)
+            # Before what is seen no cell holds, behind it none does or one has for a whole piece.
+            assert not expected[:first].any(), (seed, trial, block)
+            covered = last >= first and expected[last].all()
+            assert covered or not expected[last + 1 :].any(), (seed, trial, block)
+    assert min(shorter, constant, narrow) > 500, (seed, shorter, constant, narrow)
 
 
 def test_boxes_hold_every_point() -> None:

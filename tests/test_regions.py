@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 import halfstep
 from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
+from halfstep.host import excerpts
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
 from halfstep.host.numbers import numbers_of
 from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
-from halfstep.scene import Scene
+from halfstep.scene import Scene, with_overrides
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
@@ -223,21 +224,28 @@ def test_the_device_gives_the_bits_of_the_twin(
 
 # A word of the kernel, and what a slip would make of it.
 FAULTS = [
-    ("if (word & OPENS) != 0u", "if (word & CLOSES) != 0u"),
-    ("level--;", ""),
+    ("let opens = (word & OPENS) != 0u", "let opens = (word & CLOSES) != 0u"),
+    ("level_0 = either_held(closes, level_1, level_0);", ""),
+    ("level_1 = either_held(opens, level_0, level_1);", ""),
     ("~inner.until, inner.surface", "inner.until, inner.surface"),
     ("(word & TURN) != 0u", "(word & POSITIVE) != 0u"),
+    ("word >> NUMBER", "place"),
+    ("(word & LEAF) != 0u", "true"),
     ("select(place.surface, seen.held.surface, goes)", "seen.held.surface"),
-    ("| (only == i4(number))", "| (only != i4(number))"),
-    ("number++;", ""),
-    ("region.word_start, region.word_end", "region.word_start, region.word_end - 1u"),
+    ("| (only == i4(scan.number))", "| (only != i4(scan.number))"),
+    ("scan.number + select(0, 1, ends)", "scan.number"),
+    ("scan = read_word(scan, words[1], path, q, only);", ""),
+    ("region.first_group, region.end_group", "region.first_group, region.first_group + 1u"),
     ("keep_crossing(region.flat_count + k,", "keep_crossing(k,"),
-    ("let surface = shown.cell * i4(i32(count))", "let surface = shown.cell"),
+    ("+ (number - region.planes)", "+ number"),
+    ("let surface = cell * i4(i32(region.surfaces))", "let surface = cell"),
     ("shown.q <= i4(region.last)", "shown.q < i4(0)"),
     ("position_before(beyond.q,", "position_before(shown.q,"),
-    ("outward(normal, crossing_at(slot)", "outward(normal, crossing_at(0u)"),
-    ("region.looks_start + k", "region.looks_start"),
-    ("look.is_own != 0u", "look.is_own == 0u"),
+    ("outward(normal, crossing_at(place)", "outward(normal, crossing_at(0u)"),
+    ("region.looks_start + number_at(region, count + k)", "region.looks_start"),
+    ("region.looks_start + region.cells + number", "region.looks_start + number"),
+    ("anywhere(wanted) || entry", "entry"),
+    ("if !anywhere(goes)", "if anywhere(goes)"),
 ]
 
 
@@ -252,11 +260,96 @@ def test_a_fault_in_the_kernel_is_seen(
         return texts[-1].replace(old, new)
 
     monkeypatch.setattr(run_gpu, "compose", faulty)
+    monkeypatch.setattr(excerpts, "LEAST_TESTS", 1)
     scene = Scene.from_dict(TWO_CELLS)
     assert differing(
         scene, ("image", "normal", "cell", "surface", "depth_exit"), adapter=adapter.summary.index
     )
     assert any(old in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("steps", "number_format"), [(2, "float32"), (9, "fixed32"), (18, "float32")]
+)
+def test_excerpts_show_what_whole_programs_show(
+    steps: int, number_format: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of every scene, also from within: depths and cells in every bit, errors no larger.
+
+    Where two surfaces end a truth at one grid point, either may give its name.
+    """
+    seed = 31
+    rng = np.random.default_rng(seed)
+    outputs = ("depth", "depth_exit", "cell", "place", "surface", "error")
+    hits = shorter = renamed = 0
+    scenes = [halfstep.load(name) for name in ("die", "nested_differences", "bracket")]
+    for _ in range(12):
+        matrices, cells = random_cells(rng)
+        if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+            continue
+        scenes.append(scene_of(matrices, cells, random_camera(rng), **random_volume(rng)))
+    for number, scene in enumerate(scenes):
+        frames = []
+        for least in (1, 1 << 60):
+            monkeypatch.setattr(excerpts, "LEAST_TESTS", least)
+            monkeypatch.setattr(excerpts, "MOST_WHOLE", least)
+            small = with_overrides(scene, size=(80, 64), steps=steps, number_format=number_format)
+            for shown in (outputs, ("depth", "cell", "surface")):
+                frames.append(halfstep.render(small, backend="numpy", outputs=shown))
+            lists = excerpts.lists_of(prepare(small), 0, 64, leaving=False)
+            assert lists.regions is not None
+            shorter += len(lists.members) * (1 if least == 1 else -1)
+        for found, whole in ((frames[0], frames[2]), (frames[1], frames[3])):
+            for name in set(found.outputs) - {"surface", "error"}:
+                one, other = getattr(found, name), getattr(whole, name)
+                assert np.array_equal(one, other, equal_nan=True), (seed, number, name)
+            renamed += int((found.surface != whole.surface).sum())
+            hits += int((found.solid >= 0).sum())
+        assert (frames[0].error <= frames[2].error).all(), (seed, number)
+    assert hits > 20_000, seed
+    assert shorter < 0, "tiles that see nothing leave a copy out"
+    assert renamed < 1e-3 * hits, (seed, renamed)
+
+
+@pytest.mark.usefixtures("adapter")
+def test_a_group_has_more_surfaces_than_a_ray_may_cross() -> None:
+    """A plate with 400 holes, each seen in a few tiles; from afar one tile sees them all."""
+    names = [f"h{k}" for k in range(400)]
+    holes = [
+        {"name": name, "kind": "cylinder", "radius": 0.3, "origin": [k % 20, k // 20, 0]}
+        for k, name in enumerate(names)
+    ]
+    scene: dict[str, Any] = {
+        "format": 1,
+        "camera": {"center": [9.5, 9.5, 22], "look_at": [9.5, 9.5, 0], "up": [0, 1, 0]},
+        "image": {"width": 320, "height": 320},
+        "accuracy": {"steps": 10},
+        "part": [
+            {"name": "plate", "kind": "box", "size": [21, 21, 1], "origin": [9.5, 9.5, 0]},
+            *holes,
+        ],
+        "cell": [{"region": " - ".join(["plate", *names])}],
+    }
+    scene["cell"][0]["color"] = [0.5, 0.5, 0.5]
+    frames = [
+        halfstep.render(scene, outputs=("depth", "surface"), backend=backend)
+        for backend in ("gpu", "numpy")
+    ]
+    for name in ("depth", "surface"):
+        found, twin = (getattr(frame, name) for frame in frames)
+        assert np.array_equal(found, twin, equal_nan=True)
+    # Straight through the middle of a hole nothing is met, between holes the plate's top is.
+    view = prepare(Scene.from_dict(scene)).setup.view
+    j, i = np.mgrid[:320, :320]
+    x, y = (view.directions(i, j) * 21.5 + view.eye)[..., :2].transpose(2, 0, 1)
+    on_plate = (np.abs(x - 9.5) < 10.4) & (np.abs(y - 9.5) < 10.4)
+    from_hole = np.hypot(x - np.clip(np.rint(x), 0, 19), y - np.clip(np.rint(y), 0, 19))
+    top = np.abs(frames[1].depth - 21.5) < 1e-2
+    assert top[on_plate & (from_hole > 0.31)].all()
+    assert not top[from_hole < 0.29].any()
+    scene["camera"] = {"center": [9.5, 9.5, 900], "look_at": [9.5, 9.5, 0], "up": [0, 1, 0]}
+    with pytest.raises(halfstep.SceneError, match="surfaces of one group, more than 255"):
+        halfstep.render(scene, backend="numpy")
 
 
 def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:

@@ -16,8 +16,8 @@ from halfstep.device.adapters import Adapter, open_device
 from halfstep.device.compute import Compute
 from halfstep.errors import DeviceError, SceneError
 from halfstep.frames.outputs import OUTPUTS, device_outputs
+from halfstep.host.excerpts import lists_of
 from halfstep.host.prepare import prepare
-from halfstep.host.tiles import tile_lists
 from halfstep.run import gpu as run_gpu
 from halfstep.run import rounds
 from halfstep.run.needs import needs_of
@@ -98,19 +98,18 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     device = run_gpu.Device(adapter)
     try:
         planes, _ = device.render_band(scene, packed, 0, SIZE[1], wanted)
-        needs = needs_of(packed, method, wanted, together=device._together)
+        lists = lists_of(packed, 0, SIZE[1], leaving="exit" in wanted)
+        needs = needs_of(packed, lists.regions, method, wanted, together=device._together)
     finally:
         device.close()
     taken = planes["surface"]
-    starts, members = tile_lists(packed, needs.classes, 0, SIZE[1])
-    per_solid = rounds.rounds_of_solids(needs, packed)
+    starts, count = lists.starts, len(needs.classes)
+    per_member = rounds.rounds_of_members(needs, packed, lists)
     across = -(-SIZE[0] // TILE)
     seen = 0
-    for tile in range((len(starts) - 1) // len(needs.classes)):
-        listed = members[
-            starts[tile * len(needs.classes)] : starts[(tile + 1) * len(needs.classes)]
-        ]
-        counted = per_solid[listed].sum() + rounds.rounds_of_finish(needs)
+    for tile in range((len(starts) - 1) // count):
+        listed = per_member[starts[tile * count] : starts[(tile + 1) * count]]
+        counted = listed.sum() + rounds.rounds_of_finish(needs)
         y, x = divmod(tile, across)
         of_tile = taken[y * TILE :, x * TILE :][:TILE, :TILE]
         assert of_tile.max() <= counted

@@ -16,6 +16,7 @@ from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.stages import FACTS, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.outputs import OUTPUTS, device_outputs
+from halfstep.host.excerpts import lists_of
 from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
@@ -82,7 +83,9 @@ def device(adapter: Adapter) -> Iterator[Any]:
 
 def needs(scene: Scene, outputs: frozenset[str] = ALL) -> Needs:
     small = with_overrides(scene, size=SIZE, steps=12)
-    return needs_of(prepare(small), scene.accuracy.method, outputs)
+    packed = prepare(small)
+    regions = lists_of(packed, 0, small.image.height, leaving="exit" in outputs).regions
+    return needs_of(packed, regions, scene.accuracy.method, outputs)
 
 
 def code(text: str) -> str:

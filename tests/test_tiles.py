@@ -14,8 +14,8 @@ import halfstep
 from halfstep.contract.classes import Class
 from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.errors import DeviceError
+from halfstep.host import excerpts, tiles
 from halfstep.host import pack as packing
-from halfstep.host import tiles
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import prepare
 from halfstep.host.tiles import frequent_sets, tile_groups, tile_lists
@@ -139,7 +139,7 @@ def test_frames_without_lists_are_the_same(
         for number, scene in enumerate(scenes):
             selected = renderer.render(scene)
             with monkeypatch.context() as context:
-                context.setattr(run_gpu, "tile_lists", everything)
+                context.setattr(excerpts, "tile_lists", everything)
                 whole = renderer.render(scene)
             for name in OUTPUTS:
                 got, expected = getattr(selected, name), getattr(whole, name)
@@ -161,7 +161,7 @@ def test_what_a_tile_leaves_out_casts_no_doubt(monkeypatch: pytest.MonkeyPatch) 
         for backend in ("gpu", "numpy")
     )
     assert np.array_equal(device, twin)
-    monkeypatch.setattr(run_gpu, "tile_lists", everything)
+    monkeypatch.setattr(excerpts, "tile_lists", everything)
     whole = halfstep.render(load("crowd"), backend="gpu", **options).error
     assert (device <= whole).all()
     assert (device < whole).any()

@@ -46,7 +46,6 @@ struct Solid {
   color: array<f32, 3>,  // of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
-  region: u32,  // its row among the regions, if it is one
 }
 
 // A half-space along a ray: inside where c + b u <= 0.
@@ -63,24 +62,32 @@ struct Light {
   color: vec4<f32>,  // linear RGB
 }
 
-// What a solid that is a copy of a group of cells has besides; grid points count from 0 to 2^n.
+// What some tiles see of a copy of a group of cells; grid points count from 0 to 2^n.
 struct Region {
   @align(32) first: i32,  // grid point where rays start
   start_end: i32,  // last cell that may lie before the near base plane, or -1
   last: i32,  // last grid point before the far base plane
   last_sure: i32,  // the same, surely
-  left: i32,  // least x of its rectangle
-  right: i32,  // greatest x
-  top: i32,  // least y
-  bottom: i32,  // greatest y
+  left: i32,  // first column of its rectangle
+  right: i32,  // last column
+  top: i32,  // first row
+  bottom: i32,  // last row
+  solid: u32,  // its row among the solids
+  surfaces: u32,  // how many its group has, planes first
+  planes: u32,  // how many of them are planes
   flat_start: u32,  // its first plane
-  flat_count: u32,  // how many it has
   curved_start: u32,  // its first quadric
-  curved_count: u32,  // how many it has
-  word_start: u32,  // its program's first word
-  word_end: u32,  // the word behind its last
   looks_start: u32,  // appearance of its first cell; its surfaces follow
-  cells: u32,  // how many it has
+  cells: u32,  // how many its group shows
+  list_start: u32,  // numbers of what counts: planes, quadrics, cells, faces
+  flat_count: u32,  // planes that count
+  curved_count: u32,  // quadrics that count
+  cell_count: u32,  // cells that count
+  face_count: u32,  // surfaces that count and have an appearance of their own
+  first_group: u32,  // where its program begins, in groups of words
+  end_group: u32,  // where it ends
+  near_high: u32,  // depth key where rays start, high word
+  near_low: u32,  // low word
 }
 
 // A plane of a region along a ray: F = c + b u.
@@ -107,5 +114,4 @@ struct Appearance {
   @align(32) color: array<f32, 3>,  // linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
-  is_own: u32,  // 1 if a surface has one of its own, else 0: that of the cell
 }

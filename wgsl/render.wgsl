@@ -16,6 +16,29 @@ fn keep_block(solid: Solid) {
   );
 }
 
+// The first entry of a list of regions, from one on, that may show something nearer than what is
+// shown so far in some pixel, or else the last one. A loop is what invocations side by side skip
+// code by.
+fn next_entry(first: u32, end: u32, j: i32) -> u32 {
+  var entry = first;
+  loop {
+    let region = region_at(tile_solids[entry]);
+    var wanted = b4(false);
+    // each quad
+    {
+      var seen_0 = is_within(region, i_0, j);
+      let is_behind = is_nearer(nearest_0.key, u4(0u), near_key(region), u4(0u));  //? !error
+      seen_0 = seen_0 & !is_behind;  //? !error
+      wanted = wanted | seen_0;
+    }
+    if anywhere(wanted) || entry + 1u >= end {
+      break;
+    }
+    entry++;
+  }
+  return entry;
+}
+
 // One workgroup renders one tile, one invocation a block of it.
 @compute @workgroup_size(WORKGROUP)
 fn render(
@@ -116,10 +139,12 @@ fn render(
     let first = tile.starts[LIST_REGION];
     let end = tile.starts[LIST_REGION + 1u];
     for (var entry = first; entry < end; entry++) {
-      let solid = solid_at(tile_solids[entry]);
+      entry = next_entry(entry, end, j);
+      let region = region_at(tile_solids[entry]);
+      let solid = solid_at(region.solid);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      visit_region(solid, j - solid.center_y);
+      visit_region(region, solid, j - solid.center_y);
       keep_block(solid);
     }
   }
@@ -127,10 +152,12 @@ fn render(
     let first = tile.starts[LIST_REGION_INSIDE];
     let end = tile.starts[LIST_REGION_INSIDE + 1u];
     for (var entry = first; entry < end; entry++) {
-      let solid = solid_at(tile_solids[entry]);
+      entry = next_entry(entry, end, j);
+      let region = region_at(tile_solids[entry]);
+      let solid = solid_at(region.solid);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      visit_region_inside(solid, j - solid.center_y);
+      visit_region_inside(region, solid, j - solid.center_y);
       keep_block(solid);
     }
   }

@@ -1,10 +1,9 @@
-// A copy of a group of cells -> its visible point: all surfaces on one grid, then a walk.
+// A copy of a group of cells -> its visible point: its surfaces on one grid, then a walk.
 
-fn visit_region(solid: Solid, y: i32) {
-  let region = region_at(solid.region);
-  let count = region.flat_count + region.curved_count;
+fn visit_region(region: Region, solid: Solid, y: i32) {
+  let count = counted(region);
   for (var k = 0u; k < region.flat_count; k++) {
-    let plane = flat_at(region.flat_start + k);
+    let plane = plane_at(region, k);
     // each quad
     {
       let line = line_at(plane.c, plane.b, offset(x_0, y));
@@ -12,7 +11,7 @@ fn visit_region(solid: Solid, y: i32) {
     }
   }
   for (var k = 0u; k < region.curved_count; k++) {
-    let quadric = curved_at(region.curved_start + k);
+    let quadric = quadric_at(region, k);
     // each quad
     {
       let form = form_at(quadric.a, quadric.g, quadric.c, offset(x_0, y));
@@ -74,11 +73,15 @@ fn visit_region(solid: Solid, y: i32) {
     var shown = entry;
     shown.q = select(entry.q, beyond.q, inside);  //? opened
     shown.surface = select(entry.surface, beyond.surface, inside);  //? opened
-    let within = is_within(region, x_0, y);
+    let within = is_within(region, x_0 + i4(solid.center_x), y + solid.center_y);
     var hit = (shown.q <= i4(region.last)) & within;
     hit = hit & !inside;  //? !opened
     met_0 = Met(shown, inside);
-    let surface = shown.cell * i4(i32(count)) + shown.surface;
+    var cell = i4(0);
+    for (var k = 0u; k < region.cell_count; k++) {
+      cell = select(cell, i4(i32(number_at(region, count + k))), shown.cell == i4(i32(k)));
+    }
+    let surface = cell * i4(i32(region.surfaces)) + shown.surface;
     sight_0 = Sight(
       hit,
       surface,
@@ -95,7 +98,8 @@ fn visit_region(solid: Solid, y: i32) {
     for (var k = 0u; k < count; k++) {  //? error
       let sure = crossing_at(SURELY + k);
       let maybe = crossing_at(PERHAPS + k);
-      certain &= settled(sure, maybe, into) | (shown.surface == i4(i32(k)));
+      let is_shown = shown.surface == i4(i32(number_at(region, k)));
+      certain &= settled(sure, maybe, into) | is_shown;
       begun_surely &= settled(sure, maybe, near) | b4(region.start_end < 0);
     }
     certificate_0 = certify_region(  //? error
@@ -104,34 +108,35 @@ fn visit_region(solid: Solid, y: i32) {
     slope_0 = NO_VECTOR;  //? normal
   }
   for (var k = 0u; k < region.flat_count; k++) {  //? normal
-    let normal = plane_normal(flat_at(region.flat_start + k));
+    let normal = plane_normal(plane_at(region, k));
+    let number = i4(i32(number_at(region, k)));
     // each quad
     slope_0 = either(
-      met_0.shown.surface == i4(i32(k)), outward(normal, crossing_at(k), met_0), slope_0
+      met_0.shown.surface == number, outward(normal, crossing_at(k), met_0), slope_0
     );
   }
   for (var k = 0u; k < region.curved_count; k++) {  //? normal
-    let quadric = curved_at(region.curved_start + k);
-    let slot = region.flat_count + k;
+    let quadric = quadric_at(region, k);
+    let place = region.flat_count + k;
+    let number = i4(i32(number_at(region, place)));
     // each quad
     {
       let u = f4(sight_0.position) * solid.last_step;
       let normal = gradient(quadric.gradient, f4(x_0), f32(y), u);
       slope_0 = either(
-        met_0.shown.surface == i4(i32(slot)), outward(normal, crossing_at(slot), met_0), slope_0
+        met_0.shown.surface == number, outward(normal, crossing_at(place), met_0), slope_0
       );
     }
   }
-  for (var k = 0u; k < region.cells; k++) {  //? color
-    let look = appearance_at(region.looks_start + k);
+  for (var k = 0u; k < region.cell_count; k++) {  //? color
+    let look = appearance_at(region.looks_start + number_at(region, count + k));
     // each quad
     paint_0 = painted(paint_0, look, met_0.shown.cell == i4(i32(k)));
   }
-  for (var k = 0u; k < count; k++) {  //? color
-    let look = appearance_at(region.looks_start + region.cells + k);
+  for (var k = 0u; k < region.face_count; k++) {  //? color
+    let number = number_at(region, count + region.cell_count + k);
+    let look = appearance_at(region.looks_start + region.cells + number);
     // each quad
-    paint_0 = painted(
-      paint_0, look, (met_0.shown.surface == i4(i32(k))) & b4(look.is_own != 0u)
-    );
+    paint_0 = painted(paint_0, look, met_0.shown.surface == i4(i32(number)));
   }
 }

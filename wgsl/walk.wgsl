@@ -16,29 +16,34 @@ const LEAST: i32 = i32(-0x80000000);
 // No cell in particular.
 const ANY_CELL: i32 = -1;
 
-// Until where a truth lasts, as e, and the surface that ends it.
+// Until where a truth lasts, as e, and the number of the surface that ends it.
 struct Held {
   until: i4,
   surface: i4,
 }
 
-// A formula at grid points, and the first of its cells that holds there, -1 where none does.
+// What holds nowhere.
+const NOTHING_HELD: Held = Held(i4(LEAST), i4(0));
+
+// A formula at grid points, and which of its cells is the first that holds there, -1 where none
+// does.
 struct Look {
   held: Held,
   cell: i4,
 }
 
-// Where a walk is: a grid point, the surface that was crossed last, and the cell there.
+// Where a walk is: a grid point, the number of the surface that was crossed last, and the cell
+// there.
 struct Place {
   q: i4,
   surface: i4,
   cell: i4,
 }
 
-// What a walk reads: words of a program, crossings, and a grid point behind all others.
+// What a walk reads: a program, crossings, and a grid point behind all others.
 struct Path {
-  first_word: u32,
-  end_word: u32,
+  first_group: u32,  // of words
+  end_group: u32,
   negative: u32,  // where the crossings for literals F <= 0 begin
   positive: u32,  // and those for literals F > 0
   never: i32,
@@ -61,4 +66,9 @@ fn later(first: Held, second: Held) -> Held {
     select(first.until, second.until, greater),
     select(first.surface, second.surface, greater),
   );
+}
+
+// One of two.
+fn either_held(first: bool, yes: Held, no: Held) -> Held {
+  return Held(select(no.until, yes.until, first), select(no.surface, yes.surface, first));
 }

@@ -1,11 +1,9 @@
 // The walks through a region: what they read, how they leap, what each wants and where it begins.
 
-// Crossings of the region at hand, and levels of its formula that are open: plain arrays, each of
-// one vector, are what llvmpipe indexes at little cost.
+// Crossings of the region at hand: plain arrays, each of one vector, are what llvmpipe indexes at
+// little cost.
 var<private> crossed_low: array<i4, CROSSINGS>;
 var<private> crossed_high: array<i4, CROSSINGS>;
-var<private> outer_until: array<i4, LEVELS>;
-var<private> outer_surface: array<i4, LEVELS>;
 
 // One of the crossings.
 fn crossing_at(place: u32) -> Crossing {
@@ -18,50 +16,59 @@ fn keep_crossing(place: u32, crossing: Crossing) {
   crossed_high[place] = crossing.high;
 }
 
+// How far a look has come in a program: what holds of the cells that ended, and of the level that
+// is open; the first cell that holds; and which cell comes next.
+struct Scan {
+  total: Held,
+  inner: Held,
+  cell: i4,
+  number: i32,
+}
+
+// A scan that has read one more word. There are no branches: invocations side by side would take
+// both ways.
+fn read_word(scan: Scan, word: u32, path: Path, q: i4, only: i4) -> Scan {
+  let opens = (word & OPENS) != 0u;
+  open_level(opens, scan.inner);
+  var inner = either_held(opens, NOTHING_HELD, scan.inner);
+  let is_positive = (word & POSITIVE) != 0u;
+  let place = word & PLACE;
+  var crossing = crossing_at(select(path.negative, path.positive, is_positive) + place);
+  if path.over_cells {  //? error
+    crossing = in_cells(crossing, path.wider != is_positive);
+  }
+  let e = literal_at(crossing, q, path.never, (word & TURN) != 0u);
+  let leaf = Held(select(i4(LEAST), e, (word & LEAF) != 0u), i4(i32(word >> NUMBER)));
+  inner = later(inner, leaf);
+  let closes = (word & CLOSES) != 0u;
+  let closed = later(outer_level(), Held(~inner.until, inner.surface));
+  inner = either_held(closes, closed, inner);
+  close_level(closes);
+  let ends = (word & CELL_ENDS) != 0u;
+  let counts = ((only == i4(ANY_CELL)) | (only == i4(scan.number))) & b4(ends);
+  let holds = counts & (inner.until >= i4(0)) & (scan.cell == i4(ANY_CELL));
+  let chosen = later(scan.total, inner);
+  return Scan(
+    Held(
+      select(scan.total.until, chosen.until, counts),
+      select(scan.total.surface, chosen.surface, counts),
+    ),
+    either_held(ends, NOTHING_HELD, inner),
+    select(scan.cell, i4(scan.number), holds),
+    scan.number + select(0, 1, ends),
+  );
+}
+
 // A region at grid points. Of its cells only the one counts that is named, or any where that is
 // ANY_CELL.
 fn look(path: Path, q: i4, only: i4) -> Look {
-  let nothing = Held(i4(LEAST), i4(0));
-  var total = nothing;
-  var inner = nothing;
-  var level = 0u;
-  var cell = i4(ANY_CELL);
-  var number = 0i;
-  for (var k = path.first_word; k < path.end_word; k++) {
-    let word = programs[k];
-    if (word & OPENS) != 0u {
-      outer_until[level] = inner.until;
-      outer_surface[level] = inner.surface;
-      inner = nothing;
-      level++;
-    }
-    if (word & LEAF) != 0u {
-      let slot = word & SLOT;
-      let is_positive = (word & POSITIVE) != 0u;
-      var crossing = crossing_at(select(path.negative, path.positive, is_positive) + slot);
-      if path.over_cells {  //? error
-        crossing = in_cells(crossing, path.wider != is_positive);
-      }
-      let e = literal_at(crossing, q, path.never, (word & TURN) != 0u);
-      inner = later(inner, Held(e, i4(i32(slot))));
-    }
-    if (word & CLOSES) != 0u {
-      level--;
-      let outer = Held(outer_until[level], outer_surface[level]);
-      inner = later(outer, Held(~inner.until, inner.surface));
-    }
-    if (word & CELL_ENDS) != 0u {
-      let counts = (only == i4(ANY_CELL)) | (only == i4(number));
-      let holds = counts & (inner.until >= i4(0)) & (cell == i4(ANY_CELL));
-      cell = select(cell, i4(number), holds);
-      let chosen = later(total, inner);
-      total.until = select(total.until, chosen.until, counts);
-      total.surface = select(total.surface, chosen.surface, counts);
-      inner = nothing;
-      number++;
-    }
+  var scan = Scan(NOTHING_HELD, NOTHING_HELD, i4(ANY_CELL), 0);
+  for (var k = path.first_group; k < path.end_group; k++) {
+    let words = words_at(k);
+    scan = read_word(scan, words[0], path, q, only);
+    scan = read_word(scan, words[1], path, q, only);
   }
-  return Look(total, cell);
+  return Look(scan.total, scan.cell);
 }
 
 // The first grid point from begin on where the region holds, or does not, as wanted: never or more
@@ -75,7 +82,7 @@ fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
     place.cell = seen.cell;
     place.surface = select(place.surface, seen.held.surface, goes);
     place.q = select(place.q, select(~seen.held.until, seen.held.until, holds), goes);
-    if !any(goes) {
+    if !anywhere(goes) {
       break;
     }
   }
@@ -121,12 +128,36 @@ fn path_of(walk: u32, region: Region, steps: u32) -> Path {
   let over_cells = is_over_cells(walk);
   let never = (1i << steps) + select(1, 0, over_cells);
   let wider = over_cells && !is_out(walk);
-  return Path(region.word_start, region.word_end, negative, positive, never, over_cells, wider);
+  return Path(
+    region.first_group, region.end_group, negative, positive, never, over_cells, wider
+  );
 }
 
 // A place where no surface was crossed.
 fn place_at(q: i32) -> Place {
   return Place(i4(q), i4(0), i4(ANY_CELL));
+}
+
+// How many surfaces count, planes first.
+fn counted(region: Region) -> u32 {
+  return region.flat_count + region.curved_count;
+}
+
+// The number within its group of one of the surfaces that count; behind them come the cells that
+// do, and the surfaces that have an appearance of their own.
+fn number_at(region: Region, place: u32) -> u32 {
+  return programs[region.list_start + place];
+}
+
+// One of the planes that count.
+fn plane_at(region: Region, place: u32) -> Flat {
+  return flat_at(region.flat_start + number_at(region, place));
+}
+
+// One of the quadrics that count.
+fn quadric_at(region: Region, place: u32) -> Curved {
+  let number = number_at(region, region.flat_count + place);
+  return curved_at(region.curved_start + (number - region.planes));
 }
 
 // The form of a surface with its errors, a plane's with A = 0, and what is known of it at the eye.
@@ -136,15 +167,15 @@ struct Known {
   eye: u32,
 }
 
-fn known_form(region: Region, surface: u32, at: Offset) -> Known {
-  if surface < region.flat_count {
-    let plane = flat_at(region.flat_start + surface);
+fn known_form(region: Region, place: u32, at: Offset) -> Known {
+  if place < region.flat_count {
+    let plane = plane_at(region, place);
     let line = line_at(plane.c, plane.b, at);
     let errors = line_errors(plane.c, plane.b, at, plane.host_error);
     let form = Form(v4(0), line.b, line.c);
     return Known(form, FormErrors(f4(0.0), errors.b, errors.c), plane.eye);
   }
-  let quadric = curved_at(region.curved_start + (surface - region.flat_count));
+  let quadric = quadric_at(region, place - region.flat_count);
   let form = form_at(quadric.a, quadric.g, quadric.c, at);
   let errors = form_errors(quadric.a, quadric.g, quadric.c, at, quadric.host_error);
   return Known(form, errors, quadric.eye);

@@ -43,8 +43,7 @@ def replay(scene: Scene, packed: Packed) -> Replay:
     for first in range(0, view.height, height):
         rows = min(height, view.height - first)
         band = Band(scene, packed, first, rows, device_outputs(outputs), wide)
-        for row in range(len(packed.solids)):
-            band.visit(row)
+        band.visit()
         bands.append(arrays_of(outputs, band.finish(), packed, first))
     return Replay(*(np.concatenate([np.asarray(band[name]) for band in bands]) for name in outputs))
 

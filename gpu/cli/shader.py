@@ -30,6 +30,7 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print it; the exit code."""
     from halfstep.frames.outputs import check_outputs, device_outputs
+    from halfstep.host.excerpts import lists_of
     from halfstep.host.prepare import prepare
     from halfstep.run.framebuffer import written_for
     from halfstep.run.needs import needs_of
@@ -39,6 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
     scene = with_overrides(load(arguments.scene), **overrides(arguments))
     outputs = device_outputs(check_outputs(arguments.outputs))
     packed = prepare(scene)
-    needs = needs_of(packed, scene.accuracy.method, written_for(outputs, packed))
+    written = written_for(outputs, packed)
+    lists = lists_of(packed, 0, scene.image.height, leaving="exit" in written)
+    needs = needs_of(packed, lists.regions, scene.accuracy.method, written)
     print_text(compose(needs).rstrip())
     return 0

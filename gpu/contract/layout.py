@@ -147,7 +147,6 @@ SOLID = Record(
         Field("color", "f32", 3, "of its material, linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
-        Field("region", "u32", 1, "its row among the regions, if it is one"),
     ),
 )
 
@@ -173,24 +172,32 @@ LIGHT = Record(
 
 REGION = Record(
     "Region",
-    "What a solid that is a copy of a group of cells has besides; grid points count from 0 to 2^n.",
+    "What some tiles see of a copy of a group of cells; grid points count from 0 to 2^n.",
     (
         Field("first", "i32", 1, "grid point where rays start"),
         Field("start_end", "i32", 1, "last cell that may lie before the near base plane, or -1"),
         Field("last", "i32", 1, "last grid point before the far base plane"),
         Field("last_sure", "i32", 1, "the same, surely"),
-        Field("left", "i32", 1, "least x of its rectangle"),
-        Field("right", "i32", 1, "greatest x"),
-        Field("top", "i32", 1, "least y"),
-        Field("bottom", "i32", 1, "greatest y"),
+        Field("left", "i32", 1, "first column of its rectangle"),
+        Field("right", "i32", 1, "last column"),
+        Field("top", "i32", 1, "first row"),
+        Field("bottom", "i32", 1, "last row"),
+        Field("solid", "u32", 1, "its row among the solids"),
+        Field("surfaces", "u32", 1, "how many its group has, planes first"),
+        Field("planes", "u32", 1, "how many of them are planes"),
         Field("flat_start", "u32", 1, "its first plane"),
-        Field("flat_count", "u32", 1, "how many it has"),
         Field("curved_start", "u32", 1, "its first quadric"),
-        Field("curved_count", "u32", 1, "how many it has"),
-        Field("word_start", "u32", 1, "its program's first word"),
-        Field("word_end", "u32", 1, "the word behind its last"),
         Field("looks_start", "u32", 1, "appearance of its first cell; its surfaces follow"),
-        Field("cells", "u32", 1, "how many it has"),
+        Field("cells", "u32", 1, "how many its group shows"),
+        Field("list_start", "u32", 1, "numbers of what counts: planes, quadrics, cells, faces"),
+        Field("flat_count", "u32", 1, "planes that count"),
+        Field("curved_count", "u32", 1, "quadrics that count"),
+        Field("cell_count", "u32", 1, "cells that count"),
+        Field("face_count", "u32", 1, "surfaces that count and have an appearance of their own"),
+        Field("first_group", "u32", 1, "where its program begins, in groups of words"),
+        Field("end_group", "u32", 1, "where it ends"),
+        Field("near_high", "u32", 1, "depth key where rays start, high word"),
+        Field("near_low", "u32", 1, "low word"),
     ),
 )
 
@@ -226,7 +233,6 @@ APPEARANCE = Record(
         Field("color", "f32", 3, "linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
-        Field("is_own", "u32", 1, "1 if a surface has one of its own, else 0: that of the cell"),
     ),
 )
 

@@ -9,15 +9,15 @@ from halfstep.contract.arrays import U32, Records
 
 @dataclass(frozen=True)
 class PackedRegions:
-    """R visible copies of groups, in the order of ``Setup.copies``."""
+    """Visible copies of groups, or what tiles see of them."""
 
-    records: Records  # (R,)
+    records: Records  # of R copies, in the order of ``Setup.copies``, or of their excerpts
     flat: Records
     curved: Records
-    words: U32
     appearances: Records
-    most_surfaces: int  # of a program of the scene
-    levels: int  # that a program of the scene opens at once
+    words: U32  # what excerpts list, and their programs
+    most_surfaces: int  # of an excerpt
+    levels: int  # that a program of an excerpt opens at once
 
     @property
     def arrays(self) -> tuple[Records | U32, ...]:

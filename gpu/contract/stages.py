@@ -63,12 +63,14 @@ STAGES = (
     Stage(Kind.NUMBERS, "finish"),
     Stage(Kind.NUMBERS, "encode"),
     Stage(Kind.BLOCK, "block"),
+    Stage(Kind.BLOCK, "levels", ("levels_deep",)),
     Stage(Kind.BLOCK, "walks"),
     Stage(Kind.BLOCK, "conveyor", ("closed",)),
     Stage(Kind.DEVICE, "pack"),
     Stage(Kind.DEVICE, "wide"),
     Stage(Kind.DEVICE, "store_words", ("store_words_wide",)),
     Stage(Kind.DEVICE, "store_bytes", ("store_bytes_two", "store_bytes_four")),
+    Stage(Kind.DEVICE, "near_key", ("near_key_short",)),
     Stage(Kind.DEVICE, "render"),
 )
 

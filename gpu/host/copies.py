@@ -40,12 +40,14 @@ class Copies:
     gradient: Floats  # (N, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis]
     value: Floats  # (N,), F at the eye
     eye_sure: Bools  # (N,), rounding cannot have decided its sign
+    eye_inside: Bools  # (R,), the eye is in a cell
+    span: Floats  # (2, R), u between which the cells are
     nearest: Floats  # (R,), no surface is seen at a smaller depth
     thinnest: Floats  # (R,), least distance of surfaces side by side
 
 
-def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight) -> Copies:
-    """What the rays of a frame need of some copies; ``sight`` is theirs."""
+def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight, span: Floats) -> Copies:
+    """What the rays of a frame need of some copies; ``sight`` and ``span`` are theirs."""
     program = regions.of[copy]
     counts = np.diff(regions.first_surface)[program]
     owner = np.repeat(np.arange(len(copy)), counts)
@@ -85,6 +87,20 @@ def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight) -> Copies:
         gradient=forms.gradient.transpose(3, 0, 1, 2),
         value=value,
         eye_sure=np.abs(value) > error,
+        eye_inside=_eye_inside(regions, program, counts, value),
+        span=span,
         nearest=nearest,
         thinnest=np.array([one.thinnest for one in regions.programs])[program],
     )
+
+
+def _eye_inside(regions: Regions, program: Ints, counts: Ints, value: Floats) -> Bools:
+    """Whether the eye is in a cell of each copy (R,), by the values of F there (N,)."""
+    inside = np.empty(len(program), bool)
+    start = np.cumsum(counts) - counts
+    for number in np.unique(program).tolist():
+        own = np.flatnonzero(program == number)
+        formula = regions.programs[number].formula
+        values = value[start[own] + np.arange(counts[own[0]])[:, None]]
+        inside[own] = formula.holds_at(values > 0)
+    return inside

@@ -6,14 +6,22 @@ no OR, no literal stands twice in one of them, and none stands beside its own co
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, OPENS, POSITIVE, TURN
+from halfstep.contract.arrays import U32, Bools, Bytes, Ints
+from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, POSITIVE, TURN
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
+
+# Excerpts of a formula that are kept from frame to frame.
+MOST_KNOWN = 1 << 14
+# The lowest and the highest bit of a byte, 8 and -1 where there is none.
+_LOWEST = np.array([(byte & -byte).bit_length() - 1 if byte else 8 for byte in range(256)])
+_HIGHEST = np.array([byte.bit_length() - 1 for byte in range(256)])
 
 
 class Senses(NamedTuple):
@@ -98,49 +106,188 @@ def decided(region: Region, signs: Sequence[int]) -> Region:
     return joined(type(region), [decided(part, signs) for part in region.of])
 
 
-def nesting(regions: Sequence[Region]) -> int:
-    """Levels that the program of some cells opens at once."""
-    return max((_depth(region, is_and=False) for region in regions), default=0)
+class Node(NamedTuple):
+    """A literal, an AND or an OR; its members are other nodes."""
+
+    kind: type[Literal] | type[Intersection] | type[Union]
+    members: tuple[int, ...] = ()
+    surface: int = -1
+    positive: bool = False
 
 
-def _depth(region: Region, *, is_and: bool) -> int:
-    """Levels that a region opens inside a level."""
-    if isinstance(region, Literal):
-        return 0
-    opened = isinstance(region, Intersection) != is_and
-    assert isinstance(region, Intersection | Union)
-    inside = [_depth(part, is_and=isinstance(region, Intersection)) for part in region.of]
-    return int(opened) + max(inside, default=0)
+class Decided(NamedTuple):
+    """What is known of a formula in P blocks, on the pieces that are seen of their rays."""
+
+    first: Ints  # (P,), the first piece that is seen
+    last: Ints  # (P,), the last one, -1 where none is
+    true: Bytes  # (N, P), 255 for each node that holds there, else 0
+    false: Bytes  # (N, P), the same of its complement
+
+    def at(self, blocks: Ints) -> Decided:
+        """What is known in some of the blocks."""
+        first, last = self.first[blocks], self.last[blocks]
+        return Decided(first, last, self.true[:, blocks], self.false[:, blocks])
 
 
-def program(regions: Sequence[Region]) -> NDArray[np.uint32]:
-    """The words of the cells' formulas, one cell after another; none of them is constant."""
-    words: list[int] = []
-    for region in regions:
-        own: list[int] = []
-        _write(own, region, is_and=False)
-        own[-1] |= CELL_ENDS
-        words += own
-    return np.array(words, np.uint32)
+class Excerpt(NamedTuple):
+    """What is left of a formula where some literals are decided."""
+
+    surfaces: Ints  # in order
+    cells: Ints  # places of the cells that are left
+    words: U32
+    levels: int  # that the words open at once
 
 
-def _write(words: list[int], region: Region, *, is_and: bool) -> None:
-    """Append the words of a region that stands in an AND, or in an OR."""
-    if isinstance(region, Literal):
-        word = LEAF | region.surface | POSITIVE * region.positive
-        words.append(word | TURN * (region.positive != is_and))
-        return
-    assert isinstance(region, Intersection | Union)
-    own = isinstance(region, Intersection)
-    start = len(words)
-    for part in region.of:
-        _write(words, part, is_and=own)
-    if own == is_and:
-        return
-    # A word opens one level and closes one at most.
-    if words[start] & OPENS:
-        words.insert(start, 0)
-    words[start] |= OPENS
-    if words[-1] & CLOSES:
-        words.append(0)
-    words[-1] |= CLOSES
+class Formula:
+    """The formulas of some cells, a tree of nodes, of which members stand before what has them.
+
+    Attributes:
+        nodes: all of them.
+        roots: of each cell the node that is its region.
+    """
+
+    def __init__(self, regions: Sequence[Region]) -> None:
+        """``regions``, in normal form; none of them is constant."""
+        self.nodes: list[Node] = []
+        self.roots = [self._added(region) for region in regions]
+        self._literals = [ix for ix, node in enumerate(self.nodes) if node.kind is Literal]
+        self._known: dict[bytes, Excerpt] = {}
+
+    def _added(self, region: Region) -> int:
+        if isinstance(region, Literal):
+            self.nodes.append(Node(Literal, (), region.surface, region.positive))
+        else:
+            assert isinstance(region, Intersection | Union)
+            members = tuple(self._added(part) for part in region.of)
+            self.nodes.append(Node(type(region), members))
+        return len(self.nodes) - 1
+
+    @property
+    def literal_count(self) -> int:
+        """Number of literals L."""
+        return len(self._literals)
+
+    @functools.cached_property
+    def literal_surfaces(self) -> Ints:
+        """The surface of each literal (L,)."""
+        return np.array([self.nodes[ix].surface for ix in self._literals], np.int64)
+
+    def decided(
+        self, inside: Bytes, outside: Bytes, known: Decided | None, cut: Bools, narrow: Bools
+    ) -> Decided:
+        """What the signs of surfaces decide of the formula, piece by piece of some blocks.
+
+        Args:
+            inside: (S, P), a bit for each piece of a block all over which a surface has F <= 0.
+            outside: (S, P), the same for F > 0.
+            known: of larger blocks.
+            cut: (P,), what lies behind the first piece where a cell holds is not seen.
+            narrow: (P,), pieces before or behind all cells are not seen.
+        """
+        count = inside.shape[1]
+        true = np.empty((len(self.nodes), count), np.uint8)
+        false = np.empty_like(true)
+        for ix, node in enumerate(self.nodes):
+            if node.kind is Literal:
+                pair = inside[node.surface], outside[node.surface]
+                false[ix], true[ix] = pair if node.positive else pair[::-1]
+            else:
+                all_of, any_of = (true, false) if node.kind is Intersection else (false, true)
+                members = list(node.members)
+                np.bitwise_and.reduce(all_of[members], axis=0, out=all_of[ix])
+                np.bitwise_or.reduce(any_of[members], axis=0, out=any_of[ix])
+            if known is not None:
+                true[ix] |= known.true[ix]
+                false[ix] |= known.false[ix]
+        holds = np.bitwise_or.reduce(true[self.roots], axis=0)
+        perhaps = ~np.bitwise_and.reduce(false[self.roots], axis=0)
+        first, last = np.where(narrow, [_LOWEST[perhaps], _HIGHEST[perhaps]], [[0], [7]])
+        last = np.where(cut & (holds != 0), np.minimum(_LOWEST[holds], last), last)
+        seen = ((1 << (last + 1)) - (1 << first)).astype(np.uint8)
+        every = np.where((true & seen) == seen, np.uint8(255), np.uint8(0))
+        nowhere = np.where((false & seen) == seen, np.uint8(255), np.uint8(0))
+        return Decided(first, last, every, nowhere)
+
+    def live(self, decided: Decided) -> Bools:
+        """The literals (L, P) on which it depends what the formula is."""
+        live = (decided.true | decided.false) == 0
+        for ix in range(len(self.nodes) - 1, -1, -1):
+            for member in self.nodes[ix].members:
+                live[member] &= live[ix]
+        return np.asarray(live[self._literals])
+
+    def holds(self, decided: Decided) -> Bools:
+        """The cells (C, P) that hold all along what is seen."""
+        # Where nothing is seen, everything and its complement hold.
+        return np.asarray((decided.true[self.roots] != 0) & (decided.false[self.roots] == 0))
+
+    def holds_at(self, positive: Bools) -> Bools:
+        """Whether a cell holds at points (P,) where surfaces (S, P) are ``positive``, F > 0."""
+        outside = np.where(positive, np.uint8(255), np.uint8(0))
+        whole = np.zeros(positive.shape[1], bool)
+        decided = self.decided(~outside, outside, None, whole, whole)
+        return np.asarray(self.holds(decided).any(axis=0))
+
+    def excerpt(self, live: Bools, holds: Bools) -> Excerpt:
+        """What is left where some literals (L,) are ``live`` and some cells (C,) hold."""
+        key = np.packbits(np.concatenate([live, holds])).tobytes()
+        if key not in self._known:
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            self._known[key] = self._excerpt(live, holds)
+        return self._known[key]
+
+    @functools.cached_property
+    def whole(self) -> Excerpt:
+        """All of it."""
+        return self._excerpt(np.ones(self.literal_count, bool), np.zeros(len(self.roots), bool))
+
+    def _excerpt(self, live: Bools, holds: Bools) -> Excerpt:
+        surfaces = np.unique(self.literal_surfaces[live])
+        places = {surface: place for place, surface in enumerate(surfaces.tolist())}
+        left = {ix for ix, is_live in zip(self._literals, live.tolist(), strict=True) if is_live}
+        for ix, node in enumerate(self.nodes):
+            if not left.isdisjoint(node.members):
+                left.add(ix)
+        words: list[int] = []
+        cells: list[int] = []
+        for cell, root in enumerate(self.roots):
+            if holds[cell]:
+                words.append(OPENS | CLOSES)  # the complement of nothing
+            elif root in left:
+                self._write(words, root, left, places, is_and=False)
+            else:
+                continue
+            words[-1] |= CELL_ENDS
+            cells.append(cell)
+        opened = np.cumsum([bool(word & OPENS) - bool(word & CLOSES) for word in words])
+        closing = np.array([bool(word & CLOSES) for word in words], np.int64)
+        levels = int((opened + closing).max(initial=0))
+        return Excerpt(surfaces, np.array(cells, np.int64), np.array(words, np.uint32), levels)
+
+    def _write(
+        self, words: list[int], ix: int, left: set[int], places: dict[int, int], *, is_and: bool
+    ) -> None:
+        """Append the words of a node that stands in an AND, or in an OR."""
+        node = self.nodes[ix]
+        if node.kind is Literal:
+            word = LEAF | places[node.surface] | node.surface << NUMBER
+            word |= POSITIVE * node.positive
+            words.append(word | TURN * (node.positive != is_and))
+            return
+        members = [member for member in node.members if member in left]
+        own = node.kind is Intersection
+        if len(members) == 1:
+            own = is_and
+        start = len(words)
+        for member in members:
+            self._write(words, member, left, places, is_and=own)
+        if own == is_and:
+            return
+        # A word opens one level and closes one at most.
+        if words[start] & OPENS:
+            words.insert(start, 0)
+        words[start] |= OPENS
+        if words[-1] & CLOSES:
+            words.append(0)
+        words[-1] |= CLOSES

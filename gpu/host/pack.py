@@ -227,9 +227,6 @@ def _solids(
     solids["flags"] = sum(int(flag) * holds for flag, holds in facts.items())
     solids["surface"] = tables.numbers.first[setup.solid]
     solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
-
-    if setup.copies is not None:
-        solids["region"][setup.copies.row] = np.arange(len(setup.copies.row))
     solids["color"] = tables.color.take(setup.solid, axis=0)
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats, Ints, Records
+from halfstep.contract.arrays import Bools, Floats, Ints, Records
 from halfstep.contract.formats import Format
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.copies import Copies
@@ -27,6 +27,7 @@ class Appearances:
     """How the cells of each program look, and then its surfaces, one program after another."""
 
     records: Records
+    is_own: Bools  # which are there: surfaces without look as the cell does
     start: Ints  # (G,), of each program
 
 
@@ -49,8 +50,8 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
     records["color"] = [material.color for material, _ in rows]
     records["specular"] = [material.specular for material, _ in rows]
     records["shininess"] = [material.shininess for material, _ in rows]
-    records["is_own"] = [is_own for _, is_own in rows]
-    return Appearances(records, np.array(start, np.int64))
+    is_own = np.array([is_own for _, is_own in rows], bool)
+    return Appearances(records, is_own, np.array(start, np.int64))
 
 
 def pack_regions(
@@ -72,31 +73,32 @@ def pack_regions(
     near_u, far_u, slack = setup.near_u[row], setup.far_u[row], BASE_PLANE_SLACK
     near_cut, far_cut = setup.near_cut[row], far_u != 1.0
     room = slack + BASE_PLANE_ERROR
-    records["first"] = np.where(near_cut, np.clip(np.ceil(grid(near_u)), 0, points), 0)
+    # Two cells of room, so that rays surely start before the first cell.
+    begin, end = np.floor(grid(copies.span[0])) - 2, np.ceil(grid(copies.span[1])) + 2
+    records["first"] = np.clip(np.where(near_cut, np.ceil(grid(near_u)), begin), 0, points)
     records["start_end"] = np.where(near_cut, np.floor(grid(near_u + room)), -1)
-    records["last"] = np.where(far_cut, np.clip(np.ceil(grid(far_u)), 0, points), points)
-    records["last_sure"] = np.where(far_cut, np.floor(grid(far_u - room)), points)
-    edges = setup.rectangle[row] - np.repeat(setup.center[row], 2, axis=1)
-    for name, edge in zip(("left", "right", "top", "bottom"), edges.T, strict=True):
+    last, last_sure = np.ceil(grid(far_u)), np.floor(grid(far_u - room))
+    records["last"] = np.where(far_cut, np.clip(last, 0, points), np.minimum(end, points))
+    records["last_sure"] = np.where(far_cut, last_sure, records["last"])
+    for name, edge in zip(("left", "right", "top", "bottom"), setup.rectangle[row].T, strict=True):
         records[name] = edge
     flat, curved = np.flatnonzero(copies.is_plane), np.flatnonzero(~copies.is_plane)
     for kind, chosen in (("flat", flat), ("curved", curved)):
         counts = np.bincount(copies.owner[chosen], minlength=len(row))
-        records[f"{kind}_count"] = counts
         records[f"{kind}_start"] = np.cumsum(counts) - counts
-    ends = np.cumsum([len(one.words) for one in regions.programs])
-    records["word_end"] = ends[program]
-    records["word_start"] = ends[program] - [len(regions.programs[ix].words) for ix in program]
-    records["cells"] = [len(regions.programs[ix].cells) for ix in program]
+    programs = regions.programs
+    records["surfaces"] = np.array([one.count for one in programs])[program]
+    records["planes"] = np.array([one.planes for one in programs])[program]
+    records["cells"] = np.array([len(one.cells) for one in programs])[program]
     records["looks_start"] = looks.start[program]
     return PackedRegions(
         records=records,
         flat=_flat(copies, flat, setup, number_format),
         curved=_curved(copies, curved, setup, number_format),
-        words=np.concatenate([one.words for one in regions.programs]),
+        words=np.zeros(0, np.uint32),
         appearances=looks.records,
-        most_surfaces=max(one.count for one in regions.programs),
-        levels=max(one.levels for one in regions.programs),
+        most_surfaces=0,
+        levels=0,
     )
 
 

@@ -41,6 +41,21 @@ class Blocks:
         )
 
 
+def squares_of(setup: Setup, solid: Ints, left: Ints, top: Ints, side: int) -> Blocks:
+    """Squares of pixels with a corner (P,) each, as far as they are in the rectangles of solids."""
+    i0, i1, j0, j1 = setup.rectangle[solid].T
+    left, right = np.maximum(left, i0), np.minimum(left + side - 1, i1)
+    top, bottom = np.maximum(top, j0), np.minimum(top + side - 1, j1)
+    center = setup.center[solid]
+    return Blocks(
+        solid,
+        (left + right) / 2 - center[:, 0],
+        (top + bottom) / 2 - center[:, 1],
+        (right - left) / 2,
+        (bottom - top) / 2,
+    )
+
+
 class Reach:
     """The tests of one frame."""
 
@@ -61,7 +76,7 @@ class Reach:
         self._forms = np.stack([setup.a.T, setup.g.T, setup.c.T])
         self._slack = MARGIN + setup.host_error
         self._curved: Bools = np.asarray(self._forms.any(axis=(0, 1)))
-        self._discriminant = _discriminant(self._forms)
+        self._discriminant = discriminant(self._forms)
 
     def meets(self, blocks: Blocks) -> Bools:
         """Whether some ray of each block may meet its solid, (P,)."""
@@ -94,15 +109,15 @@ class Reach:
         """Whether F <= 0 for some ray of a block and some u from ``low`` to ``high``."""
         slack = self._slack[blocks.solid]
         a, g, c = np.take(self._forms, blocks.solid, axis=-1)
-        _, discriminant = _quadratic_range(
+        _, discriminant = quadratic_range(
             np.take(self._discriminant, blocks.solid, axis=-1), blocks
         )
-        nearest_c, _ = _quadratic_range(c, blocks)
+        nearest_c, _ = quadratic_range(c, blocks)
         # F(u) = F(m) + F'(m) (u - m) + A (u - m)² about the middle m.
         middle, half = (low + high) / 2, (high - low) / 2
-        value, _ = _quadratic_range((a * middle + g) * middle + c, blocks)
-        falls, rises = _quadratic_range(2 * a * middle + g, blocks)
-        bends, _ = _quadratic_range(a, blocks)
+        value, _ = quadratic_range((a * middle + g) * middle + c, blocks)
+        falls, rises = quadratic_range(2 * a * middle + g, blocks)
+        bends, _ = quadratic_range(a, blocks)
         least = value - half * np.maximum(-falls, rises) + half * half * np.minimum(bends, 0.0)
         without_root = (discriminant < -8 * slack) & (nearest_c > slack)
         return ~without_root & (least <= 3 * slack)
@@ -116,7 +131,7 @@ def _linear_least(forms: Floats, blocks: Blocks) -> Floats:
     return np.asarray(middle - reach)
 
 
-def _quadratic_range(form: Floats, blocks: Blocks) -> tuple[Floats, Floats]:
+def quadratic_range(form: Floats, blocks: Blocks) -> tuple[Floats, Floats]:
     """Bounds (P,) below and above of forms (6, P) of 1, x, y, x², xy, y² over blocks."""
     one, x1, y1, x2, xy, y2 = form
     x, y, across, down = blocks.x, blocks.y, blocks.half_width, blocks.half_height
@@ -129,7 +144,7 @@ def _quadratic_range(form: Floats, blocks: Blocks) -> tuple[Floats, Floats]:
     return middle - linear + below, middle + linear + above
 
 
-def _discriminant(forms: Floats) -> Floats:
+def discriminant(forms: Floats) -> Floats:
     """G² - 4 A C as coefficients (6, V) of 1, x, y, x², xy, y²; those of higher terms are 0.
 
     It is, but for a factor, the form whose zero set is the outline of the surface.

@@ -17,15 +17,7 @@ from numpy.typing import NDArray
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.boxes import box_of
-from halfstep.host.formulas import (
-    Senses,
-    decided,
-    literals,
-    nesting,
-    normal_form,
-    program,
-    truth,
-)
+from halfstep.host.formulas import Formula, Senses, decided, literals, normal_form, truth
 from halfstep.host.thin import least_distance
 from halfstep.scene import Material, Scene
 from halfstep.scene.copies import Copies, Layout
@@ -38,8 +30,8 @@ COINCIDENT = 2.0**-34
 SIGN = 2.0**-20
 # A box is widened by this part of its size, against rounding.
 PADDING = 2.0**-20
-# Distinct surfaces of a group: a ray holds where it crosses each.
-MOST_SURFACES = 255
+# Distinct surfaces of a group.
+MOST_SURFACES = 4096
 # What solids that are copies of groups have in place of a material.
 NO_MATERIAL = Material(name="none", color=(0.0, 0.0, 0.0))
 _UPPER = np.triu_indices(4)
@@ -58,8 +50,7 @@ class Program:
     planes: int  # P
     functions: Ints  # (S,), of each surface the first of the group's functions that it stands for
     cells: Ints  # (C,), the group's cells that the program has, in its order
-    words: NDArray[np.uint32]
-    levels: int  # that the program opens at once
+    formula: Formula  # of these cells
     thinnest: float  # least distance of surfaces side by side, infinite where there are none
 
     @property
@@ -116,8 +107,7 @@ def compiled(
         planes=planes,
         functions=np.array(kept, np.int64),
         cells=shown[some],
-        words=program([merged[ix] for ix in some]),
-        levels=nesting([merged[ix] for ix in some]),
+        formula=Formula([merged[ix] for ix in some]),
         thinnest=least_distance(own, radius),
     )
 

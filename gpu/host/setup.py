@@ -136,10 +136,13 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     groups = None
     if geometry.regions is not None:
         row = np.flatnonzero(ix >= geometry.solid_count)
-        groups = copies(geometry.regions, row, ix[row] - geometry.solid_count, sight.at(row))
+        spans = (np.stack([low, high[ix]]) - middle) / half
+        groups = copies(
+            geometry.regions, row, ix[row] - geometry.solid_count, sight.at(row), spans[:, row]
+        )
         at_eye = starts_at_eye[row]
         unsure = np.bincount(groups.owner[~groups.eye_sure], minlength=len(row)) > 0
-        facts.inside[row] = at_eye
+        facts.inside[row] = at_eye & groups.eye_inside
         facts.sure[row] = ~(at_eye & unsure)
         facts.nearest[row] = np.where(at_eye, groups.nearest, 0.0)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from halfstep.contract.classes import Class
 from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.host.pack import Packed
-from halfstep.host.reach import Blocks, Reach
+from halfstep.host.reach import Reach, squares_of
 
 Classes = tuple[Class, ...]
 Ints = NDArray[np.int64]
@@ -174,7 +174,9 @@ def _tested(packed: Packed, spans: _Spans, chosen: Ints, first_row: int) -> _Pai
     for level in range(levels.max(), -1, -1):
         started = _all_blocks(spans.at(level), chosen[levels == level])
         pairs = _joined(_quarters(pairs, spans.at(level)), started)
-        meets = reach.meets(_pixels(packed, pairs, level, first_row))
+        side = TILE << level
+        solid, corner = packed.order[pairs.row], (pairs.x * side, pairs.y * side + first_row)
+        meets = reach.meets(squares_of(packed.setup, solid, *corner, side))
         pairs = _at(pairs, np.flatnonzero(meets))
     return pairs
 
@@ -198,24 +200,6 @@ def _quarters(pairs: _Pairs, spans: _Spans) -> _Pairs:
     left, right, top, bottom = (edge[row] for edge in spans)
     within = (left <= x) & (x <= right) & (top <= y) & (y <= bottom)
     return _Pairs(row[within], x[within], y[within])
-
-
-def _pixels(packed: Packed, pairs: _Pairs, level: int, first_row: int) -> Blocks:
-    """The pixels of blocks within the rectangles of their solids."""
-    solid = packed.order[pairs.row]
-    i0, i1, j0, j1 = packed.setup.rectangle[solid].T
-    side = TILE << level
-    left, top = pairs.x * side, pairs.y * side + first_row
-    left, right = np.maximum(left, i0), np.minimum(left + side - 1, i1)
-    top, bottom = np.maximum(top, j0), np.minimum(top + side - 1, j1)
-    center = packed.setup.center[solid]
-    return Blocks(
-        solid,
-        (left + right) / 2 - center[:, 0],
-        (top + bottom) / 2 - center[:, 1],
-        (right - left) / 2,
-        (bottom - top) / 2,
-    )
 
 
 def _at(pairs: _Pairs, places: Ints) -> _Pairs:

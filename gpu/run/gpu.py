@@ -24,6 +24,7 @@ from halfstep.device.compute import Compute
 from halfstep.device.handles import GpuBuffer, GpuDevice
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
+from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import (
     Classes,
@@ -31,7 +32,6 @@ from halfstep.host.tiles import (
     blank_tiles,
     frequent_sets,
     tile_groups,
-    tile_lists,
 )
 from halfstep.run import rounds, split
 from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, pixel_bytes, written_for
@@ -200,8 +200,10 @@ class Device(Turns):
         """
         self.check_format(packed.format)
         written = written_for(outputs, packed)
+        lists = lists_of(packed, first_row, rows, leaving="exit" in written)
         needs = needs_of(
             packed,
+            lists.regions,
             scene.accuracy.method,
             written,
             together=self._together,
@@ -210,9 +212,8 @@ class Device(Turns):
         if self._conveyor != needs.conveyor:
             needs = replace(needs, conveyor=self._conveyor)
         frame = frame_record(scene, packed.setup, first_row, rows)
-        starts, members = tile_lists(packed, needs.classes, first_row, rows)
-        too_long = rounds.exceed(needs, packed, starts, members, self.loop_rounds)
-        if len(packed.order) > 1 and (too_long or self._is_too_large(packed, members)):
+        too_long = rounds.exceed(needs, packed, lists, self.loop_rounds)
+        if len(packed.order) > 1 and (too_long or self._is_too_large(packed, lists)):
             return self._render_in_halves(scene, packed, first_row, rows, outputs)
         if too_long:
             raise DeviceError(
@@ -223,22 +224,22 @@ class Device(Turns):
         with device_errors(self.adapter):
             buffer = self._frame_buffer(layout)
         ground = buffer, layout, scene.image.background
-        blank = blank_tiles(starts, needs.classes)
+        blank = blank_tiles(lists.starts, needs.classes)
         left_out = self._left_out(needs, ground, blank)
-        sets = self._sets(needs, starts)
+        sets = self._sets(needs, lists.starts)
         tiles_x = layout.shape[1] // TILE
-        records, parts = _parts(tile_groups(starts, needs.classes, tiles_x, sets, left_out))
+        records, parts = _parts(tile_groups(lists.starts, needs.classes, tiles_x, sets, left_out))
         contents = {
             0: frame,
             1: packed.solids,
             2: packed.half_spaces,
             3: records,
-            4: members,
+            4: lists.members,
             7: packed.lights,
             8: srgb_quads(),
         }
-        if packed.regions is not None:
-            contents |= dict(enumerate(packed.regions.arrays, start=9))
+        if lists.regions is not None:
+            contents |= dict(enumerate(lists.regions.arrays, start=9))
         try:
             with device_errors(self.adapter):
                 pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
@@ -271,10 +272,11 @@ class Device(Turns):
         decided = not self._is_software or self._chosen_sets.get(needs)
         return blank & before if shown == ground and decided else np.zeros_like(blank)
 
-    def _is_too_large(self, packed: Packed, members: U32) -> bool:
-        """Whether a binding cannot hold the solids, their half-spaces or the lists of tiles."""
-        largest = max(packed.solids.nbytes, packed.half_spaces.nbytes, members.nbytes)
-        return largest > self.largest_binding
+    def _is_too_large(self, packed: Packed, lists: Lists) -> bool:
+        """Whether a binding cannot hold the solids, what they have, or the lists of tiles."""
+        held = [packed.solids, packed.half_spaces, lists.members]
+        held += [] if lists.regions is None else lists.regions.arrays
+        return max(array.nbytes for array in held) > self.largest_binding
 
     def _render_in_halves(
         self,

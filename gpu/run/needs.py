@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from halfstep.contract.regions import PackedRegions
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
 
 
 def needs_of(
     packed: Packed,
+    regions: PackedRegions | None,
     method: str,
     outputs: frozenset[str],
     *,
     together: int = 1,
     uniform: bool = False,
 ) -> Needs:
-    """What the shader of a frame must hold; ``uniform``: if its solids are few enough for it."""
-    regions = packed.regions
+    """What the shader of a frame must hold.
+
+    Args:
+        packed: the frame.
+        regions: what its tiles see of copies of groups.
+        method: of the scene.
+        outputs: of the device.
+        together: as in `Needs`.
+        uniform: if its solids are few enough for it.
+    """
     return Needs(
         classes=packed.present,
         outputs=outputs,

@@ -8,15 +8,13 @@ that one.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Ints
 from halfstep.contract.classes import Class
+from halfstep.contract.regions import PackedRegions
+from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import Needs
-
-Ints = NDArray[np.int64]
-U32 = NDArray[np.uint32]
-Records = NDArray[np.void]
 
 
 def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
@@ -31,29 +29,30 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
         rounds += planes * np.where(is_patch, 2, 2 * steps + 7)
         if "error" in needs.outputs:  # the other method certifies in the loop that clips
             rounds += planes
-    if packed.regions is not None:
-        of_region = np.isin(packed.classes, (Class.REGION, Class.REGION_INSIDE))
-        regions = packed.regions.records[packed.solids["region"][of_region]]
-        rounds[of_region] = _rounds_of_regions(needs, regions, steps[of_region])
     return np.asarray(rounds + 1)
 
 
-def _rounds_of_regions(needs: Needs, regions: Records, steps: Ints) -> Ints:
-    """The most rounds of copies of groups, which take ``steps`` rounds for a search."""
-    flat, curved, cells = (
-        regions[name].astype(np.int64) for name in ("flat_count", "curved_count", "cells")
+def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> Ints:
+    """The most rounds (E,) that each record of a region takes of an invocation that tries it."""
+    records = regions.records
+    steps = packed.solids["steps"][records["solid"]].astype(np.int64) + 1
+    flat, curved, cells, faces = (
+        records[f"{name}_count"].astype(np.int64) for name in ("flat", "curved", "cell", "face")
     )
-    words = regions["word_end"].astype(np.int64) - regions["word_start"]
     surfaces, certified = flat + curved, "error" in needs.facts
+    groups = records["end_group"].astype(np.int64) - records["first_group"]
     # All surfaces are crossed, with errors twice more, and looked up for normals and looks.
     rounds = surfaces * (steps + 2) + 2
     rounds += certified * surfaces * (2 * steps + 5)
-    rounds += 3 * surfaces + cells + 5
+    rounds += 2 * surfaces + cells + faces + 5
     # A leap ends where a surface is crossed, a quadric at two places; a walk looks once more where
     # it begins and where it ends.
     looks = 2 * curved + flat + 2
     walks = 6 if certified else 2
-    return np.asarray(rounds + walks * (looks * (words + 2) + 2))
+    rounds += walks * (looks * (groups + 2) + 2)
+    return np.asarray(
+        rounds + 3
+    )  # the last: to come to it in its list, and to see whether to try it
 
 
 def rounds_of_finish(needs: Needs) -> int:
@@ -61,17 +60,24 @@ def rounds_of_finish(needs: Needs) -> int:
     return needs.quads * needs.light_rounds
 
 
-def exceed(needs: Needs, packed: Packed, starts: U32, members: U32, granted: int) -> bool:
-    """Whether an invocation of some tile may take more than ``granted`` rounds.
-
-    ``starts`` and ``members`` are the lists of the tiles, as ``host.tiles.tile_lists`` gives them.
-    """
-    rounds = rounds_of_solids(needs, packed)
+def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
+    """Whether an invocation of some tile may take more than ``granted`` rounds."""
+    rounds = rounds_of_members(needs, packed, lists)
     left = granted - rounds_of_finish(needs)
-    edges = starts[:: max(len(needs.classes), 1)].astype(np.int64)
-    longest = int(np.diff(edges).max(initial=0))
-    if longest * int(rounds.max(initial=0)) <= left:  # true of most frames
-        return False
-    total = np.zeros(len(members) + 1, np.int64)
-    np.cumsum(rounds[members], out=total[1:])
-    return int(np.diff(total[edges]).max()) > left
+    total = np.zeros(len(rounds) + 1, np.int64)
+    np.cumsum(rounds, out=total[1:])
+    edges = lists.starts[:: max(len(needs.classes), 1)].astype(np.int64)
+    return int(np.diff(total[edges]).max(initial=0)) > left
+
+
+def rounds_of_members(needs: Needs, packed: Packed, lists: Lists) -> Ints:
+    """The most rounds that each member of the lists of tiles takes."""
+    if lists.regions is None:
+        return rounds_of_solids(needs, packed)[lists.members]
+    slot = np.repeat(np.arange(len(lists.starts) - 1) % len(needs.classes), np.diff(lists.starts))
+    is_region = np.isin(needs.classes, (Class.REGION, Class.REGION_INSIDE))[slot]
+    rounds = np.empty(len(lists.members), np.int64)
+    regions = rounds_of_regions(needs, packed, lists.regions)
+    rounds[is_region] = regions[lists.members[is_region]]
+    rounds[~is_region] = rounds_of_solids(needs, packed)[lists.members[~is_region]]
+    return rounds

@@ -6,15 +6,15 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Array, Bools, Bytes, Ints, Planes
 from halfstep.contract.classes import Class
 from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
 from halfstep.contract.srgb import srgb_table
 from halfstep.contract.stages import VISITS
+from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import Packed, frame_record
-from halfstep.host.tiles import tile_lists
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene
 from halfstep.twin import encode, finish, keep
@@ -23,8 +23,6 @@ from halfstep.twin.lanes import F32
 from halfstep.twin.normal import Vector
 from halfstep.twin.shade import Light
 from halfstep.twin.sight import Seen
-
-Planes = dict[str, NDArray[Any]]
 
 
 class Band:
@@ -40,7 +38,8 @@ class Band:
         chosen: Chosen | None = None,
     ) -> None:
         """``chosen``: other stages than those of the number format."""
-        needs = needs_of(packed, scene.accuracy.method, outputs)
+        self._lists = lists_of(packed, first_row, rows, leaving="exit" in outputs)
+        needs = needs_of(packed, self._lists.regions, scene.accuracy.method, outputs)
         self._packed, self._first_row, self._outputs = packed, first_row, outputs
         self._method, self._facts = needs.method, needs.facts
         self._chosen = chosen or chosen_for(packed.format, needs.method)
@@ -48,37 +47,52 @@ class Band:
         self._frame = frame_record(scene, packed.setup, first_row, rows)[0]
         self._shape = rows, packed.setup.view.width
         self._nearest = _each(_filled, keep.nothing(self._keys), shape=self._shape)
-        self._tiles = _tiles_of(packed, first_row, rows)
 
-    def visit(self, row: int) -> None:
-        """Try a solid, a row of ``packed.solids``, on all pixels of the tiles it may be seen in."""
-        solid, klass = self._packed.solids[row], Class(int(self._packed.classes[row]))
-        i0, i1, j0, j1 = self._packed.setup.rectangle[self._packed.order[row]]
+    def visit(self) -> None:
+        """Try what the tiles list, each thing on the pixels of all tiles that list it."""
+        lists, classes = self._lists, self._packed.present
+        tile, slot = np.divmod(
+            np.repeat(np.arange(len(lists.starts) - 1), np.diff(lists.starts)), len(classes)
+        )
+        order = np.lexsort([lists.members, slot])
+        found = np.stack([slot[order], lists.members[order]])
+        first = np.flatnonzero(np.diff(found, axis=1, prepend=-1).any(axis=0))
+        for entries in np.split(order, first[1:]) if len(order) else []:
+            klass, member = classes[slot[entries[0]]], int(lists.members[entries[0]])
+            self._try(klass, member, tile[entries])
+
+    def _try(self, klass: Class, member: int, tiles: Ints) -> None:
+        """Try a solid, or a record of a region, on the pixels of some tiles."""
         rows, width = self._shape
-        top = max((j0 - self._first_row) // TILE * TILE, 0)
-        bottom = min(((j1 - self._first_row) // TILE + 1) * TILE, rows)
-        left, right = i0 // TILE * TILE, min((i1 // TILE + 1) * TILE, width)
-        if top >= bottom:
-            return
-        window = np.s_[top:bottom, left:right]
-        tried = np.zeros((bottom - top, right - left), bool)
-        for y, x in self._tiles[row]:
-            tried[y * TILE - top :, x * TILE - left :][:TILE, :TILE] = True
-        j, i = np.mgrid[window].astype(np.int32)
-        x = i - solid["center_x"]
-        y = j + np.int32(self._first_row) - solid["center_y"]
+        top, left = np.divmod(tiles, -(-width // TILE))
+        down, right = np.divmod(np.arange(TILE * TILE), TILE)
+        # Rows of tiles side by side: an array of pixels.
+        shape = len(tiles) * TILE, TILE
+        j = (top[:, None] * TILE + down).reshape(shape).astype(np.int32)
+        i = (left[:, None] * TILE + right).reshape(shape).astype(np.int32)
         visit = VISITS[self._method, klass]
         facts = self._facts | visit.facts
         run = getattr(module(visit.file), visit.file)
-        is_region = klass in (Class.REGION, Class.REGION_INSIDE)
-        rest = self._packed.regions if is_region else self._packed.half_spaces
-        seen: Seen = run(solid, rest, x, y, self._chosen, facts)
-        old = _each(_part, self._nearest, window=window)
+        rest: tuple[Any, ...] = (self._packed.half_spaces,)
+        row = member
+        regions = self._lists.regions
+        region: tuple[Any, ...] = ()
+        if klass in (Class.REGION, Class.REGION_INSIDE):
+            assert regions is not None
+            region, rest = (regions.records[member],), (regions,)
+            row = int(region[0]["solid"])
+        solid = self._packed.solids[row]
+        x = i - solid["center_x"]
+        y = j + np.int32(self._first_row) - solid["center_y"]
+        seen: Seen = run(*region, solid, *rest, x, y, self._chosen, facts)
+        # A tile at the end of the picture has pixels beyond it.
+        here = np.minimum(j, rows - 1), np.minimum(i, width - 1)
+        old = _each(_part, self._nearest, window=here)
         new = keep.keep(
             old, solid, seen.sight, seen.slope, seen.certificate, seen.paint, self._keys, facts
         )
-        # A tile whose list leaves out a solid keeps nothing of it.
-        _each(np.copyto, old, new, where=tried)
+        shown = (j < rows) & (i < width)
+        _each(_put, self._nearest, new, window=(j[shown], i[shown]), shown=shown)
 
     def finish(self) -> Planes:
         """The requested outputs of all pixels."""
@@ -106,21 +120,10 @@ class Band:
         return planes
 
 
-def image_of(color: F32) -> NDArray[np.uint8]:
+def image_of(color: F32) -> Bytes:
     """Pixels (H, W, 3) of linear colours (H, W, 3)."""
     words = encode.encode(srgb_table(), Vector(*np.moveaxis(color, -1, 0)))
     return words.view(np.uint8).reshape(*words.shape, 4)[..., :3].copy()
-
-
-def _tiles_of(packed: Packed, first_row: int, rows: int) -> list[list[tuple[int, int]]]:
-    """The tiles, row and column, in whose lists the solids are, rows of ``packed.solids``."""
-    starts, members = tile_lists(packed, packed.present, first_row, rows)
-    across = -(-packed.setup.view.width // TILE)
-    lists = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    tiles: list[list[tuple[int, int]]] = [[] for _ in packed.solids]
-    for row, tile in zip(members.tolist(), (lists // len(packed.present)).tolist(), strict=True):
-        tiles[row].append(divmod(tile, across))
-    return tiles
 
 
 def _each(function: Callable[..., Any], *values: Any, **named: Any) -> Any:
@@ -131,12 +134,16 @@ def _each(function: Callable[..., Any], *values: Any, **named: Any) -> Any:
     return type(values[0])(*parts)
 
 
-def _filled(value: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+def _filled(value: Array, shape: tuple[int, int]) -> Array:
     return np.full(shape, value)
 
 
-def _part(whole: NDArray[Any], window: tuple[slice, slice]) -> NDArray[Any]:
+def _part(whole: Array, window: tuple[Array, Array]) -> Array:
     return whole[window]
+
+
+def _put(whole: Array, part: Array, window: tuple[Array, Array], shown: Bools) -> None:
+    whole[window] = np.broadcast_to(part, shown.shape)[shown]
 
 
 def render_band(
@@ -154,6 +161,5 @@ def render_band(
     ``bound``, the error of the visible point in its u.
     """
     band = Band(scene, packed, first_row, rows, outputs)
-    for row in range(len(packed.solids)):
-        band.visit(row)
+    band.visit()
     return band.finish()

@@ -19,6 +19,7 @@ from halfstep.contract.layout import (
     TILE_WORDS,
     Record,
 )
+from halfstep.contract.program import GROUP
 from halfstep.shader.needs import Needs
 
 # Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
@@ -45,6 +46,7 @@ def fetches(needs: Needs) -> str:
             _record_at(needs, record, array, record.name.lower())
             for array, record in REGION_RECORDS.items()
         ]
+        functions += [_words_at(needs), _anywhere(needs)]
     return "\n".join(functions)
 
 
@@ -65,6 +67,31 @@ def _tile_at(needs: Needs) -> str:
         f"  starts: array<u32, {count}>,  // of the lists, and where the last one ends\n}}\n\n"
         f"fn tile_at(number: u32) -> Tile {{\n{body}"
         f"  return Tile(\n    {words[0]},\n    array<u32, {count}>(\n{starts}    ),\n  );\n}}\n"
+    )
+
+
+def _words_at(needs: Needs) -> str:
+    """The function that fetches a group of words of programs."""
+    words = [f"programs[first + {k}u]" for k in range(GROUP)]
+    body = f"  let first = number * {GROUP}u;\n"
+    if needs.together > 1:
+        loaded = range(0, GROUP, needs.together)
+        body += "".join(f"  let words_{k} = programs[first + {k}u + lane];\n" for k in loaded)
+        lanes = [k % needs.together for k in range(GROUP)]
+        words = [f"subgroupBroadcast(words_{k - n}, {n}u)" for k, n in enumerate(lanes)]
+    listed = "".join(f"    {word},\n" for word in words)
+    return (
+        f"// A group of words of programs.\nfn words_at(number: u32) -> array<u32, {GROUP}> {{\n"
+        f"{body}  return array<u32, {GROUP}>(\n{listed}  );\n}}\n"
+    )
+
+
+def _anywhere(needs: Needs) -> str:
+    """The function that asks all invocations that fetch together, which must go on together."""
+    found = "any(holds)" if needs.together == 1 else "subgroupAny(any(holds))"
+    return (
+        "// Whether something holds in any pixel of the invocations that fetch together.\n"
+        f"fn anywhere(holds: b4) -> bool {{\n  return {found};\n}}\n"
     )
 
 

@@ -21,6 +21,10 @@ UNIFORM_BYTES = 1 << 16
 MOST_LIGHT_ROUNDS = 1 << 12
 
 
+# Levels of programs that shaders have in variables of their own.
+FEW_LEVELS = 4
+
+
 @dataclass(frozen=True)
 class Needs:
     """All that a shader's text depends on; equal needs share one compiled pipeline."""
@@ -76,9 +80,11 @@ class Needs:
         """The files that stand for those that a shader takes else."""
         chosen = {self.conveyor}
         if self.short_keys:
-            chosen.add("keys_short")
+            chosen |= {"keys_short", "near_key_short"}
         if self.together > 1:
             chosen.add("store_words_wide")
+        if self.levels > FEW_LEVELS:
+            chosen.add("levels_deep")
         if self.stored > 1:
             chosen.add({2: "store_bytes_two", 4: "store_bytes_four"}[self.stored])
         return frozenset(chosen)

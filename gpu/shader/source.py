@@ -39,7 +39,7 @@ from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offs
 MAX_LINES = 8
 
 # What words of programs are made of.
-WORD = ("SLOT", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS")
+WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "NUMBER")
 # Files whose functions need what an invocation or a device holds.
 _JOINING = {
     name

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from itertools import pairwise
 
 import numpy as np
 
+from halfstep.contract.program import GROUP
 from halfstep.contract.regions import PackedRegions
 from halfstep.twin.certify import NO_CERTIFICATE
 from halfstep.twin.certify_region import (
@@ -43,6 +45,7 @@ from halfstep.twin.walks import (
 
 
 def visit_region(
+    region: np.void,
     solid: np.void,
     regions: PackedRegions,
     x: I32,
@@ -50,12 +53,15 @@ def visit_region(
     chosen: Chosen,
     facts: Collection[str],
 ) -> Seen:
-    """What rays see of a copy of a group of cells."""
-    region, steps = regions.records[int(solid["region"])], int(solid["steps"])
+    """What rays see of a copy of a group of cells, of which ``region`` lists what counts."""
+    steps = int(solid["steps"])
     at = chosen.offset(x, y)
-    flat = regions.flat[int(region["flat_start"]) :][: int(region["flat_count"])]
-    curved = regions.curved[int(region["curved_start"]) :][: int(region["curved_count"])]
-    program = regions.words[int(region["word_start"]) : int(region["word_end"])]
+    counts = [int(region[f"{of}_count"]) for of in ("flat", "curved", "cell", "face")]
+    ends = int(region["list_start"]) + np.cumsum([0, *counts])
+    listed = [regions.words[a:b].astype(np.int64) for a, b in pairwise(ends.tolist())]
+    flat = regions.flat[region["flat_start"] + listed[0]]
+    curved = regions.curved[region["curved_start"] + (listed[1] - region["planes"])]
+    program = regions.words[int(region["first_group"]) * GROUP : int(region["end_group"]) * GROUP]
     crossings = [
         line_crossed(
             chosen.forms.line_at(plane["c"], plane["b"], at), steps, int(plane["eye"]), chosen
@@ -99,12 +105,16 @@ def visit_region(
             np.where(inside, beyond.surface, entry.surface),
             entry.cell,
         )
-    within = is_within(region, x, y)
+    within = is_within(region, x + solid["center_x"], y + solid["center_y"])
     hit = (shown.q <= region["last"]) & within
     if "opened" not in facts:
         hit = hit & ~inside
     met = Met(shown, inside)
-    surface = shown.cell * np.int32(count) + shown.surface
+    slots = np.concatenate(listed[:2]).astype(np.int32)
+    cell = np.zeros(shape, np.int32)
+    for k, number in enumerate(listed[2].astype(np.int32)):
+        cell = np.where(shown.cell == k, number, cell)
+    surface = cell * np.int32(region["surfaces"]) + shown.surface
     sight = Sight(
         hit,
         surface,
@@ -125,9 +135,9 @@ def visit_region(
         near = Between(start, place_at(int(region["start_end"]) + 1, shape).q)
         certain = np.ones(shape, bool)
         begun = np.full(shape, eye_sure(solid) or not starts_at_eye(solid))
-        for slot in range(count):
-            sure = crossings[Crossed.SURELY * count + slot]
-            maybe = crossings[Crossed.PERHAPS * count + slot]
+        for place, slot in enumerate(slots):
+            sure = crossings[Crossed.SURELY * count + place]
+            maybe = crossings[Crossed.PERHAPS * count + place]
             certain &= settled(sure, maybe, into) | (shown.surface == slot)
             begun &= settled(sure, maybe, near) | (region["start_end"] < 0)
         certificate = certify_region(
@@ -144,21 +154,22 @@ def visit_region(
         )
     slope: Vector = NO_VECTOR
     if "normal" in facts:
-        for slot, plane in enumerate(flat):
-            normal = outward(plane_normal(plane), crossings[slot], met)
-            slope = either(shown.surface == slot, normal, slope)
+        for place, plane in enumerate(flat):
+            normal = outward(plane_normal(plane), crossings[place], met)
+            slope = either(shown.surface == slots[place], normal, slope)
         u = sight.position.astype(np.float32) * solid["last_step"]
-        for slot, quadric in enumerate(curved, start=len(flat)):
+        for place, quadric in enumerate(curved, start=len(flat)):
             bent = gradient(quadric["gradient"], x.astype(np.float32), y.astype(np.float32), u)
-            slope = either(shown.surface == slot, outward(bent, crossings[slot], met), slope)
+            normal = outward(bent, crossings[place], met)
+            slope = either(shown.surface == slots[place], normal, slope)
     paint = None
     if "color" in facts:
         looks = regions.appearances[int(region["looks_start"]) :]
         zero = np.zeros(shape, np.float32)
         paint = Paint(Vector(zero, zero, zero), zero, zero.astype(np.uint32))
-        for cell in range(int(region["cells"])):
-            paint = painted(paint, looks[cell], shown.cell == cell)
-        for slot in range(count):
-            look = looks[int(region["cells"]) + slot]
-            paint = painted(paint, look, (shown.surface == slot) & bool(look["is_own"]))
+        for k, number in enumerate(listed[2].tolist()):
+            paint = painted(paint, looks[number], shown.cell == k)
+        for number in listed[3].tolist():
+            look = looks[int(region["cells"]) + number]
+            paint = painted(paint, look, shown.surface == number)
     return Seen(sight, slope, certificate, paint)

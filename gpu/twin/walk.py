@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.twin.crossings import Crossing, ends_of, is_outside
-from halfstep.twin.lanes import I32
+from halfstep.twin.lanes import I32, Bools
 
 # Less than all e.
 LEAST = np.int32(-(2**31))
@@ -29,21 +29,24 @@ ANY_CELL = np.int32(-1)
 
 
 class Held(NamedTuple):
-    """Until where a truth lasts, as e, and the surface that ends it."""
+    """Until where a truth lasts, as e, and the number of the surface that ends it."""
 
     until: I32
     surface: I32
 
 
 class Look(NamedTuple):
-    """A formula at grid points, and the first of its cells that holds there, -1 where none does."""
+    """A formula at grid points, and which of its cells is the first that holds there.
+
+    It is -1 where none does.
+    """
 
     held: Held
     cell: I32
 
 
 class Path(NamedTuple):
-    """What a walk reads: words of a program, crossings, and a grid point behind all others."""
+    """What a walk reads: a program, crossings, and a grid point behind all others."""
 
     words: NDArray[np.uint32]
     negative: int  # where the crossings for literals F <= 0 begin
@@ -54,7 +57,10 @@ class Path(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a walk is: a grid point, the surface that was crossed last, and the cell there."""
+    """Where a walk is: a grid point, and the cell there.
+
+    Surface is the number of the one that was crossed last.
+    """
 
     q: I32
     surface: I32
@@ -76,3 +82,8 @@ def later(first: Held, second: Held) -> Held:
         np.where(greater, second.until, first.until),
         np.where(greater, second.surface, first.surface),
     )
+
+
+def either_held(first: Bools, yes: Held, no: Held) -> Held:
+    """One of two."""
+    return Held(np.where(first, yes.until, no.until), np.where(first, yes.surface, no.surface))

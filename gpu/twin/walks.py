@@ -9,11 +9,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, OPENS, POSITIVE, SLOT, TURN
+from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, PLACE, POSITIVE, TURN
 from halfstep.twin.chosen import Chosen, Offset
 from halfstep.twin.crossings import Crossing, in_cells
 from halfstep.twin.lanes import I32, Form, FormErrors
-from halfstep.twin.walk import ANY_CELL, LEAST, Held, Look, Path, Place, later, literal_at
+from halfstep.twin.walk import (
+    ANY_CELL,
+    LEAST,
+    Held,
+    Look,
+    Path,
+    Place,
+    either_held,
+    later,
+    literal_at,
+)
 
 
 def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
@@ -35,21 +45,20 @@ def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
             stack.append(inner)
             inner = nothing
         if word & LEAF:
-            slot = word & SLOT
+            place = word & PLACE
             is_positive = bool(word & POSITIVE)
-            crossing = crossings[(path.positive if is_positive else path.negative) + slot]
+            crossing = crossings[(path.positive if is_positive else path.negative) + place]
             if path.over_cells:
                 crossing = in_cells(crossing, path.wider != is_positive)
             e = literal_at(crossing, q, path.never, bool(word & TURN))
-            inner = later(inner, Held(e, np.full(q.shape, slot, np.int32)))
+            inner = later(inner, Held(e, np.full(q.shape, word >> NUMBER, np.int32)))
         if word & CLOSES:
             inner = later(stack.pop(), Held(~inner.until, inner.surface))
         if word & CELL_ENDS:
             counts = (only == ANY_CELL) | (only == number)
             holds = counts & (inner.until >= 0) & (cell == ANY_CELL)
             cell = np.where(holds, number, cell)
-            chosen = later(total, inner)
-            total = Held(*(np.where(counts, n, o) for n, o in zip(chosen, total, strict=True)))
+            total = either_held(counts, later(total, inner), total)
             inner = nothing
             number += np.int32(1)
     return Look(total, cell)
