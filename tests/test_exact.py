@@ -9,13 +9,18 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.errors import UsageError
+from halfstep.host.boxes import box_of
+from halfstep.host.formulas import normal_form
+from halfstep.host.prepare import prepare
 from halfstep.scene import Scene, Volume, bundled_scenes, with_overrides
 from halfstep.tune import exact as module
 from halfstep.tune.exact import crossing, exact
 from halfstep.twin.root import Root
 from tests.oracle import Oracle
+from tests.region_oracle import truth
 from tests.scenes_random import PLACES, intervals, random_scene
+from tests.test_boxes import plain
+from tests.test_regions import random_camera, random_cells, random_volume, scene_of
 
 SIZE = (48, 36)
 # An edge that rounding could move across a ray lies within this many pixels of it.
@@ -45,12 +50,12 @@ def judged(scene: Scene, label: str) -> tuple[int, int]:
     return int((truth.solid >= 0).sum()), int(clear.sum())
 
 
-@pytest.mark.parametrize("name", sorted(set(bundled_scenes()) - {"crowd"}))
+BUNDLED = sorted(set(bundled_scenes()) - {"crowd"})
+OF_CELLS = [name for name in BUNDLED if halfstep.load(name).layout().copies()]
+
+
+@pytest.mark.parametrize("name", sorted({*BUNDLED} - {*OF_CELLS}))
 def test_every_bundled_scene(name: str) -> None:
-    if halfstep.load(name).layout().copies():
-        with pytest.raises(UsageError, match="no exact answer for cells"):
-            exact(halfstep.load(name))
-        return
     hits, depths = judged(halfstep.load(name), name)
     assert hits > 100
     assert depths > 0.5 * hits or name.startswith("edge")
@@ -130,3 +135,47 @@ def test_roots_lose_no_digits(rng: np.random.Generator) -> None:
         slope = 2 * Fraction(a[k]) * v + Fraction(g[k])
         assert slope < 0
         assert abs(value / slope) <= 2.0**-44, (a[k], g[k], c[k], u[k])
+
+
+def test_cells_are_what_sorted_roots_in_extended_precision_say() -> None:
+    seed = 20261129
+    rng = np.random.default_rng(seed)
+    hits = inside = 0
+    for trial in range(40):
+        matrices, cells = random_cells(rng)
+        if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+            continue
+        scene = scene_of(matrices, cells, random_camera(rng), **random_volume(rng))
+        ours = exact(scene)
+        setup = prepare(scene).setup
+        j, i = np.mgrid[: scene.image.height, : scene.image.width]
+        directions = setup.view.directions(i, j).reshape(-1, 3)
+        wanted = truth(matrices, cells, setup.view.eye, directions, setup.near, setup.far)
+        clear = wanted.thin > 1e-7 * setup.far
+        found = ours.solid.ravel() >= 0
+        assert (found == wanted.hit)[clear].all(), (seed, trial)
+        compared = clear & wanted.hit
+        assert (ours.solid.ravel() == wanted.cell)[compared].all(), (seed, trial)
+        off = np.abs(ours.depth.ravel() - wanted.depth)[compared]
+        # A root near a tangent moves by the square root of a rounding.
+        assert (off <= 1e-6 * setup.far).all(), (seed, trial)
+        assert not len(off) or np.median(off) < 1e-13 * setup.far, (seed, trial)
+        hits, inside = hits + compared.sum(), inside + (compared & wanted.inside).sum()
+    assert hits > 4_000, seed
+    assert inside > 1_000, seed
+
+
+@pytest.mark.parametrize("name", OF_CELLS)
+def test_bundled_cells_are_what_a_fine_frame_shows(name: str) -> None:
+    scene = with_overrides(halfstep.load(name), size=SIZE, steps=22, number_format="fixed32")
+    ours = exact(scene)
+    frame = halfstep.render(scene, backend="numpy", outputs=("depth", "surface", "error"))
+    certain = np.isfinite(frame.error)
+    same = frame.solid == ours.solid
+    assert same[certain].all()
+    hit = certain & (ours.solid >= 0)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(frame.depth - ours.depth) > frame.error + 1e-12 * frame.depth
+    assert not off[hit].any()
+    assert (frame.surface == ours.surface)[hit].mean() > 0.999
+    assert hit.sum() > 100

@@ -162,6 +162,44 @@ def test_depths_are_within_their_bounds(number_format: str, steps: int) -> None:
         assert wrong < 0.001 * hits, seed
 
 
+def test_a_surface_through_the_eye_casts_no_doubt_on_what_is_beyond() -> None:
+    seed = 12
+    rng = np.random.default_rng(seed)
+    hits = certain = 0
+    for trial in range(25):
+        matrices, cells = random_cells(rng)
+        camera = random_camera(rng)
+        eye = np.array(camera["center"])
+        if np.linalg.norm(eye) < 2:
+            continue
+        # Every cell less what lies on one side of a plane through the eye.
+        normal = rng.normal(size=3)
+        plane = np.zeros((4, 4))
+        plane[:3, 3] = plane[3, :3] = normal / 2
+        plane[3, 3] = -normal @ eye
+        matrices = np.append(matrices, plane[None], axis=0)
+        side = Literal(len(matrices) - 1, positive=bool(rng.integers(2)))
+        cells = [Union((cell, Intersection((cell, side)))) for cell in cells[:-1]] + [
+            Intersection((cells[-1], side))
+        ]
+        if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+            continue
+        scene = scene_of(matrices, cells, camera, accuracy={"steps": 14})
+        frame = halfstep.render(scene, backend="numpy", outputs=("depth", "error"))
+        setup = prepare(scene).setup
+        j, i = np.mgrid[:HEIGHT, :WIDTH]
+        directions = setup.view.directions(i, j).reshape(-1, 3)
+        exact = truth(matrices, cells, setup.view.eye, directions, setup.near, setup.far)
+        depth, error, hit = frame.depth.ravel(), frame.error.ravel(), frame.solid.ravel() >= 0
+        with np.errstate(invalid="ignore"):
+            off = np.abs(depth - exact.depth) > error + 1e-12 * setup.far
+        violated = np.isfinite(error) & np.where(hit, ~exact.hit | off, exact.hit)
+        assert not violated.any(), (seed, trial, np.flatnonzero(violated))
+        hits, certain = hits + hit.sum(), certain + (hit & np.isfinite(error)).sum()
+    assert hits > 1_500, seed
+    assert certain > 0.9 * hits, (seed, certain, hits)
+
+
 SIZE = (64, 48)
 # A ball with a bite and a hole, and a pin in the hole: two cells share a surface.
 TWO_CELLS = {

@@ -94,7 +94,9 @@ fn visit_region(region: Region, solid: Solid, y: i32) {
     // Where the near base plane cuts, rays start somewhere in these cells.
     let near = Between(i4(max(region.first - 1, 0)), i4(region.start_end + 1));  //? error
     var certain = b4(true);  //? error
-    var begun_surely = b4(eye_sure(solid) | !starts_at_eye(solid));  //? error
+    // What is not sure at the eye does not matter to rays that start beyond it.
+    let is_away = !starts_at_eye(solid) | (region.first > 0);  //? error
+    var begun_surely = b4(eye_sure(solid) | is_away);  //? error
     for (var k = 0u; k < count; k++) {  //? error
       let sure = crossing_at(SURELY + k);
       let maybe = crossing_at(PERHAPS + k);

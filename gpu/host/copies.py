@@ -102,5 +102,5 @@ def _eye_inside(regions: Regions, program: Ints, counts: Ints, value: Floats) ->
         own = np.flatnonzero(program == number)
         formula = regions.programs[number].formula
         values = value[start[own] + np.arange(counts[own[0]])[:, None]]
-        inside[own] = formula.holds_at(values > 0)
+        inside[own] = formula.holds_at(values > 0).any(axis=0)
     return inside

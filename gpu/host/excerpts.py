@@ -37,7 +37,7 @@ FIRST_BLOCKS, HALVED = 4, 2
 
 
 # A copy has excerpts in any case if its group has more surfaces than this.
-MOST_WHOLE = 64
+MOST_WHOLE = 16
 # Surfaces of a group that a ray crosses in one tile: it holds where it crosses each.
 MOST_CROSSED = 255
 

@@ -222,11 +222,11 @@ class Formula:
         return np.asarray((decided.true[self.roots] != 0) & (decided.false[self.roots] == 0))
 
     def holds_at(self, positive: Bools) -> Bools:
-        """Whether a cell holds at points (P,) where surfaces (S, P) are ``positive``, F > 0."""
+        """The cells (C, P) that hold at points where surfaces (S, P) are ``positive``, F > 0."""
         outside = np.where(positive, np.uint8(255), np.uint8(0))
         whole = np.zeros(positive.shape[1], bool)
         decided = self.decided(~outside, outside, None, whole, whole)
-        return np.asarray(self.holds(decided).any(axis=0))
+        return self.holds(decided)
 
     def excerpt(self, live: Bools, holds: Bools) -> Excerpt:
         """What is left where some literals (L,) are ``live`` and some cells (C,) hold."""

@@ -18,13 +18,13 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import FLOAT32
 from halfstep.contract.layout import HALF_SPACE, SOLID, Flag
 from halfstep.contract.stages import VISITS
-from halfstep.errors import UsageError
 from halfstep.host.camera import View
 from halfstep.host.forms import NEGLIGIBLE
 from halfstep.host.geometry import Geometry
 from halfstep.host.prepare import Solids, frame_setup
 from halfstep.host.setup import Setup
 from halfstep.scene import Scene
+from halfstep.tune.exact_cells import numbers, seen
 from halfstep.twin import certify, forms, polynomial, root
 from halfstep.twin.chosen import Chosen, module
 from halfstep.twin.sight import Sight
@@ -42,8 +42,8 @@ class Exact:
 
     Attributes:
         view: the camera and its pixel grid.
-        solid: (H, W) int32, index in file order, -1 where nothing is hit.
-        surface: (H, W) int32, number of the surface within the solid, -1.
+        solid: (H, W) int32, as the output: solids of the file, then cells, -1 where nothing is hit.
+        surface: (H, W) int32, number of the surface within the solid or the group, -1.
         depth: (H, W) float64, planar depth in scene units; NaN.
     """
 
@@ -60,11 +60,8 @@ def exact(scene: Scene) -> Exact:
 
     Raises:
         SceneError: an unbounded scene without a volume.
-        UsageError: the scene has cells.
     """
     solids = Solids.of(scene)
-    if solids.geometry.regions is not None:
-        raise UsageError(f"{scene.name}: tune knows no exact answer for cells")
     constants = frame_setup(scene, solids=solids)
     view = constants.view
     shape = view.height, view.width
@@ -100,21 +97,32 @@ def _visit(
     y, x = np.mgrid[window].astype(np.float64)
     x -= constants.center[row, 0]
     y -= constants.center[row, 1]
-    visit = VISITS["visible", _class_of(solids, int(constants.solid[row]))]
-    run = getattr(module(visit.file), visit.file)
-    seen = run(records[0][row], records[1], x, y, CHOSEN, visit.facts).sight
+    ix = int(constants.solid[row])
+    if ix >= solids.solid_count:
+        assert constants.copies is not None
+        which = int(np.searchsorted(constants.copies.row, row))
+        met = seen(constants, which, x.ravel(), y.ravel())
+        cell, face = (part.reshape(x.shape) for part in numbers(constants, which, met))
+        hit, u = met.hit.reshape(x.shape), met.u.reshape(x.shape)
+        solid, surface = np.int32(solids.solid_count) + cell, face
+    else:
+        visit = VISITS["visible", _class_of(solids, ix)]
+        run = getattr(module(visit.file), visit.file)
+        sight = run(records[0][row], records[1], x, y, CHOSEN, visit.facts).sight
+        hit, u = sight.hit, sight.position
+        first = solids.plane_start[ix]
+        own = np.append(0, solids.plane_number[first:][: constants.plane_count[row]])
+        solid, surface = np.full(x.shape, ix, np.int32), own[sight.surface]
     half = constants.depth_half[row]
-    depth = constants.depth_middle[row] + seen.position * half
+    depth = constants.depth_middle[row] + u * half
     # Each coefficient lacks at most what ``setup`` left out as negligible.
     doubt = constants.depth_error[row] + 4 * NEGLIGIBLE * half
     old = answer.depth[window]
-    nearer = seen.hit & ~(depth >= old - (doubt + rounding[window]))
+    nearer = hit & ~(depth >= old - (doubt + rounding[window]))
     old[nearer] = depth[nearer]
     rounding[window][nearer] = doubt
-    answer.solid[window][nearer] = constants.solid[row]
-    first = solids.plane_start[constants.solid[row]]
-    numbers = np.append(0, solids.plane_number[first:][: constants.plane_count[row]])
-    answer.surface[window][nearer] = numbers[seen.surface[nearer]]
+    answer.solid[window][nearer] = solid[nearer]
+    answer.surface[window][nearer] = surface[nearer]
 
 
 def _records(constants: Setup) -> tuple[Records, Records]:

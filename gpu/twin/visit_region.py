@@ -134,7 +134,9 @@ def visit_region(
         start = place_at(first_of(Walk.PERHAPS_IN, region), shape).q
         near = Between(start, place_at(int(region["start_end"]) + 1, shape).q)
         certain = np.ones(shape, bool)
-        begun = np.full(shape, eye_sure(solid) or not starts_at_eye(solid))
+        # What is not sure at the eye does not matter to rays that start beyond it.
+        is_away = not starts_at_eye(solid) or int(region["first"]) > 0
+        begun = np.full(shape, eye_sure(solid) or is_away)
         for place, slot in enumerate(slots):
             sure = crossings[Crossed.SURELY * count + place]
             maybe = crossings[Crossed.PERHAPS * count + place]

@@ -1,0 +1,80 @@
+"""The exact answer for a copy of a group of cells: all roots of its surfaces, sorted.
+
+Between two of all roots on a ray no cell begins or ends, so each piece is asked in its middle.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.contract.arrays import I32, Bools, Floats, Ints
+from halfstep.host.setup import Setup
+
+
+class Seen(NamedTuple):
+    """What P rays see of a copy."""
+
+    hit: Bools
+    u: Floats
+    slot: Ints  # of the surface in the program
+    cell: Ints  # its place in the program
+
+
+def seen(constants: Setup, which: int, x: Floats, y: Floats) -> Seen:
+    """What rays at offsets ``x`` and ``y`` (P,) see of a copy, ``which`` of ``constants.copies``.
+
+    Where a ray starts in a cell, it shows where it leaves it.
+    """
+    copies = constants.copies
+    assert copies is not None
+    row, own = copies.row[which], np.flatnonzero(copies.owner == which)
+    formula = copies.regions.programs[copies.regions.of[copies.copy[which]]].formula
+    monomials = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    a, g, c = (form[own] @ monomials for form in (copies.a, copies.g, copies.c))
+    low, high = constants.near_u[row], constants.far_u[row]
+    roots = np.concatenate(_roots(a, g, c))
+    roots = np.where((roots > low) & (roots < high), roots, high)
+    order = np.argsort(roots, axis=0, kind="stable")
+    ordered = np.take_along_axis(roots, order, axis=0)
+    some = int((ordered < high).sum(axis=0).max(initial=0))
+
+    rays = np.arange(len(x))
+    hit, inside = np.zeros((2, len(x)), bool)
+    u = np.full(len(x), np.nan)
+    cell, slot = np.full((2, len(x)), -1)
+    start, crossed = np.full(len(x), low), slot.copy()
+    for end, following in zip(ordered[: some + 1], order[: some + 1] % len(own), strict=True):
+        middle = (start + end) / 2
+        holds = formula.holds_at((a * middle + g) * middle + c > 0) & (end > start)
+        enters = (cell < 0) & holds.any(axis=0)
+        cell[enters] = holds.argmax(axis=0)[enters]
+        inside |= enters & (start == low)
+        leaves = inside & ~hit & (end > start) & ~holds[cell, rays]
+        now = (enters & ~inside) | leaves
+        u[now], slot[now] = start[now], crossed[now]
+        hit |= now
+        start, crossed = end, following
+    return Seen(hit, u, slot, cell)
+
+
+def _roots(a: Floats, g: Floats, c: Floats) -> tuple[Floats, Floats]:
+    """The roots of a u² + g u + c, NaN where there is none: neither form cancels digits."""
+    square = g * g - 4 * a * c
+    nothing = np.full(a.shape, np.nan)
+    width = np.sqrt(square, out=nothing.copy(), where=square >= 0)
+    half = -(g + np.copysign(width, g)) / 2
+    first = np.divide(half, a, out=nothing.copy(), where=a != 0)
+    return first, np.divide(c, half, out=nothing.copy(), where=half != 0)
+
+
+def numbers(constants: Setup, which: int, found: Seen) -> tuple[I32, I32]:
+    """The number of each ray's cell among those of the scene, and of the surface in its group."""
+    copies = constants.copies
+    assert copies is not None
+    regions = copies.regions
+    program = int(regions.of[copies.copy[which]])
+    cells = regions.cells[regions.first_program_cell[program] + found.cell]
+    surfaces = regions.functions[regions.first_surface[program] + found.slot]
+    return cells.astype(np.int32), surfaces.astype(np.int32)
