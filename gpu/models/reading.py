@@ -1,0 +1,53 @@
+"""Scenes from files of any kind: those of Halfstep, and those of other programs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from halfstep.errors import UsageError
+from halfstep.models.look import Look
+from halfstep.models.openmc_reading import read_geometry
+from halfstep.models.openmc_scene import scene_tables
+from halfstep.models.shape import scene_of
+from halfstep.scene import Scene, SceneLike, reading
+
+# Endings of the files of other programs.
+ENDINGS = (".xml",)
+
+
+def is_model(path_or_name: object) -> bool:
+    """Whether a path is of a file of another program."""
+    return (
+        isinstance(path_or_name, str | os.PathLike) and Path(path_or_name).suffix.lower() in ENDINGS
+    )
+
+
+def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scene:
+    """A scene from a file, or a bundled one by its name.
+
+    Args:
+        path_or_name: a path that ends in ``.toml``, or in what a file of another program ends in,
+            as ``geometry.xml``; or one of `bundled_scenes`.
+        look: how a file of another program is looked at.
+
+    Raises:
+        SceneError: where there is no such scene, or with every fault it has.
+        UsageError: the look is of what the file has not, or of a file of Halfstep.
+    """
+    if is_model(path_or_name):
+        path, given = Path(path_or_name), os.fspath(path_or_name)
+        geometry = read_geometry(path, given)
+        return scene_of(scene_tables(geometry, look or Look()), look or Look())
+    if look is not None and look != Look():
+        raise UsageError(
+            f"{path_or_name}: says itself how it is looked at; that is for others' files"
+        )
+    return reading.load(path_or_name)
+
+
+def as_scene(given: SceneLike) -> Scene:
+    """The scene that ``given`` stands for; as `halfstep.scene.as_scene`, and others' files."""
+    if isinstance(given, str | os.PathLike) and is_model(given):
+        return load(given)
+    return reading.as_scene(given)
