@@ -81,26 +81,25 @@ class Surface:
                 found[[0, 1, 0], [1, 2, 2]] = d / 2, e / 2, f / 2
                 found[:3, 3], found[3, 3] = (g / 2, h / 2, j / 2), k
             case _:
-                weights, middle, constant = self._round()
+                weights, middle, last = self.squares()
                 found[[0, 1, 2], [0, 1, 2]] = weights
                 found[:3, 3] = -weights * middle
-                found[3, 3] = (weights * middle * middle).sum() - constant
+                found[3, 3] = (weights * middle * middle).sum() - last * last
         lower = np.tril_indices(4, -1)
         found[lower] = found.T[lower]
         return found
 
-    def _round(self) -> tuple[Array, Array, float]:
-        """Weights, middle and constant of a sum of squares: Σ w (p - m)² = constant."""
+    def squares(self) -> tuple[Array, Array, float]:
+        """Of spheres, cylinders and cones the w, m (3,) and r in Σ w (p - m)² = r²."""
         *place, last = self.coefficients
         weights = np.ones(3)
         if self.kind.endswith("cone"):
             weights[self.axis] = -last
             return weights, np.array(place), 0.0
-        if self.kind == "sphere":
-            return weights, np.array(place), last * last
-        weights[self.axis] = 0.0
-        place.insert(self.axis, 0.0)
-        return weights, np.array(place), last * last
+        if self.kind != "sphere":
+            weights[self.axis] = 0.0
+            place.insert(self.axis, 0.0)
+        return weights, np.array(place), last
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,9 @@ import os
 from pathlib import Path
 
 from halfstep.errors import UsageError
+from halfstep.models.findings import Report
 from halfstep.models.look import Look
+from halfstep.models.openmc_check import RAYS, Checker, box_around
 from halfstep.models.openmc_reading import read_geometry
 from halfstep.models.openmc_scene import scene_tables
 from halfstep.models.shape import scene_of
@@ -51,3 +53,18 @@ def as_scene(given: SceneLike) -> Scene:
     if isinstance(given, str | os.PathLike) and is_model(given):
         return load(given)
     return reading.as_scene(given)
+
+
+def check(path: str | os.PathLike[str], *, rays: int = RAYS, points: int = 0) -> Report:
+    """Overlaps and gaps of a file of another program.
+
+    Args:
+        path: of the file.
+        rays: how many lie side by side on a side of the square from which they come.
+        points: how many are asked besides, drawn in the box around the model.
+
+    Raises:
+        SceneError: with every fault of the text.
+    """
+    geometry = read_geometry(Path(path), os.fspath(path))
+    return Checker(geometry, box_around(geometry)).check(rays, points)
