@@ -57,7 +57,8 @@ def judged(
     certain = hit & np.isfinite(error)
 
     def located(after: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        at = (depth + after * error + near * np.sign(after))[certain]
+        after = after[certain]
+        at = depth[certain] + after * error[certain] + near * np.sign(after)
         return oracle.locate(seen.eye + directions[certain] * at[:, None])
 
     found, sure = located(np.ones(len(depth)))

@@ -199,6 +199,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert main(["check", str(MODELS / "demorgan.xml")]) == 0
     assert main(["check", str(path), "--points", "-1"]) == 2
     assert main(["check", "figure", "--points", "5"]) == 2
-    assert "--points: is of files of other programs" in capsys.readouterr().err
+    assert "--points: is of geometry of OpenMC" in capsys.readouterr().err
     path.write_text("<geometry/>")
     assert main(["check", str(path)]) == 2

@@ -42,7 +42,7 @@ def add(commands: Commands) -> None:
         required=False,
     )
     check.add_argument(
-        "--points", metavar="N", type=int, help="of a file of another program: points to ask, too"
+        "--points", metavar="N", type=int, help="of geometry of OpenMC: points to ask, too"
     )
     check.add_argument("--json", action="store_true", help="the report for machines on stdout")
 
@@ -51,13 +51,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Check; the exit code."""
     from halfstep.check.checker import Checker
     from halfstep.files.whole import check_output_folder
-    from halfstep.models import is_model
-    from halfstep.scene import bundled_scenes, load, with_overrides
+    from halfstep.models import is_geometry, load
+    from halfstep.scene import bundled_scenes, with_overrides
 
-    if is_model(arguments.scene):
+    if is_geometry(arguments.scene):
         return _check_model(arguments)
     if arguments.points is not None:
-        raise UsageError("--points: is of files of other programs")
+        raise UsageError("--points: is of geometry of OpenMC")
     if arguments.output is not None:
         check_output_folder(arguments.output)
     names = bundled_scenes() if arguments.all else [arguments.scene]

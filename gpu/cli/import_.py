@@ -14,7 +14,9 @@ def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     command = commands.add_parser("import", help="write a file of another program as a scene")
     command.set_defaults(run=run)
-    command.add_argument("file", metavar="FILE", help="geometry.xml or model.xml of OpenMC")
+    command.add_argument(
+        "file", metavar="FILE", help="geometry.xml or model.xml of OpenMC, or .csg of OpenSCAD"
+    )
     add_output(command, "SCENE", "a scene file, which ends in .toml")
     add_look(command)
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 def add_look(command: argparse.ArgumentParser) -> None:
     """The options; `look_of` collects them."""
-    group = command.add_argument_group("files of other programs, as geometry.xml of OpenMC")
+    group = command.add_argument_group(
+        "files of other programs, as geometry.xml of OpenMC or part.csg of OpenSCAD"
+    )
     group.add_argument(
         "--color-by", metavar="WHAT", help="what has a colour of its own: material, cell, group"
     )

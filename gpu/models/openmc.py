@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.scene import placement
-from halfstep.scene.formula import AllOf, AnyOf, Formula, Not, Sense, leaves
-from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
+from halfstep.scene.formula import Formula
 from halfstep.scene.values import Array, Vector
 
 Ints = NDArray[np.int64]
@@ -258,33 +256,6 @@ class Geometry:
             return [(cell.fill, 1)]
         numbers, counts = np.unique(self.lattices[cell.fill].universes, return_counts=True)
         return [*zip(numbers.tolist(), counts.tolist(), strict=True)]
-
-
-def sides_of(formula: Formula) -> Iterator[tuple[int, int]]:
-    """The number of each surface in a region, and the column of its side in the text."""
-    for leaf in leaves(formula):
-        assert isinstance(leaf, Sense)
-        assert isinstance(leaf.surface, int)
-        yield leaf.surface, leaf.column
-
-
-def region_of(formula: Formula) -> tuple[list[int], Region]:
-    """The numbers of the surfaces of a region, and the region over these."""
-    numbers = list(dict.fromkeys(number for number, _ in sides_of(formula)))
-    return numbers, _region({number: index for index, number in enumerate(numbers)}, formula)
-
-
-def _region(index: dict[int, int], formula: Formula) -> Region:
-    match formula:
-        case Sense(int(surface), positive):
-            return Literal(index[surface], positive)
-        case Not(of):
-            return Complement(_region(index, of))
-        case AllOf(of):
-            return Intersection(tuple(_region(index, each) for each in of))
-        case AnyOf(of):
-            return Union(tuple(_region(index, each) for each in of))
-    raise AssertionError("regions name no words")
 
 
 def rotation_of(numbers: tuple[float, ...]) -> Array:

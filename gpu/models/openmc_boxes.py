@@ -5,14 +5,12 @@ Where nothing ends something they are infinite.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from graphlib import TopologicalSorter
 
 import numpy as np
 
-from halfstep.host.boxes import box_of
-from halfstep.host.formulas import Senses, normal_form
-from halfstep.models.openmc import Cell, Geometry, Lattice, region_of
+from halfstep.models.openmc import Cell, Geometry, Lattice
+from halfstep.models.regions import box_of_region, common, hull, moved, sides_of
 from halfstep.scene.values import Array
 
 EVERYWHERE: Array = np.array([[-np.inf] * 3, [np.inf] * 3])
@@ -22,35 +20,8 @@ def box_of_cell(geometry: Geometry, cell: Cell) -> Array | None:
     """The box of a cell's region, None where that surely has no point."""
     if cell.region is None:
         return EVERYWHERE
-    numbers, region = region_of(cell.region)
-    matrices = np.array([geometry.surfaces[number].matrix() for number in numbers])
-    senses = Senses(range(len(numbers)), [False] * len(numbers))
-    return box_of(normal_form(region, senses), matrices)
-
-
-def common(first: Array | None, second: Array | None) -> Array | None:
-    """What two boxes have in common, None where that is nothing."""
-    if first is None or second is None:
-        return None
-    low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
-    return None if (low > high).any() else np.array([low, high])
-
-
-def hull(boxes: Iterable[Array | None]) -> Array | None:
-    """The box around boxes, None around none."""
-    found = [box for box in boxes if box is not None]
-    if not found:
-        return None
-    return np.array([np.min(found, axis=0)[0], np.max(found, axis=0)[1]])
-
-
-def moved(box: Array, linear: Array, shift: Array) -> Array:
-    """The box around a box that was turned by (3, 3), and then moved by (3,)."""
-    with np.errstate(invalid="ignore"):
-        ends = linear[None] * box[:, None]
-    # What does not go along an axis has no part in it, however far it goes.
-    ends = np.where(linear[None] == 0.0, 0.0, ends)
-    return np.array([ends.min(axis=0).sum(axis=1) + shift, ends.max(axis=0).sum(axis=1) + shift])
+    matrices = {number: geometry.surfaces[number].matrix() for number, _ in sides_of(cell.region)}
+    return box_of_region(cell.region, matrices)
 
 
 def extents(geometry: Geometry, boxes: dict[int, Array | None]) -> dict[int, Array]:

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.models.findings import Finding, Report
-from halfstep.models.openmc import OPEN_BOUNDARY, Cell, Geometry, Ints, Lattice, region_of, sides_of
+from halfstep.models.openmc import OPEN_BOUNDARY, Cell, Geometry, Ints, Lattice
 from halfstep.models.openmc_boxes import box_of_cell
 from halfstep.models.openmc_pieces import Pieces, elements_at, walls_crossed
 from halfstep.models.openmc_sides import crossings, is_positive
+from halfstep.models.regions import region_of, sides_of
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 from halfstep.scene.values import Array
 

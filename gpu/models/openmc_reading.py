@@ -25,8 +25,8 @@ from halfstep.models.openmc import (
     Lattice,
     Surface,
     rotation_of,
-    sides_of,
 )
+from halfstep.models.regions import sides_of
 from halfstep.scene.faults import SMALLEST_LENGTH, hint, show
 from halfstep.scene.formula import Formula, parse
 from halfstep.scene.lattices import MAX_PLACES

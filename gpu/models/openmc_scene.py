@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.models.look import Look, Table, clip_of, degrees_of, plane
-from halfstep.models.openmc import Cell, Geometry, Lattice, Surface, sides_of
-from halfstep.models.openmc_boxes import box_of_cell, common, element_box, extents, hull, moved
+from halfstep.models.openmc import Cell, Geometry, Lattice, Surface
+from halfstep.models.openmc_boxes import box_of_cell, element_box, extents
 from halfstep.models.openmc_lattices import (
     Elements,
     as_one_layer,
@@ -29,6 +29,7 @@ from halfstep.models.openmc_lattices import (
     table_of,
 )
 from halfstep.models.openmc_look import Shown
+from halfstep.models.regions import common, hull, moved, sides_of
 from halfstep.models.shape import Model, end_of
 from halfstep.scene.values import Array
 

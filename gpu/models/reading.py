@@ -5,17 +5,18 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from halfstep.errors import UsageError
+from halfstep.errors import SceneError, UsageError
+from halfstep.models import openmc_scene, openscad_scene
 from halfstep.models.findings import Report
 from halfstep.models.look import Look
 from halfstep.models.openmc_check import RAYS, Checker, box_around
 from halfstep.models.openmc_reading import read_geometry
-from halfstep.models.openmc_scene import scene_tables
+from halfstep.models.openscad import read_source
 from halfstep.models.shape import scene_of
 from halfstep.scene import Scene, SceneLike, reading
 
 # Endings of the files of other programs.
-ENDINGS = (".xml",)
+ENDINGS = (".xml", ".csg", ".jsurf")
 
 
 def is_model(path_or_name: object) -> bool:
@@ -23,6 +24,11 @@ def is_model(path_or_name: object) -> bool:
     return (
         isinstance(path_or_name, str | os.PathLike) and Path(path_or_name).suffix.lower() in ENDINGS
     )
+
+
+def is_geometry(path_or_name: object) -> bool:
+    """Whether a path is of a geometry of OpenMC, whose cells may overlap."""
+    return is_model(path_or_name) and Path(str(path_or_name)).suffix.lower() == ".xml"
 
 
 def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scene:
@@ -38,9 +44,18 @@ def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scen
         UsageError: the look is of what the file has not, or of a file of Halfstep.
     """
     if is_model(path_or_name):
-        path, given = Path(path_or_name), os.fspath(path_or_name)
-        geometry = read_geometry(path, given)
-        return scene_of(scene_tables(geometry, look or Look()), look or Look())
+        path, given, seen = Path(path_or_name), os.fspath(path_or_name), look or Look()
+        match path.suffix.lower():
+            case ".csg":
+                model = openscad_scene.scene_tables(read_source(path, given), seen)
+            case ".jsurf":
+                raise SceneError(
+                    f"{given}: a surface of SURFER, which is of any degree; those drawn are of the "
+                    "second"
+                )
+            case _:
+                model = openmc_scene.scene_tables(read_geometry(path, given), seen)
+        return scene_of(model, seen)
     if look is not None and look != Look():
         raise UsageError(
             f"{path_or_name}: says itself how it is looked at; that is for others' files"
