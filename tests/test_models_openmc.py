@@ -611,3 +611,68 @@ def test_paths_of_models_stand_for_scenes() -> None:
     assert (frame.cell >= 0).any()
     with pytest.raises(HalfstepError):
         halfstep.render(str(MODELS / "none.xml"), size=(8, 6), backend="numpy")
+
+
+# ------------------------------------------------------------------------------ plots
+
+PLOTTED = (
+    f'{BALL}<surface id="2" type="z-plane" coeffs="0"/>'
+    '<cell id="1" material="4" region="-1 -2"/><cell id="2" material="6" region="-1 2"/>'
+)
+PLOTS = """<plots>
+<plot id="1" type="solid_raytrace" color_by="material">
+  <camera_position>20 0 9</camera_position><look_at>0 0 1</look_at><up>0 1 0</up>
+  <pixels>30 20</pixels><field_of_view>60</field_of_view><background>255 0 0</background>
+  <color id="4" rgb="0 0 255"/><opaque_ids>4</opaque_ids><light_position>1 2 3</light_position>
+</plot>
+<plot id="2" type="wireframe_raytrace"><camera_position>9 9 9</camera_position></plot>
+<plot id="3" type="slice"/>
+<plot id="4" type="solid_raytrace"><camera_position>9 9</camera_position><color id="1" rgb="1 2"/>
+<pixels>4</pixels><field_of_view>180</field_of_view><color_by>universe</color_by></plot>
+<plot id="5" type="phong" orthographic_width="5" camera_position="9 9 9"/>
+</plots>"""
+
+
+def test_a_plot_says_how_a_model_is_seen(tmp_path: Path) -> None:
+    (tmp_path / "plots.xml").write_text(PLOTS)
+    scene = opened(tmp_path, PLOTTED, Look(plot=1))
+    camera = scene.camera
+    assert [*camera.center, *camera.look_at, *camera.up] == [20, 0, 9, 0, 0, 1, 0, 1, 0]
+    # The angle across is 60°, and 2 rows stand for 3 columns.
+    across = np.tan(np.radians(camera.fov_degrees) / 2) * 3 / 2
+    assert across == pytest.approx(np.tan(np.radians(30)))
+    assert (scene.image.width, scene.image.height) == (30, 20)
+    assert list(scene.image.background) == [1, 0, 0]
+    assert [*map(float, scene.lights[0].position or ())] == [1, 2, 3]
+    assert visible(scene) == [1]
+    assert {each.id: each.color for each in scene.materials}[4] == (0, 0, 1)
+    changed = opened(tmp_path, PLOTTED, Look(plot=1, eye=(0, -30, 0), color_by="cell"))
+    assert list(changed.camera.center) == [0, -30, 0]
+    assert list(changed.materials[0].color) != [0, 0, 1]
+    # A model holds its plots itself.
+    both = written(tmp_path, f"<model><geometry>{PLOTTED}</geometry>{PLOTS}</model>", "model.xml")
+    with pytest.warns(UserWarning, match=r"plot 2 of model\.xml is of wires; it is drawn solid"):
+        assert visible(load(both, Look(plot=2))) == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("number", "message"),
+    [
+        (3, "--plot: plot 3 of plots.xml is a slice; drawn are those traced by rays"),
+        (5, "--plot: plot 5 of plots.xml has parallel rays, which are not drawn"),
+        (9, "--plot: there is no plot 9 in plots.xml; there are 1, 2, 3, 4, 5"),
+        (
+            4,
+            "plots.xml: line 9, column 1: plot 4: color_by: universe is neither cell nor material\n"
+            "plots.xml: line 9, column 1: plot 4: field_of_view: 180 is not between 0 and 180\n"
+            "plots.xml: line 9, column 1: plot 4: pixels: are not two numbers\n"
+            "plots.xml: line 9, column 53: plot 4: camera_position: has 2 numbers, not 3\n"
+            "plots.xml: line 9, column 74: color 1: rgb: is not three numbers 0…255",
+        ),
+    ],
+)
+def test_plots_that_are_not_drawn(tmp_path: Path, number: int, message: str) -> None:
+    (tmp_path / "plots.xml").write_text(PLOTS)
+    with pytest.raises(HalfstepError) as caught:
+        opened(tmp_path, PLOTTED, Look(plot=number))
+    assert str(caught.value) == message

@@ -55,6 +55,7 @@ class Look:
         eye: where the camera is.
         look_at: what is in the middle of the picture.
         fov_degrees: vertical angle of view.
+        plot: the number of a plot of the file, which says all this; what is given replaces it.
     """
 
     color_by: str | None = None
@@ -65,6 +66,7 @@ class Look:
     eye: Vector | None = None
     look_at: Vector | None = None
     fov_degrees: float | None = None
+    plot: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse words that stand for nothing.
@@ -168,17 +170,24 @@ def both(first: Formula | None, second: Formula | None) -> Formula | None:
     return first & second
 
 
-def camera_of(look: Look, box: Array, up: Vector | None = None) -> Table:
+def camera_of(look: Look, box: Array, given: Table | None = None) -> Table:
     """The camera that shows a box (2, 3), or the one that is asked for.
+
+    Args:
+        look: by options, which replace all else.
+        box: what is to be seen.
+        given: or by the file.
 
     Raises:
         UsageError: it would look from where it looks at, or along what is up.
     """
     direction, upwards = VIEWS[look.view or "iso"]
-    upwards = up or upwards
     fov = FOV_DEGREES if look.fov_degrees is None else look.fov_degrees
     if not 0 < fov < 180:
         raise UsageError(f"--fov: {fov:g} is not between 0 and 180")
+    if given is not None and look.view is None:
+        asked = {"center": look.eye, "look_at": look.look_at, "fov_degrees": look.fov_degrees}
+        return given | {key: each for key, each in asked.items() if each is not None}
     center = box.mean(axis=0)
     target = center if look.look_at is None else np.array(look.look_at)
     if look.eye is not None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from halfstep.errors import UsageError
 from halfstep.models.look import Look, Table, color_of
 from halfstep.models.openmc import Cell, Geometry
+from halfstep.models.openmc_plots import Plot
 from halfstep.scene.faults import hint, show
 
 VOID = "void"
@@ -33,9 +34,12 @@ class Shown:
         materials: tables of the materials asked for so far.
     """
 
-    def __init__(self, geometry: Geometry, look: Look) -> None:
-        self._geometry = geometry
-        self._color_by = look.color_by or "material"
+    def __init__(self, geometry: Geometry, look: Look, plot: Plot | None) -> None:
+        self._geometry, self._plot = geometry, plot
+        self._color_by = look.color_by or ("material" if plot is None else plot.color_by)
+        # Those of a plot are of the numbers that it colours by.
+        is_of_plot = plot is not None and self._color_by == plot.color_by
+        self._colors = plot.colors if plot is not None and is_of_plot else {}
         self._hidden = self._named("--hide", look.hide)
         self._only = self._named("--only", look.only) if look.only else None
         materials = {material for cell in geometry.cells for material in cell.materials}
@@ -72,6 +76,9 @@ class Shown:
                 return True
             if not chosen:
                 return False
+        if self._plot is not None and self._plot.opaque is not None:
+            number = cell.id if self._plot.color_by == "cell" else material
+            return number in self._plot.opaque
         return material is not None or self._is_void_seen
 
     def finish(self, cell: Cell, material: int | None) -> Table:
@@ -79,16 +86,19 @@ class Shown:
         numbers = {"material": material, "cell": cell.id, "group": cell.universe}
         number = numbers[self._color_by]
         if material is None:
-            return {"color": color_of(cell.id if number is None else number)}
+            return {"color": self._color(cell.id if number is None else number)}
         name = self._titles[material]
         if self._color_by != "material":
             what = "universe" if self._color_by == "group" else self._color_by
             name += f" of {what} {number}"
         if name not in self._tables:
             assert number is not None
-            table: Table = {"name": name, "id": material, "color": color_of(number)}
+            table: Table = {"name": name, "id": material, "color": self._color(number)}
             self._tables[name] = table
         return {"material": name}
+
+    def _color(self, number: int) -> list[float]:
+        return self._colors.get(number) or color_of(number)
 
     def _named(self, option: str, names: Iterable[str]) -> _Named:
         """What names stand for.

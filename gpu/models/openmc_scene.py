@@ -12,7 +12,7 @@ import functools
 import itertools
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from halfstep.models.openmc_lattices import (
     table_of,
 )
 from halfstep.models.openmc_look import Shown
+from halfstep.models.openmc_plots import Plot
 from halfstep.models.regions import common, hull, moved, sides_of
 from halfstep.models.shape import Model, end_of
 from halfstep.scene.values import Array
@@ -54,23 +55,28 @@ class Built:
     everywhere: Table | None = None
 
 
-def scene_tables(geometry: Geometry, look: Look) -> Model:
-    """The tables of a scene that shows the geometry.
+def scene_tables(geometry: Geometry, look: Look, plot: Plot | None = None) -> Model:
+    """The tables of a scene that shows the geometry, as a plot of its file does where one is given.
 
     Raises:
         UsageError: an option names what is not there.
         SceneError: nothing of it is shown.
     """
-    builder = _Builder(geometry, look)
-    return builder.model(look)
+    model = _Builder(geometry, look, plot).model(look)
+    if plot is None:
+        return model
+    tables = {"image": plot.image, **model.tables}
+    if plot.light is not None:
+        tables["light"] = [{"position": list(plot.light)}]
+    return replace(model, tables=tables, camera=plot.camera)
 
 
 class _Builder:
     """The groups of a scene, each built when it is first needed."""
 
-    def __init__(self, geometry: Geometry, look: Look) -> None:
+    def __init__(self, geometry: Geometry, look: Look, plot: Plot | None) -> None:
         self._geometry = geometry
-        self._shown = Shown(geometry, look)
+        self._shown = Shown(geometry, look, plot)
         self._boxes = {cell.id: box_of_cell(geometry, cell) for cell in geometry.cells}
         self._groups: dict[str, Table] = {}
         self._boxes_of_groups: dict[str, Array] = {}

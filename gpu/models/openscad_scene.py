@@ -77,6 +77,7 @@ def scene_tables(source: Source, look: Look) -> Model:
         ("--color-by", look.color_by),
         ("--hide", look.hide),
         ("--only", look.only),
+        ("--plot", look.plot is not None),
     ):
         if value:
             raise UsageError(f"{option}: is of geometry of OpenMC")

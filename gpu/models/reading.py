@@ -10,6 +10,7 @@ from halfstep.models import openmc_scene, openscad_scene
 from halfstep.models.findings import Report
 from halfstep.models.look import Look
 from halfstep.models.openmc_check import RAYS, Checker, box_around
+from halfstep.models.openmc_plots import read_plot
 from halfstep.models.openmc_reading import read_geometry
 from halfstep.models.openscad import read_source
 from halfstep.models.shape import scene_of
@@ -54,7 +55,9 @@ def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scen
                     "second"
                 )
             case _:
-                model = openmc_scene.scene_tables(read_geometry(path, given), seen)
+                geometry = read_geometry(path, given)
+                plot = None if seen.plot is None else read_plot(path, given, seen.plot)
+                model = openmc_scene.scene_tables(geometry, seen, plot)
         return scene_of(model, seen)
     if look is not None and look != Look():
         raise UsageError(

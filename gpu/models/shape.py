@@ -22,6 +22,9 @@ from halfstep.scene.values import Array
 OPEN_PART = 0.25
 # The volume is wider than the model by this part of its size, so that no face lies in a base plane.
 VOLUME_MARGIN = 2.0**-10
+# Cells meet everywhere in a model, and where they do a ray may pass one of them within a step: so
+# the step is small.
+TOLERANCE_PIXELS = 0.02
 NOTHING = "nothing of it is shown"
 FragmentT = TypeVar("FragmentT", bound=Fragment)
 
@@ -34,20 +37,22 @@ class Model:
         name: of the file, for people.
         tables: of the scene, by their keys.
         box: (2, 3), around all that is shown.
+        camera: keys of the camera that the file asks for, None where it asks for none.
     """
 
     name: str
     tables: Table
     box: Array
+    camera: Table | None = None
 
 
 def scene_of(model: Model, look: Look) -> Scene:
-    """The scene of a model, seen by the camera that is asked for or from three quarters.
+    """The scene of a model, seen by the camera that is asked for, or else from three quarters.
 
     Raises:
         SceneError: there is more in it than a scene may hold, or nothing is shown.
     """
-    camera = camera_of(look, model.box)
+    camera = camera_of(look, model.box, model.camera)
     margin = VOLUME_MARGIN * max(float(np.ptp(model.box, axis=0).max()), 1e-9)
     mapping = {
         "format": 1,
@@ -56,6 +61,7 @@ def scene_of(model: Model, look: Look) -> Scene:
         "light": lights_of(camera),
         "ambient": {"color": [0.12, 0.12, 0.12]},
         "image": {"background": [1.0, 1.0, 1.0]},
+        "accuracy": {"tolerance_pixels": TOLERANCE_PIXELS},
         "volume": {
             "min": (model.box[0] - margin).tolist(),
             "max": (model.box[1] + margin).tolist(),
