@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from halfstep.frames.frame import Frame
     from halfstep.frames.renderer import Renderer, render
     from halfstep.frames.sequence import render_frames
+    from halfstep.models import load
     from halfstep.scene import (
         Accuracy,
         Ambient,
@@ -56,7 +57,6 @@ if TYPE_CHECKING:
         Sphere,
         Surface,
         Volume,
-        load,
     )
 
 __all__ = [
@@ -140,7 +140,7 @@ _HOME = {
     "Surface": "scene",
     "UsageError": "errors",
     "Volume": "scene",
-    "load": "scene",
+    "load": "models",
     "render": "frames.renderer",
     "render_frames": "frames.sequence",
     "write": "files",

@@ -134,8 +134,8 @@ RULES: list[tuple[Table, str]] = [
         "cell[1].id: 4 is already the id of cell[0]",
     ),
     (
-        scene(cell=[{**CELL, "id": 4}], group=[{**PIN, "cell": [{"id": 4, "color": RED}]}]),
-        "group[0].cell[0].id: 4 is already the id of cell[0]",
+        scene(group=[{**PIN, "cell": [{"id": 4, "color": RED}, {"id": 4, "color": RED}]}]),
+        "group[0].cell[1].id: 4 is already the id of group[0].cell[0]",
     ),
     (scene(cell=[{**CELL, "id": -1}]), "cell[0].id: -1 is not >= 0"),
     (scene(cell=[{**CELL, "id": 4.0}]), "cell[0].id: 4.0 is not an integer; write 4"),

@@ -208,7 +208,7 @@ TWO_CELLS = {
     "accuracy": {"steps": 12},
     "light": [LIGHT, {"position": [3, -3, 3], "color": [0.3, 0.3, 0.3]}],
     "material": [
-        {"name": "steel", "color": [0.4, 0.5, 0.6], "specular": 0.4, "shininess": 30},
+        {"name": "steel", "id": 40, "color": [0.4, 0.5, 0.6], "specular": 0.4, "shininess": 30},
         {"name": "brass", "color": [0.8, 0.6, 0.2]},
     ],
     "part": [
@@ -397,8 +397,13 @@ def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:
     assert pin.sum() > 50
     assert (frame.solid[thing] == 0).all()
     assert (frame.solid[pin] == 1).all()
-    assert (frame.material[thing] == 1).all()
+    assert (frame.material[thing] == 40).all()
     assert (frame.material[pin] == -1).all()
+    materials: Any = TWO_CELLS["material"]
+    steel, brass = materials
+    numbered = {**TWO_CELLS, "material": [brass, {**steel, "id": None}]}
+    of_order = halfstep.render(numbered, size=SIZE, backend="numpy", outputs=NUMBERED)
+    assert (of_order.material[thing] == 2).all()
     assert (frame.place == -1).all()
     # Functions: ball 0, bite 1, hole 2 … 4, slab 5 … 10. A pin shows its side and its top.
     assert set(np.unique(frame.surface[pin])) <= {1, 2, 3, 4}

@@ -16,6 +16,7 @@ from halfstep.cli import (
     bench,
     check,
     doctor,
+    import_,
     info,
     render,
     scenes,
@@ -29,7 +30,7 @@ from halfstep.version import __version__
 
 EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
 # In the order of the help; each module adds its command to a parser.
-COMMANDS = (render, animate, info, tune, check, bench, doctor, scenes, schema, shader)
+COMMANDS = (render, animate, import_, info, tune, check, bench, doctor, scenes, schema, shader)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import Commands, add_output, add_rendering, add_scene, overrides
 from halfstep.cli.output import print_json, progress_bar, say
 from halfstep.errors import UsageError
@@ -46,6 +47,7 @@ def add(commands: Commands) -> None:
         "--overwrite", action="store_true", help="render frames again that the folder has"
     )
     add_rendering(animate)
+    add_look(animate)
     animate.add_argument("--json", action="store_true", help="describe the result on stdout")
 
 
@@ -69,9 +71,11 @@ def _is_folder(path: Path) -> bool:
 
 def run(arguments: argparse.Namespace) -> int:
     """Render; the exit code."""
-    from halfstep.scene import load, with_animation, with_overrides
+    from halfstep.models import load
+    from halfstep.scene import with_animation, with_overrides
 
-    scene = with_animation(load(arguments.scene), frames=arguments.frames, fps=arguments.fps)
+    scene = load(arguments.scene, look_of(arguments))
+    scene = with_animation(scene, frames=arguments.frames, fps=arguments.fps)
     scene = with_overrides(scene, **overrides(arguments))
     numbers = _numbers(scene, arguments.frames_range)
     path = Path(arguments.output)

@@ -1,4 +1,4 @@
-"""`halfstep check`: scenes on the device against NumPy."""
+"""`halfstep check`: scenes on the device against NumPy, and overlaps of others' files."""
 
 from __future__ import annotations
 
@@ -41,6 +41,9 @@ def add(commands: Commands) -> None:
         "folder for check.json and a picture of the differences of each scene that has some",
         required=False,
     )
+    check.add_argument(
+        "--points", metavar="N", type=int, help="of geometry of OpenMC: points to ask, too"
+    )
     check.add_argument("--json", action="store_true", help="the report for machines on stdout")
 
 
@@ -48,8 +51,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Check; the exit code."""
     from halfstep.check.checker import Checker
     from halfstep.files.whole import check_output_folder
-    from halfstep.scene import bundled_scenes, load, with_overrides
+    from halfstep.models import is_geometry, load
+    from halfstep.scene import bundled_scenes, with_overrides
 
+    if is_geometry(arguments.scene):
+        return _check_model(arguments)
+    if arguments.points is not None:
+        raise UsageError("--points: is of geometry of OpenMC")
     if arguments.output is not None:
         check_output_folder(arguments.output)
     names = bundled_scenes() if arguments.all else [arguments.scene]
@@ -90,6 +98,28 @@ def run(arguments: argparse.Namespace) -> int:
     if refused and not differ:
         return next(iter(refused.values())).exit_code
     return 0 if agree else 1
+
+
+def _check_model(arguments: argparse.Namespace) -> int:
+    """Look for overlaps and gaps in a file of another program; the exit code."""
+    from halfstep.models import check
+
+    points = arguments.points or 0
+    if points < 0:
+        raise UsageError(f"--points: {points} is not >= 0")
+    report = check(arguments.scene, points=points)
+    if arguments.json:
+        print_json(report.as_dict())
+    else:
+        for line in report.lines():
+            print_text(line)
+    asked = f" and {report.points} points" if report.points else ""
+    found = ", ".join(
+        f"{len(each)} {what}{'s' * (len(each) != 1)}"
+        for each, what in ((report.overlaps, "overlap"), (report.gaps, "gap"))
+    )
+    say(f"{report.name}: {found} on {report.rays} rays{asked}")
+    return 0 if report.is_sound else 1
 
 
 def _write(folder: Path, result: dict[str, Any], reports: list[SceneReport]) -> None:

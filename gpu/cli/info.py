@@ -35,11 +35,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _is_scene(file: str) -> bool:
+    from halfstep.models import is_model
     from halfstep.scene import bundled_scenes
 
     suffix = Path(file).suffix
     # Files of pictures have an ending.
-    return suffix == ".toml" or (suffix == "" and file in bundled_scenes())
+    return suffix == ".toml" or is_model(file) or (suffix == "" and file in bundled_scenes())
 
 
 def _picture(file: str) -> dict[str, Any]:
@@ -55,7 +56,7 @@ def _picture(file: str) -> dict[str, Any]:
 
 
 def _scene(file: str) -> dict[str, Any]:
-    from halfstep.scene import load
+    from halfstep.models import load
 
     scene = load(file)
     return {"scene_title": scene.title, "scene_sha256": scene.sha256, **_counts(scene)}

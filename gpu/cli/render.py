@@ -6,6 +6,7 @@ import argparse
 import sys
 from io import BytesIO
 
+from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import (
     STDOUT,
     Commands,
@@ -37,6 +38,7 @@ def add(commands: Commands) -> None:
         help="what to write, as depth,normal; by default what such a file usually has",
     )
     add_rendering(render)
+    add_look(render)
     render.add_argument("--json", action="store_true", help="describe the result on stdout")
 
 
@@ -56,9 +58,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Render; the exit code."""
     from halfstep.files import File, plan, write
     from halfstep.frames.renderer import render
-    from halfstep.scene import load
+    from halfstep.models import load
 
-    scene = load(arguments.scene)
+    scene = load(arguments.scene, look_of(arguments))
     file: File = arguments.output
     format_ = None
     if file == STDOUT:

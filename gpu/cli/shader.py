@@ -32,9 +32,10 @@ def run(arguments: argparse.Namespace) -> int:
     from halfstep.frames.outputs import check_outputs, device_outputs
     from halfstep.host.excerpts import lists_of
     from halfstep.host.prepare import prepare
+    from halfstep.models import load
     from halfstep.run.framebuffer import written_for
     from halfstep.run.needs import needs_of
-    from halfstep.scene import load, with_overrides
+    from halfstep.scene import with_overrides
     from halfstep.shader.source import compose
 
     scene = with_overrides(load(arguments.scene), **overrides(arguments))

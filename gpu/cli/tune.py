@@ -39,7 +39,7 @@ def _steps(text: str) -> range:
 def run(arguments: argparse.Namespace) -> int:
     """Measure; the exit code."""
     from halfstep.files.whole import check_output_folder
-    from halfstep.scene import load
+    from halfstep.models import load
     from halfstep.tune.measure import STEPS, tune
     from halfstep.tune.plot import scale_of, write
 

@@ -18,8 +18,9 @@ from halfstep.frames.outputs import OUTPUTS, Lookup, check_outputs, steps_by_sol
 from halfstep.frames.passes import Pass, Prepared, render_pass
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import Solids, prepare
+from halfstep.models import as_scene
 from halfstep.run.backend import Backend, open_backend
-from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, as_scene, with_overrides
+from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, with_overrides
 from halfstep.version import __version__
 
 # Frames of a renderer after which no shader is compiled for others like them.

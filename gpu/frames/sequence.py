@@ -14,7 +14,8 @@ from typing import Protocol, Unpack
 from halfstep.frames.frame import Frame
 from halfstep.frames.outputs import check_outputs
 from halfstep.frames.renderer import Renderer
-from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, as_scene, with_overrides
+from halfstep.models import as_scene
+from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, with_overrides
 from halfstep.scene.animation import scene_at
 
 # Frames are handed out this many at a time, the next ones before these are collected. They are

@@ -117,7 +117,10 @@ def numbers_of(
             f"{scene.name}: {count:,} faces in all copies of groups, cells times surfaces, are "
             f"more than {MOST_NUMBERS:,}"
         )
-    materials = {material.name: number for number, material in enumerate(scene.materials, start=1)}
+    materials = {
+        material.name: number if material.id is None else material.id
+        for number, material in enumerate(scene.materials, start=1)
+    }
     cells = [] if regions is None else regions.all_cells
     return Numbers(
         first=first,

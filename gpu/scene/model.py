@@ -162,6 +162,9 @@ class Scene(Fragment, _Tables):
         """`sha256`, given that of the solids: scenes that differ in their cameras share it."""
         content = self.model_dump(by_alias=True, exclude={"solids"})
         content = {key: each for key, each in content.items() if each or key not in _NEW_KEYS}
+        for material in content["material"]:
+            if material["id"] is None:
+                del material["id"]
         return _digest({**content, "solid": solids_sha256})
 
     def effective_lights(self) -> tuple[Light, ...]:

@@ -33,9 +33,8 @@ def name_faults(scene: object) -> list[Fault]:
             of_solids.append((("solid", index), text))
     faults += sorted(of_solids, key=lambda fault: fault[0][1])
     root = _Group(scene, (), None)
-    ids: dict[int, Loc] = {}
     for group in root.all():
-        faults += group.faults(materials, ids)
+        faults += group.faults(materials)
     return [*faults, *_chains(root)]
 
 
@@ -100,7 +99,7 @@ class _Group:
             if name := _word(cell, "fill"):
                 yield (*self.loc, "cell", index, "fill"), name
 
-    def faults(self, materials: _Materials, cell_ids: dict[int, Loc]) -> Iterator[Fault]:
+    def faults(self, materials: _Materials) -> Iterator[Fault]:
         """All that is wrong with its numbers and names, but for cycles."""
         if self.level > MAX_LEVELS:
             yield self.loc, f"lies in more than {MAX_LEVELS} groups"
@@ -120,7 +119,7 @@ class _Group:
             elif isinstance(name, str) and name and not WORD.fullmatch(name):
                 rule = "a letter or _, then letters, digits and _"
                 yield (*loc, "name"), f"{show(name)} is not a word, as formulas have it: {rule}"
-        yield from self._faults_of_cells(materials, cell_ids)
+        yield from self._faults_of_cells(materials)
         yield from _twice("name", [((*self.loc, "group"), [each.table for each in self._inside])])
         for index, place in enumerate(_tables(self.table, "place")):
             yield from self._formula_faults(place, (*self.loc, "place", index, "within"))
@@ -132,12 +131,11 @@ class _Group:
     def names(self) -> list[str]:
         return [*self._named, *(self._around.names() if self._around else ())]
 
-    def _faults_of_cells(self, materials: _Materials, cell_ids: dict[int, Loc]) -> Iterator[Fault]:
+    def _faults_of_cells(self, materials: _Materials) -> Iterator[Fault]:
+        # Groups that are variants of one another may have cells of the same id.
+        yield from _twice("id", [((*self.loc, "cell"), _tables(self.table, "cell"))])
         for index, cell in enumerate(_tables(self.table, "cell")):
             loc: Loc = (*self.loc, "cell", index)
-            number = _integer(cell, "id")
-            if number is not None and (first := cell_ids.setdefault(number, loc)) != loc:
-                yield (*loc, "id"), f"{number} is already the id of {line('', first, '')}"
             yield from materials.faults(cell, loc)
             yield from self._formula_faults(cell, (*loc, "region"), before=index)
 

@@ -9,6 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from halfstep.contract.choices import Method, NumberFormat
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, fault, show
+from halfstep.scene.formula import MAX_ID
 from halfstep.scene.placement import PARALLEL_SINE, unit
 from halfstep.scene.values import (
     LARGEST,
@@ -160,12 +161,14 @@ class Material(Table):
     """A named surface finish.
 
     Attributes:
+        id: number in the output ``material``; without one, its place among the materials, from 1.
         specular: weight of the highlight, 0..1.
         shininess: exponent of the highlight; whole, because the highlight is an exact chain of
             multiplications.
     """
 
     name: Name
+    id: Annotated[int, Field(ge=0, le=MAX_ID)] | None = None
     color: Color
     specular: Fraction = 0.0
     shininess: Annotated[int, Field(ge=1, le=1024)] = 40

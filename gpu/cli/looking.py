@@ -1,0 +1,69 @@
+"""Options that say how a model of another program is looked at."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from typing import TYPE_CHECKING
+
+from halfstep.cli.options import names
+
+if TYPE_CHECKING:
+    from halfstep.models import Look
+
+
+def add_look(command: argparse.ArgumentParser) -> None:
+    """The options; `look_of` collects them."""
+    group = command.add_argument_group(
+        "files of other programs, as geometry.xml of OpenMC or part.csg of OpenSCAD"
+    )
+    group.add_argument(
+        "--color-by", metavar="WHAT", help="what has a colour of its own: material, cell, group"
+    )
+    shown = "as void, material:4, cell:7, or names of the file"
+    group.add_argument(
+        "--hide", metavar="NAMES", type=names, default=[], help=f"what is not shown, {shown}"
+    )
+    group.add_argument(
+        "--only", metavar="NAMES", type=names, default=[], help=f"what alone is shown, {shown}"
+    )
+    group.add_argument(
+        "--clip",
+        metavar="WHERE",
+        action="append",
+        default=[],
+        help='what is left, as "x > 0" or "x > 0 | y < 2"; several leave what is in all',
+    )
+    group.add_argument(
+        "--view", metavar="VIEW", help="iso, from three quarters, or across two axes: xy, xz, yz"
+    )
+    group.add_argument("--eye", metavar="X,Y,Z", type=_point, help="where the camera is")
+    group.add_argument("--look-at", metavar="X,Y,Z", type=_point, help="what it looks at")
+    group.add_argument("--fov", metavar="DEGREES", type=float, help="vertical angle of view")
+    group.add_argument("--plot", metavar="N", type=int, help="as plot N of the file shows it")
+
+
+def look_of(arguments: argparse.Namespace) -> Look:
+    """How the model is looked at."""
+    from halfstep.models import Look
+
+    return Look(
+        color_by=arguments.color_by,
+        hide=tuple(arguments.hide),
+        only=tuple(arguments.only),
+        clip=tuple(arguments.clip),
+        view=arguments.view,
+        eye=arguments.eye,
+        look_at=arguments.look_at,
+        fov_degrees=arguments.fov,
+        plot=arguments.plot,
+    )
+
+
+def _point(text: str) -> tuple[float, float, float]:
+    """Three numbers between commas."""
+    number = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
+    match = re.fullmatch(f"{number},{number},{number}", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y,Z, as 10,-20,5")
+    return float(match[1]), float(match[2]), float(match[3])

@@ -1,0 +1,6 @@
+"""Files of other programs, read as scenes: geometry of OpenMC and models of OpenSCAD."""
+
+from halfstep.models.look import Look
+from halfstep.models.reading import as_scene, check, is_geometry, is_model, load
+
+__all__ = ["Look", "as_scene", "check", "is_geometry", "is_model", "load"]

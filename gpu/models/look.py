@@ -1,0 +1,245 @@
+"""How a model of another program is looked at: its colours, its camera, and what is cut away."""
+
+from __future__ import annotations
+
+import colorsys
+import functools
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from halfstep.errors import UsageError
+from halfstep.scene import placement
+from halfstep.scene.faults import show
+from halfstep.scene.formula import Formula, Leaf, Sense, parse, with_leaves
+from halfstep.scene.values import Array, Vector
+
+Table = dict[str, Any]
+COLORS = ("material", "cell", "group")
+# Directions from the model to the camera, and what is up in the picture.
+VIEWS = {
+    "iso": ((0.62, -1.0, 0.62), (0.0, 0.0, 1.0)),
+    "xy": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    "xz": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+    "yz": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+}
+# A narrow angle, in which sides that are parallel look so.
+FOV_DEGREES = 30.0
+# How much of the picture a model fills.
+FILLING = 0.94
+WIDTH, HEIGHT = 640, 480
+# Turns of the colour wheel from one number to the next: the golden ratio, so that neighbours differ
+# and late numbers fall between early ones.
+_TURN = (math.sqrt(5) - 1) / 2
+# Saturation and value of numbers in turn.
+_SHADES = ((0.62, 0.9), (0.45, 0.98), (0.8, 0.72))
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_OTHER = re.compile(r"[^\s|&~()]")
+_SIDE = re.compile(rf"([xyz])\s*(<=|>=|<|>)\s*({_NUMBER})")
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the command line says of a model; each replaces what the model is shown with.
+
+    Attributes:
+        color_by: what has a colour of its own, one of `COLORS`; None for materials.
+        hide: what is not shown: ``void``, ``material:4``, ``cell:7``, or names.
+        only: or what alone is.
+        clip: what is left, each as ``x > 0`` or ``x > 0 | y < 2``.
+        view: one of `VIEWS`.
+        eye: where the camera is.
+        look_at: what is in the middle of the picture.
+        fov_degrees: vertical angle of view.
+        plot: the number of a plot of the file, which says all this; what is given replaces it.
+    """
+
+    color_by: str | None = None
+    hide: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    clip: tuple[str, ...] = ()
+    view: str | None = None
+    eye: Vector | None = None
+    look_at: Vector | None = None
+    fov_degrees: float | None = None
+    plot: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse words that stand for nothing.
+
+        Raises:
+            UsageError: which, and what there is.
+        """
+        for option, word, words in (
+            ("--color-by", self.color_by, COLORS),
+            ("--view", self.view, VIEWS),
+        ):
+            if word is not None and word not in words:
+                raise UsageError(f"{option}: {show(word)} is none of {', '.join(words)}")
+
+
+def color_of(number: int) -> list[float]:
+    """A colour, linear RGB, that a number always has and its neighbours have not."""
+    saturation, value = _SHADES[number % len(_SHADES)]
+    encoded = colorsys.hsv_to_rgb(number * _TURN % 1.0, saturation, value)
+    return [linear(each) for each in encoded]
+
+
+def linear(encoded: float) -> float:
+    """A component of sRGB, 0…1, as light."""
+    if encoded <= 0.04045:
+        return round(encoded / 12.92, 4)
+    return round(((encoded + 0.055) / 1.055) ** 2.4, 4)
+
+
+@dataclass(frozen=True)
+class Clip:
+    """What is left of a model.
+
+    Attributes:
+        first: the number of the first plane.
+        surfaces: tables of planes.
+        region: a formula over them, everywhere where there is none.
+    """
+
+    first: int
+    surfaces: list[Table] = field(default_factory=list)
+    region: Formula | None = None
+
+
+def clip_of(texts: Sequence[str], first: int) -> Clip:
+    """The planes and the region of ``--clip``, whose surfaces are numbered from ``first``.
+
+    Raises:
+        UsageError: a text is no comparison, nor several joined by ``&``, ``|``, ``~`` and ( ).
+    """
+    surfaces: list[Table] = []
+    regions: list[Formula] = []
+    for text in texts:
+        sides: list[Formula] = []
+
+        def number(match: re.Match[str], sides: list[Formula] = sides) -> str:
+            axis, comparison, distance = match.groups()
+            surfaces.append(plane("xyz".index(axis), float(distance), first + len(surfaces)))
+            sides.append(Sense(surfaces[-1]["id"], comparison[0] == ">"))
+            return f"{len(sides)}"
+
+        rest = _SIDE.sub("", text)
+        try:
+            if rest == text or _OTHER.search(rest):
+                raise ValueError("is no comparison")
+            formula = parse(_SIDE.sub(number, text))
+        except ValueError:
+            raise UsageError(
+                f'--clip: {show(text)} is not what it takes, as "x > 0" or "x > 0 | y <= 2"'
+            ) from None
+        regions.append(with_leaves(formula, functools.partial(_side, sides)))
+    if not regions:
+        return Clip(first)
+    region = regions[0]
+    for other in regions[1:]:
+        region = region & other
+    return Clip(first, surfaces, region)
+
+
+def _side(sides: list[Formula], leaf: Leaf) -> Formula:
+    """The side that stands for the n-th comparison of a text."""
+    assert isinstance(leaf, Sense)
+    assert isinstance(leaf.surface, int)
+    return sides[leaf.surface - 1]
+
+
+def plane(axis: int, distance: float, number: int) -> Table:
+    """The table of a plane across an axis of the coordinates."""
+    table: Table = {"id": number, "kind": "plane"}
+    if axis < 2:
+        table["axis"] = [float(axis == 0), float(axis == 1), 0.0]
+    if distance:
+        table["origin"] = [distance * (axis == each) for each in range(3)]
+    return table
+
+
+def both(first: Formula | None, second: Formula | None) -> Formula | None:
+    """What lies in two regions, of which either may be everywhere."""
+    if first is None or second is None:
+        return second if first is None else first
+    return first & second
+
+
+def camera_of(look: Look, box: Array, given: Table | None = None) -> Table:
+    """The camera that shows a box (2, 3), or the one that is asked for.
+
+    Args:
+        look: by options, which replace all else.
+        box: what is to be seen.
+        given: or by the file.
+
+    Raises:
+        UsageError: it would look from where it looks at, or along what is up.
+    """
+    direction, upwards = VIEWS[look.view or "iso"]
+    fov = FOV_DEGREES if look.fov_degrees is None else look.fov_degrees
+    if not 0 < fov < 180:
+        raise UsageError(f"--fov: {fov:g} is not between 0 and 180")
+    if given is not None and look.view is None:
+        asked = {"center": look.eye, "look_at": look.look_at, "fov_degrees": look.fov_degrees}
+        return given | {key: each for key, each in asked.items() if each is not None}
+    center = box.mean(axis=0)
+    target = center if look.look_at is None else np.array(look.look_at)
+    if look.eye is not None:
+        eye = np.array(look.eye)
+        if not np.abs(target - eye).max() > 0:
+            raise UsageError("--eye: is where the camera looks at")
+        if np.linalg.norm(np.cross(placement.unit(target - eye), upwards)) < 1e-6:
+            upwards = (0.0, 1.0, 0.0) if abs(upwards[1]) < 0.5 else (0.0, 0.0, 1.0)
+    else:
+        eye = target + _distance(box, target, direction, upwards, fov) * placement.unit(
+            np.array(direction)
+        )
+    return {
+        "center": eye.tolist(),
+        "look_at": target.tolist(),
+        "up": list(upwards),
+        "fov_degrees": fov,
+    }
+
+
+def _distance(box: Array, target: Array, direction: Vector, up: Vector, fov: float) -> float:
+    """How far from the target a camera sees all corners of a box."""
+    back = placement.unit(np.array(direction))
+    right = placement.unit(np.cross(up, back))
+    axes = np.array([right, np.cross(back, right), back])
+    corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    across, above, nearer = axes @ (corners - target).T
+    half = math.tan(math.radians(fov) / 2) * FILLING
+    needed = np.maximum(np.abs(above), np.abs(across) * HEIGHT / WIDTH) / half + nearer
+    return max(float(needed.max()), 1e-9)
+
+
+def lights_of(camera: Table) -> list[Table]:
+    """A light from the left above the camera, and a weaker one from it."""
+    back = placement.unit(np.subtract(camera["center"], camera["look_at"]))
+    right = placement.unit(np.cross(camera["up"], back))
+    above = np.cross(back, right)
+    direction = back - 0.55 * right + 0.75 * above
+    return [
+        {"direction": direction.round(6).tolist(), "color": [0.8, 0.8, 0.8]},
+        {"direction": back.round(6).tolist(), "color": [0.25, 0.25, 0.25]},
+    ]
+
+
+def degrees_of(rotation: Array) -> list[float]:
+    """``rotation_degrees`` [rx, ry, rz] of a rotation (3, 3), R = Rz·Ry·Rx."""
+    flat = math.hypot(rotation[0, 0], rotation[1, 0])
+    y = math.atan2(-rotation[2, 0], flat)
+    if flat > 1e-9:
+        x = math.atan2(rotation[2, 1], rotation[2, 2])
+        z = math.atan2(rotation[1, 0], rotation[0, 0])
+    else:
+        # Turns about x and z are about one axis: all of it about x.
+        x, z = math.atan2(-rotation[1, 2], rotation[1, 1]), 0.0
+    return [math.degrees(angle) + 0.0 for angle in (x, y, z)]

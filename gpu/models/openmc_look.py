@@ -1,0 +1,130 @@
+"""Which cells of an OpenMC geometry are shown, and in which colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from halfstep.errors import UsageError
+from halfstep.models.look import Look, Table, color_of
+from halfstep.models.openmc import Cell, Geometry
+from halfstep.models.openmc_plots import Plot
+from halfstep.scene.faults import hint, show
+
+VOID = "void"
+
+
+@dataclass
+class _Named:
+    """What names of the command line stand for.
+
+    Attributes:
+        materials: numbers of materials, None for void.
+        cells: numbers of cells.
+    """
+
+    materials: set[int | None] = field(default_factory=set)
+    cells: set[int] = field(default_factory=set)
+
+
+class Shown:
+    """What is shown of a geometry.
+
+    Attributes:
+        materials: tables of the materials asked for so far.
+    """
+
+    def __init__(self, geometry: Geometry, look: Look, plot: Plot | None) -> None:
+        self._geometry, self._plot = geometry, plot
+        self._color_by = look.color_by or ("material" if plot is None else plot.color_by)
+        # Those of a plot are of the numbers that it colours by.
+        is_of_plot = plot is not None and self._color_by == plot.color_by
+        self._colors = plot.colors if plot is not None and is_of_plot else {}
+        self._hidden = self._named("--hide", look.hide)
+        self._only = self._named("--only", look.only) if look.only else None
+        materials = {material for cell in geometry.cells for material in cell.materials}
+        # Of a model without materials the void is all there is to see.
+        self._is_void_seen = materials == {None}
+        self._tables: dict[str, Table] = {}
+        self._titles: dict[int, str] = {}
+        given = list(geometry.materials.values())
+        for number in sorted(materials - {None}, key=lambda each: each or 0):
+            assert number is not None
+            name = geometry.materials.get(number, "")
+            own = f"material {number}"
+            self._titles[number] = f"{name} ({number})" if given.count(name) > 1 else name or own
+
+    @property
+    def materials(self) -> list[Table]:
+        """The tables of materials that were asked for."""
+        return [*self._tables.values()]
+
+    def is_hidden(self, cell: Cell) -> bool:
+        """Whether a cell is hidden with all that is in it."""
+        return cell.id in self._hidden.cells
+
+    def is_chosen(self, cell: Cell) -> bool:
+        """Whether a cell is shown because it is named."""
+        return self._only is not None and cell.id in self._only.cells
+
+    def is_seen(self, cell: Cell, material: int | None, *, chosen: bool) -> bool:
+        """Whether a cell that nothing fills is shown; ``chosen``, for what it is in."""
+        if self.is_hidden(cell) or material in self._hidden.materials:
+            return False
+        if self._only is not None:
+            if self.is_chosen(cell) or material in self._only.materials:
+                return True
+            if not chosen:
+                return False
+        if self._plot is not None and self._plot.opaque is not None:
+            number = cell.id if self._plot.color_by == "cell" else material
+            return number in self._plot.opaque
+        return material is not None or self._is_void_seen
+
+    def finish(self, cell: Cell, material: int | None) -> Table:
+        """The keys of a cell's table that say what it is made of."""
+        numbers = {"material": material, "cell": cell.id, "group": cell.universe}
+        number = numbers[self._color_by]
+        if material is None:
+            return {"color": self._color(cell.id if number is None else number)}
+        name = self._titles[material]
+        if self._color_by != "material":
+            what = "universe" if self._color_by == "group" else self._color_by
+            name += f" of {what} {number}"
+        if name not in self._tables:
+            assert number is not None
+            table: Table = {"name": name, "id": material, "color": self._color(number)}
+            self._tables[name] = table
+        return {"material": name}
+
+    def _color(self, number: int) -> list[float]:
+        return self._colors.get(number) or color_of(number)
+
+    def _named(self, option: str, names: Iterable[str]) -> _Named:
+        """What names stand for.
+
+        Raises:
+            UsageError: one stands for nothing.
+        """
+        geometry, found = self._geometry, _Named()
+        numbers = {str(cell.id): cell.id for cell in geometry.cells}
+        materials = {material for cell in geometry.cells for material in cell.materials}
+        for name in names:
+            kind, colon, number = name.partition(":")
+            if name == VOID:
+                found.materials.add(None)
+            elif colon and kind == "material" and number.isdecimal() and int(number) in materials:
+                found.materials.add(int(number))
+            elif colon and kind == "cell" and number in numbers:
+                found.cells.add(numbers[number])
+            else:
+                own = {each for each, text in geometry.materials.items() if text == name}
+                cells = {cell.id for cell in geometry.cells if cell.name == name}
+                if not own and not cells:
+                    known = {*geometry.materials.values(), *(cell.name for cell in geometry.cells)}
+                    kinds = "void, material:4 and cell:7 are names, and those of the file"
+                    help_ = hint(name, sorted(known - {""}), f"{kinds}:")
+                    raise UsageError(f"{option}: {show(name)} is not in {geometry.name}; {help_}")
+                found.materials |= own
+                found.cells |= cells
+        return found

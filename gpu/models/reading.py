@@ -1,0 +1,88 @@
+"""Scenes from files of any kind: those of Halfstep, and those of other programs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from halfstep.errors import SceneError, UsageError
+from halfstep.models import openmc_scene, openscad_scene
+from halfstep.models.findings import Report
+from halfstep.models.look import Look
+from halfstep.models.openmc_check import RAYS, Checker, box_around
+from halfstep.models.openmc_plots import read_plot
+from halfstep.models.openmc_reading import read_geometry
+from halfstep.models.openscad import read_source
+from halfstep.models.shape import scene_of
+from halfstep.scene import Scene, SceneLike, reading
+
+# Endings of the files of other programs.
+ENDINGS = (".xml", ".csg", ".jsurf")
+
+
+def is_model(path_or_name: object) -> bool:
+    """Whether a path is of a file of another program."""
+    return (
+        isinstance(path_or_name, str | os.PathLike) and Path(path_or_name).suffix.lower() in ENDINGS
+    )
+
+
+def is_geometry(path_or_name: object) -> bool:
+    """Whether a path is of a geometry of OpenMC, whose cells may overlap."""
+    return is_model(path_or_name) and Path(str(path_or_name)).suffix.lower() == ".xml"
+
+
+def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scene:
+    """A scene from a file, or a bundled one by its name.
+
+    Args:
+        path_or_name: a path that ends in ``.toml``, or in what a file of another program ends in,
+            as ``geometry.xml``; or one of `bundled_scenes`.
+        look: how a file of another program is looked at.
+
+    Raises:
+        SceneError: where there is no such scene, or with every fault it has.
+        UsageError: the look is of what the file has not, or of a file of Halfstep.
+    """
+    if is_model(path_or_name):
+        path, given, seen = Path(path_or_name), os.fspath(path_or_name), look or Look()
+        match path.suffix.lower():
+            case ".csg":
+                model = openscad_scene.scene_tables(read_source(path, given), seen)
+            case ".jsurf":
+                raise SceneError(
+                    f"{given}: a surface of SURFER, which is of any degree; those drawn are of the "
+                    "second"
+                )
+            case _:
+                geometry = read_geometry(path, given)
+                plot = None if seen.plot is None else read_plot(path, given, seen.plot)
+                model = openmc_scene.scene_tables(geometry, seen, plot)
+        return scene_of(model, seen)
+    if look is not None and look != Look():
+        raise UsageError(
+            f"{path_or_name}: says itself how it is looked at; that is for others' files"
+        )
+    return reading.load(path_or_name)
+
+
+def as_scene(given: SceneLike) -> Scene:
+    """The scene that ``given`` stands for; as `halfstep.scene.as_scene`, and others' files."""
+    if isinstance(given, str | os.PathLike) and is_model(given):
+        return load(given)
+    return reading.as_scene(given)
+
+
+def check(path: str | os.PathLike[str], *, rays: int = RAYS, points: int = 0) -> Report:
+    """Overlaps and gaps of a file of another program.
+
+    Args:
+        path: of the file.
+        rays: how many lie side by side on a side of the square from which they come.
+        points: how many are asked besides, drawn in the box around the model.
+
+    Raises:
+        SceneError: with every fault of the text.
+    """
+    geometry = read_geometry(Path(path), os.fspath(path))
+    return Checker(geometry, box_around(geometry)).check(rays, points)

@@ -1,0 +1,75 @@
+"""Regions over numbered surfaces: what they are over, and boxes (2, 3) around them.
+
+A box holds least and greatest coordinates, which are infinite where nothing ends something.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from halfstep.host.boxes import box_of
+from halfstep.host.formulas import Senses, normal_form
+from halfstep.scene.formula import AllOf, AnyOf, Formula, Not, Sense, leaves
+from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
+from halfstep.scene.values import Array
+
+
+def sides_of(formula: Formula) -> Iterator[tuple[int, int]]:
+    """The number of each surface in a region, and the column of its side in the text."""
+    for leaf in leaves(formula):
+        assert isinstance(leaf, Sense)
+        assert isinstance(leaf.surface, int)
+        yield leaf.surface, leaf.column
+
+
+def region_of(formula: Formula) -> tuple[list[int], Region]:
+    """The numbers of the surfaces of a region, and the region over these."""
+    numbers = list(dict.fromkeys(number for number, _ in sides_of(formula)))
+    return numbers, _region({number: index for index, number in enumerate(numbers)}, formula)
+
+
+def _region(index: dict[int, int], formula: Formula) -> Region:
+    match formula:
+        case Sense(int(surface), positive):
+            return Literal(index[surface], positive)
+        case Not(of):
+            return Complement(_region(index, of))
+        case AllOf(of):
+            return Intersection(tuple(_region(index, each) for each in of))
+        case AnyOf(of):
+            return Union(tuple(_region(index, each) for each in of))
+    raise AssertionError("regions name no words")
+
+
+def box_of_region(formula: Formula, matrices: Mapping[int, Array]) -> Array | None:
+    """The box of a region, given the matrix (4, 4) of each surface; None of one without a point."""
+    numbers, region = region_of(formula)
+    own = np.array([matrices[number] for number in numbers])
+    return box_of(normal_form(region, Senses(range(len(own)), [False] * len(own))), own)
+
+
+def common(first: Array | None, second: Array | None) -> Array | None:
+    """What two boxes have in common, None where that is nothing."""
+    if first is None or second is None:
+        return None
+    low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
+    return None if (low > high).any() else np.array([low, high])
+
+
+def hull(boxes: Iterable[Array | None]) -> Array | None:
+    """The box around boxes, None around none."""
+    found = [box for box in boxes if box is not None]
+    if not found:
+        return None
+    return np.array([np.min(found, axis=0)[0], np.max(found, axis=0)[1]])
+
+
+def moved(box: Array, linear: Array, shift: Array) -> Array:
+    """The box around a box that was turned by (3, 3), and then moved by (3,)."""
+    with np.errstate(invalid="ignore"):
+        ends = linear[None] * box[:, None]
+    # What does not go along an axis has no part in it, however far it goes.
+    ends = np.where(linear[None] == 0.0, 0.0, ends)
+    return np.array([ends.min(axis=0).sum(axis=1) + shift, ends.max(axis=0).sum(axis=1) + shift])

@@ -1,0 +1,183 @@
+"""A model of another program on its way to a scene: what ends it, and what of it is empty."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from halfstep.errors import SceneError
+from halfstep.host.boxes import box_of
+from halfstep.host.formulas import Senses, normal_form
+from halfstep.host.regions import compiled
+from halfstep.models.look import Clip, Look, Table, both, camera_of, lights_of, plane
+from halfstep.scene import Fragment, Scene
+from halfstep.scene.formula import Formula, Sense
+from halfstep.scene.values import Array
+
+# Where nothing ends a model, this part of its size on each side of its middle is shown.
+OPEN_PART = 0.25
+# The volume is wider than the model by this part of its size, so that no face lies in a base plane.
+VOLUME_MARGIN = 2.0**-10
+# Cells meet everywhere in a model, and where they do a ray may pass one of them within a step: so
+# the step is small.
+TOLERANCE_PIXELS = 0.02
+NOTHING = "nothing of it is shown"
+FragmentT = TypeVar("FragmentT", bound=Fragment)
+
+
+@dataclass(frozen=True)
+class Model:
+    """The tables of a scene without camera and lights.
+
+    Attributes:
+        name: of the file, for people.
+        tables: of the scene, by their keys.
+        box: (2, 3), around all that is shown.
+        camera: keys of the camera that the file asks for, None where it asks for none.
+    """
+
+    name: str
+    tables: Table
+    box: Array
+    camera: Table | None = None
+
+
+def scene_of(model: Model, look: Look) -> Scene:
+    """The scene of a model, seen by the camera that is asked for, or else from three quarters.
+
+    Raises:
+        SceneError: there is more in it than a scene may hold, or nothing is shown.
+    """
+    camera = camera_of(look, model.box, model.camera)
+    margin = VOLUME_MARGIN * max(float(np.ptp(model.box, axis=0).max()), 1e-9)
+    mapping = {
+        "format": 1,
+        "title": model.name,
+        "camera": camera,
+        "light": lights_of(camera),
+        "ambient": {"color": [0.12, 0.12, 0.12]},
+        "image": {"background": [1.0, 1.0, 1.0]},
+        "accuracy": {"tolerance_pixels": TOLERANCE_PIXELS},
+        "volume": {
+            "min": (model.box[0] - margin).tolist(),
+            "max": (model.box[1] + margin).tolist(),
+        },
+        **{key: tables for key, tables in model.tables.items() if tables},
+    }
+    scene = without_empty(Scene.from_dict(mapping, model.name))
+    if not _is_something_shown(scene):
+        raise SceneError(f"{model.name}: {NOTHING}")
+    return scene
+
+
+def without_empty(fragment: FragmentT) -> FragmentT:
+    """A scene or group whose cells are not visible where no point is in them.
+
+    A clip leaves nothing of some cells, and of others a face without thickness.
+    """
+    groups = tuple(map(without_empty, fragment.groups))
+    shown = np.array([cell.is_shown for cell in fragment.cells], np.bool_)
+    if not shown.any():
+        return fragment.model_copy(update={"groups": groups})
+    matrices = np.array([function.matrix for function in fragment.functions()]).reshape(-1, 4, 4)
+    regions = fragment.names().regions
+    senses = Senses(range(len(matrices)), [False] * len(matrices))
+    program = compiled(matrices, regions, shown, None)
+    kept = set() if program is None else set(program.cells.tolist())
+    for ix in sorted(kept):
+        if box_of(normal_form(regions[ix], senses), matrices) is None:
+            kept.remove(ix)
+    cells = tuple(
+        cell.model_copy(update={"visible": False}) if shown[ix] and ix not in kept else cell
+        for ix, cell in enumerate(fragment.cells)
+    )
+    return fragment.model_copy(update={"groups": groups, "cells": cells})
+
+
+def _is_something_shown(fragment: Fragment) -> bool:
+    return any(cell.is_shown for cell in fragment.cells) or any(
+        map(_is_something_shown, fragment.groups)
+    )
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What ends a model.
+
+    Attributes:
+        surfaces: tables of the planes that cut it.
+        box: (2, 3), around all that is shown.
+    """
+
+    surfaces: list[Table]
+    box: Array
+
+
+def end_of(name: str, cells: Sequence[Table], boxes: Sequence[Array | None], clip: Clip) -> Ended:
+    """Hide the cells outside of a model, and cut all others where it is cut or nothing ends it.
+
+    A cell without an end along an axis along which others end is what is around the model.
+
+    Args:
+        name: of the file, for people.
+        cells: tables of the outermost cells; they are changed.
+        boxes: around what is seen of each, None where that is nothing.
+        clip: what is left of it.
+
+    Raises:
+        SceneError: nothing is shown.
+    """
+    seen = [ix for ix, box in enumerate(boxes) if box is not None]
+    found = np.array([boxes[ix] for ix in seen]).reshape(-1, 2, 3)
+    has_end = np.isfinite(found).all(axis=1)
+    is_outside = (~has_end & has_end.any(axis=0)).any(axis=1)
+    for place, ix in enumerate(seen):
+        if is_outside[place]:
+            axes = ", ".join("xyz"[axis] for axis in np.flatnonzero(~has_end[place]))
+            number = cells[ix].get("id", "")
+            warnings.warn(
+                f"{name}: cell {number}: nothing ends it along {axes}; it is not shown",
+                stacklevel=2,
+            )
+            cells[ix].pop("fill", None)
+            cells[ix]["visible"] = False
+    left = found[~is_outside]
+    if not len(left):
+        raise SceneError(f"{name}: {NOTHING}")
+    box = np.array([left[:, 0].min(axis=0), left[:, 1].max(axis=0)])
+    surfaces, region = [*clip.surfaces], clip.region
+    for axis, side, distance in _missing_ends(box):
+        number = clip.first + len(surfaces)
+        surfaces.append(plane(axis, distance, number))
+        region = both(region, Sense(number, positive=side == 0))
+        box[side, axis] = distance
+    open_axes = [axis for axis in range(3) if not has_end[~is_outside][:, axis].any()]
+    for axis in open_axes:
+        low, high = box[:, axis]
+        warnings.warn(
+            f"{name}: nothing ends it along {'xyz'[axis]}; shown is {low:g} to {high:g}",
+            stacklevel=2,
+        )
+    for place, ix in enumerate(seen):
+        if not is_outside[place] and region is not None:
+            own: Formula | None = cells[ix].get("region")
+            cells[ix]["region"] = both(own, region)
+    return Ended(surfaces, box)
+
+
+def _missing_ends(box: Array) -> list[tuple[int, int, float]]:
+    """Axis, side and place of the planes that a box lacks."""
+    sizes = np.ptp(np.where(np.isfinite(box), box, 0.0), axis=0)[np.isfinite(box).all(axis=0)]
+    reach = OPEN_PART * float(sizes.max(initial=0.0)) or 1.0
+    found: list[tuple[int, int, float]] = []
+    for axis in range(3):
+        low, high = box[:, axis].tolist()
+        if np.isinf(low):
+            found.append((axis, 0, (0.0 if np.isinf(high) else high - reach) - reach))
+        if np.isinf(high):
+            found.append((axis, 1, (0.0 if np.isinf(low) else low + reach) + reach))
+    return found
