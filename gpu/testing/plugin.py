@@ -101,11 +101,9 @@ def pytest_terminal_summary(
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Name the results that a test keeps for it."""
-    folder = item.config.getoption("--halfstep-results-path")
-    if folder is None:
-        return (yield)
-    from halfstep.testing.results import results_of
+    """Tell what is called in a test where it is, and name its results for it."""
+    from halfstep.testing.results import running
 
-    with results_of(item.nodeid, folder):
+    folder = item.config.getoption("--halfstep-results-path")
+    with running(item.nodeid, item.path, folder, regenerates=False):
         return (yield)
