@@ -68,12 +68,15 @@ def halfstep_adapter() -> Adapter:
 def halfstep_device(halfstep_adapter: Adapter) -> Iterator[GpuDevice]:
     """The wgpu.GPUDevice that shaders are tested on; override it to test on one of your own.
 
-    It has 64-bit integers, 16- and 64-bit floats and subgroups where the adapter has them.
+    It has 64-bit integers, 16- and 64-bit floats, subgroups and more formats of textures where the
+    adapter has them.
     """
     from halfstep.device.adapters import close_device, open_device
+    from halfstep.device.textures import FEATURES as OF_TEXTURES
     from halfstep.testing.types import FEATURES
 
-    features = {*FEATURES.values(), "subgroup"} & halfstep_adapter.handle.features
+    wanted = {*FEATURES.values(), *OF_TEXTURES, "subgroup"}
+    features = wanted & halfstep_adapter.handle.features
     device = open_device(halfstep_adapter, features=features)
     yield device
     close_device(device)

@@ -116,7 +116,9 @@ def _texture(binding: Binding, type_: Texture, value: Any, device: GpuDevice) ->
     axes = _AXES[type_.dimension]
     channels = texels.shape[len(axes) :] or (1,)
     layers = texels.shape[: len(axes)]
-    whole = texels.reshape(*[1] * (3 - len(layers)), *layers, *channels)
+    # In an array the first channel is red, in a format it may be blue.
+    order = [2, 1, 0, 3] if name == "bgra8unorm" else slice(None)
+    whole = texels.reshape(*[1] * (3 - len(layers)), *layers, *channels)[..., order]
     bound = BoundTexture(
         binding.group,
         binding.number,
@@ -126,7 +128,11 @@ def _texture(binding: Binding, type_: Texture, value: Any, device: GpuDevice) ->
         texels.dtype != np.float32 or FILTERABLE in device.features,
         whole,
     )
-    return Given(bound, lambda raw: raw.view(texels.dtype).reshape(texels.shape), texels.dtype)
+
+    def value_of(raw: Bytes) -> Values:
+        return raw.view(texels.dtype).reshape(whole.shape)[..., order].reshape(texels.shape)
+
+    return Given(bound, value_of, texels.dtype)
 
 
 def _texels(type_: Texture, value: Any, where: str) -> tuple[str, Values]:
