@@ -36,7 +36,7 @@ class Call:
     """A function with all that it is given.
 
     Attributes:
-        name: of the source, for messages.
+        module: the source.
         kernel: what calls the function.
         parameters: their names, in order.
         returns: names of the answers; None where only the result is asked for.
@@ -46,7 +46,7 @@ class Call:
         constants: values of overrides, as a pipeline takes them.
     """
 
-    name: str
+    module: Module
     kernel: Kernel
     parameters: tuple[str, ...]
     returns: tuple[str, ...] | None

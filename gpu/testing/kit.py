@@ -400,10 +400,8 @@ class Kit:
         Raises:
             UsageError: it does not.
         """
-        try:
+        with _Located(module):
             self._compute.compile(module.text, module.name)
-        except UsageError as error:
-            raise UsageError(module.relocated(str(error))) from None
 
     def _constants(self, module: Module, given_: Mapping[str, Any]) -> dict[str, float]:
         _check_mapping("constants", given_)
@@ -452,9 +450,10 @@ class Kit:
         """Run an entry point; the bytes of what it may have written to and is not held."""
         code, watched = self._shader(module, entry_point), self._is_watched(module, entry_point)
         all_ = [*bound, _watched(first_free(module, entry_point))] if watched else bound
-        raws = self._compute.run(
-            code, entry_point, all_, grid, name=module.name, constants=constants
-        )
+        with _Located(module):
+            raws = self._compute.run(
+                code, entry_point, all_, grid, name=module.name, constants=constants
+            )
         if watched:
             self._check_watched(module.name, entry_point, raws.pop())
         return raws
@@ -494,7 +493,7 @@ class Kit:
                 raise UsageError(
                     f"{module.name}: {function}: returns: nothing can be written to {name}"
                 )
-        return Call(module.name, kernel_, parameters, returns, rows, lead, bound, values)
+        return Call(module, kernel_, parameters, returns, rows, lead, bound, values)
 
     def _run(self, call: Call) -> dict[str, Any]:
         """The answers: of rows (rows, …), of what is bound as it comes back."""
@@ -534,16 +533,17 @@ class Kit:
             bound.append(Bound(0, numbers["results"], "storage", raw))
         if kernel_.watched:
             bound.append(_watched(numbers["watched"]))
-        raws = self._compute.run(
-            kernel_.code,
-            kernel_.entry_point,
-            bound,
-            (-(-rows // WORKGROUP), 1, 1),
-            name=call.name,
-            constants=call.constants,
-        )
+        with _Located(call.module):
+            raws = self._compute.run(
+                kernel_.code,
+                kernel_.entry_point,
+                bound,
+                (-(-rows // WORKGROUP), 1, 1),
+                name=call.module.name,
+                constants=call.constants,
+            )
         if kernel_.watched:
-            self._check_watched(call.name, kernel_.function, raws.pop())
+            self._check_watched(call.module.name, kernel_.function, raws.pop())
         if kernel_.given is None:
             return {}
         return kernel_.row_answers(unpack(kernel_.given, raws[-1], rows))
@@ -584,6 +584,20 @@ class Kit:
                     f"{function} uses {scalar}, and the device on {self._compute.stack['adapter']} "
                     f"has no {feature}"
                 )
+
+
+@dataclass(frozen=True)
+class _Located:
+    """Tells what the compiler says with the files and lines of the source."""
+
+    module: Module
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
+        if isinstance(error, UsageError):
+            raise UsageError(self.module.relocated(str(error))) from None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from operator import methodcaller
 from pathlib import Path
+from typing import Any
 
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.testing.results import folder_of_test
@@ -19,7 +20,7 @@ from halfstep.text import decoded
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 One = str | os.PathLike[str]
-Source = One | list[One] | tuple[One, ...]
+Source = One | Sequence[One]
 # What makes WGSL of a text that is none yet.
 Preprocess = Callable[[str], str]
 
@@ -28,7 +29,7 @@ SUFFIX = ".wgsl"
 _WGSL = re.compile(r"[{};\n\r]|//\s|/\*")
 _MARK = "\ufeff"
 # How the compiler tells a place, and a line that it shows.
-_PLACE = re.compile(r"(┌─ ).*:(\d+)(:\d+)$")
+_PLACE = re.compile(r"(┌─ ).*:(\d+)(:\d+)$", re.MULTILINE)
 _SHOWN = re.compile(r"^( *)(\d+)( [│╭])")
 
 
@@ -88,20 +89,28 @@ class Text:
         if len(self.parts) == 1 and self.parts[0].text == self.parts[0].original:
             return message
         places = [place for part in self.parts for place in part.lines]
+        if match := _PLACE.search(message):
+            name, _ = _found(match, places)
+            message = message.replace(f"{self.name}: ", f"{name}: ", 1)
         return "\n".join(_relocated(message.split("\n"), places))
 
 
 def _relocated(lines: Sequence[str], places: Sequence[tuple[str, int]]) -> Iterator[str]:
     for line in lines:
         if match := _PLACE.search(line):
-            name, number = places[min(int(match[2]), len(places)) - 1]
+            name, number = _found(match, places)
             yield f"{line[: match.start()]}{match[1]}{name}:{number}{match[3]}"
         elif match := _SHOWN.search(line):
-            _, number = places[min(int(match[2]), len(places)) - 1]
+            _, number = _found(match, places)
             width = len(match[1]) + len(match[2])
             yield f"{number:>{width}}{line[match.start(3) :]}"
         else:
             yield line
+
+
+def _found(match: re.Match[str], places: Sequence[tuple[str, int]]) -> tuple[str, int]:
+    """The file and line of a line of the whole; what stands behind the end is in its last."""
+    return places[min(int(match[2]), len(places)) - 1]
 
 
 def read(source: Source, preprocess: Preprocess | None = None) -> Text:
@@ -111,7 +120,7 @@ def read(source: Source, preprocess: Preprocess | None = None) -> Text:
         UsageError: as `named_text`; or there is no text, or a preprocessor gives something else.
     """
     several = isinstance(source, list | tuple)
-    sources: Sequence[One] = source if isinstance(source, list | tuple) else [source]
+    sources: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
     if not sources:
         raise UsageError("source: an empty list")
     parts = []
