@@ -227,7 +227,7 @@ class Compute:
         def make() -> tuple[object, list[object]]:
             module = self.compile(code, name)
             with wgpu_errors(self.label):
-                layouts = group_layouts(self.device, bound, "COMPUTE")
+                layouts = group_layouts(self.device, bound, "COMPUTE", written="COMPUTE")
                 pipeline = self.device.create_compute_pipeline(
                     label=name,
                     layout=self.device.create_pipeline_layout(bind_group_layouts=layouts),
@@ -244,12 +244,22 @@ class Compute:
         return self._pipelines.get_or_make(key, make)
 
 
-def group_layouts(device: GpuDevice, bound: Sequence[Bindable], stage: str) -> list[object]:
-    """The layouts of all groups of bindings that a stage sees."""
+def group_layouts(
+    device: GpuDevice, bound: Sequence[Bindable], read: str, *, written: str
+) -> list[object]:
+    """The layouts of all groups of bindings.
+
+    ``read`` are the stages that see what is only read, ``written`` those that see what a shader may
+    write to.
+    """
     return [
         device.create_bind_group_layout(
             entries=[
-                {"binding": one.number, "visibility": stage, **one.layout}
+                {
+                    "binding": one.number,
+                    "visibility": written if one.is_written else read,
+                    **one.layout,
+                }
                 for one in bound
                 if one.group == group
             ]

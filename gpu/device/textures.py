@@ -59,6 +59,8 @@ FORMATS = {
     for channels in ("r", "rg", "rgba")
 } | {"bgra8unorm": Format(np.dtype("u1"), 4, "f32", "bgra8unorm-storage")}
 DEPTH = "depth32float"
+# How depths are drawn over those that are there.
+OVERWRITES = {"format": DEPTH, "depth_write_enabled": True, "depth_compare": "always"}
 
 
 @dataclass(frozen=True)
@@ -186,11 +188,13 @@ def read_texels(
     texture: GpuTexture,
     shape: tuple[int, ...],
     dtype: np.dtype[np.generic],
+    *,
+    aspect: str = "all",
 ) -> Bytes:
     """The bytes of the texels of a texture, (layers or depth, height, width, channels)."""
     layers, height, width, channels = shape
     data = device.queue.read_texture(
-        {"texture": texture},
+        {"texture": texture, "aspect": aspect},
         {"bytes_per_row": width * channels * dtype.itemsize, "rows_per_image": height},
         (width, height, layers),
     )
@@ -218,11 +222,7 @@ def _draw_depth(device: GpuDevice, texture: GpuTexture, texels: Array) -> None:
         vertex={"module": module, "entry_point": "corner"},
         fragment={"module": module, "entry_point": "depth", "targets": []},
         primitive={"topology": "triangle-list"},
-        depth_stencil={
-            "format": DEPTH,
-            "depth_write_enabled": True,
-            "depth_compare": "always",
-        },
+        depth_stencil=OVERWRITES,
     )
     _, height, width, _ = texels.shape
     for layer, values in enumerate(texels):

@@ -95,6 +95,7 @@ class Census:
         first: the first rows that differ and are not ambiguous.
         stack: what the device stands on.
         lead: the axes of rows, where there are several.
+        unit: what a row is.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Census:
     first: tuple[Row, ...] = ()
     stack: Mapping[str, str] = field(default_factory=dict)
     lead: tuple[int, ...] = ()
+    unit: str = "row"
 
     @property
     def failed(self) -> int:
@@ -140,7 +142,8 @@ class Census:
 
     def __str__(self) -> str:
         """The census for people."""
-        lines = [f"{self.name}: {self.differing} of {self.rows} rows differ ({self.tolerance})"]
+        of_rows = f"{self.differing} of {self.rows} {self.unit}s"
+        lines = [f"{self.name}: {of_rows} differ ({self.tolerance})"]
         if self.ambiguous:
             lines.append(f"  {self.ambiguous} of them within the margin of a decision")
         if self.flushed:
@@ -149,14 +152,14 @@ class Census:
             lines.append(f"  {self.unwritten} of them never written")
         if self.worst_row is not None:
             lines.append(
-                f"  worst: {self.worst_ulp} ulp in row {_place(self.worst_row, self.lead)}"
+                f"  worst: {self.worst_ulp} ulp in {self.unit} {_place(self.worst_row, self.lead)}"
             )
         lines += [f"  in {name}: {count}" for name, count in self.members.items() if name]
         if self.histogram:
             bins = ", ".join(f"{label}: {count}" for label, count in self.histogram.items())
             lines.append(f"  values by distance: {bins}")
         for row in self.first:
-            lines += _row_lines(row)
+            lines += _row_lines(row, self.unit)
         if self.failed > len(self.first):
             lines.append(f"  and {self.failed - len(self.first)} more")
         if self.stack:
@@ -192,6 +195,7 @@ def take(
     member: str = "",
     lead: tuple[int, ...] = (),
     flushed: Sequence[Array] = (),
+    unit: str = "row",
 ) -> Census:
     """The census of two arrays (rows, …) of the same type, which may be structured.
 
@@ -206,6 +210,7 @@ def take(
         member: of what is compared, the name of the part that the arrays are.
         lead: the axes of rows, if there are several.
         flushed: what is right too, where a device takes subnormal numbers for zeros.
+        unit: what a row is.
     """
     rows = len(found)
     count = _counted(found, expected, tolerance, member)
@@ -232,7 +237,13 @@ def take(
         ),
         stack=stack,
         lead=lead,
+        unit=unit,
     )
+
+
+def differing(found: Array, expected: Array, tolerance: Tolerance) -> Bools:
+    """Rows (rows,) of two arrays (rows, …) that differ."""
+    return _counted(found, expected, tolerance, "").differs
 
 
 def _counted(found: Array, expected: Array, tolerance: Tolerance, member: str) -> _Count:
@@ -465,9 +476,9 @@ def _row(index: int, found: Array, expected: Array, inputs: Mapping[str, Array],
     return shown
 
 
-def _row_lines(row: Row) -> list[str]:
+def _row_lines(row: Row, unit: str) -> list[str]:
     inputs = ", ".join(f"{name} = {as_text(value)}" for name, value in row.inputs.items())
-    lines = [f"  row {_place(row.index, row.lead)}{': ' if inputs else ''}{inputs}"]
+    lines = [f"  {unit} {_place(row.index, row.lead)}{': ' if inputs else ''}{inputs}"]
     for member, value in row.found.items():
         label = f" {member}" if member else ""
         distance = f" ({row.distance[member]})" if row.distance[member] else ""

@@ -78,9 +78,10 @@ class Kernel:
         return {name: values[name] for name in self.answers}
 
 
-def first_free(module: Module, function: str) -> int:
-    """The first number in group 0 beyond those of what a function uses."""
-    taken = [binding.number for binding in module.bindings(function) if binding.group == 0]
+def first_free(module: Module, *functions: str) -> int:
+    """The first number in group 0 beyond those of what functions use."""
+    used = [binding for function in functions for binding in module.bindings(function)]
+    taken = [binding.number for binding in used if binding.group == 0]
     return 1 + max(taken, default=-1)
 
 

@@ -15,6 +15,7 @@ from halfstep.contract.arrays import Bools, Bytes
 from halfstep.device.compute import Bindable, Bound, Compute, Held, Indirect
 from halfstep.device.handles import GpuDevice
 from halfstep.device.kept import Kept
+from halfstep.device.picture import draw
 from halfstep.device.probe import loop_limit
 from halfstep.errors import AdapterError, DeviceError, HalfstepError, UsageError
 from halfstep.testing import loops
@@ -31,12 +32,22 @@ from halfstep.testing.call import (
     rows_of,
     variables_of,
 )
-from halfstep.testing.census import Census, MismatchError, Tolerance, joined, take, within
+from halfstep.testing.census import (
+    Census,
+    MismatchError,
+    Tolerance,
+    differing,
+    joined,
+    take,
+    within,
+)
+from halfstep.testing.fragment import fragment_of, size_of_picture, triangle
+from halfstep.testing.images import checked_image, difference, path_of, store, stored
 from halfstep.testing.kernel import WORKGROUP, Kernel, first_free, kernel
 from halfstep.testing.module import RESULT, Module
 from halfstep.testing.program import Program, grid_of
 from halfstep.testing.resources import Given, given
-from halfstep.testing.results import keep
+from halfstep.testing.results import keep, regenerates
 from halfstep.testing.source import Preprocess, Source, read
 from halfstep.testing.tokens import check_depth, tokens_of
 from halfstep.testing.types import (
@@ -50,7 +61,7 @@ from halfstep.testing.types import (
     round_up,
     stride_of,
 )
-from halfstep.testing.values import Values, pack, paired, prefilled, spread, unpack
+from halfstep.testing.values import Values, conform, pack, paired, prefilled, spread, unpack
 from halfstep.testing.workgroup import clearing
 
 # Of a mismatch, and of what does not fit, pytest shows the test's line and the message.
@@ -79,8 +90,8 @@ class Kit:
         self._compute = Compute(device)
         self._modules: Kept[tuple[object, ...], Module] = Kept(KEPT)
         self._kernels: Kept[tuple[object, ...], Kernel] = Kept(KEPT)
-        # Text and entry point -> what is run.
-        self._shaders: Kept[tuple[str, str], str] = Kept(KEPT)
+        # Text and entry points -> what is run.
+        self._shaders: Kept[tuple[str, ...], str] = Kept(KEPT)
 
     def check(
         self,
@@ -257,6 +268,70 @@ class Kit:
             partial(self._dispatch, module, values),
         )
 
+    def image(
+        self,
+        source: Source,
+        entry_point: str,
+        size: tuple[SupportsIndex, SupportsIndex],
+        bindings: Mapping[str, Any] | None = None,
+        *,
+        vertex: str | None = None,
+        constants: Mapping[str, Any] | None = None,
+        preprocess: Preprocess | None = None,
+    ) -> Any:
+        """Draw a fragment shader on a triangle over a whole picture.
+
+        Args:
+            source: see the class.
+            entry_point: a function with @fragment. A ``vec2<f32>`` that it takes at a location is
+                the place in the picture, from (0, 0) at the left upper corner to (1, 1).
+            size: width and height in pixels.
+            bindings: as `kernel`.
+            vertex: instead of the kit's own a function of the source with @vertex; its first three
+                vertices are the triangle.
+            constants: override -> its value.
+            preprocess: see the class.
+
+        Returns:
+            The picture, (height, width) or (height, width, channels) of the type that the shader
+            gives; of a struct of several parts a mapping of its members, where a depth is float32.
+            Pixels that are discarded or not drawn are 0.
+
+        Raises:
+            UsageError, AdapterError, DeviceError: as `check`.
+        """
+        module = self._module(source, preprocess)
+        width_height = size_of_picture(size, self.device.limits["max-texture-dimension-2d"])
+        given_, values = constants or {}, self._constants(module, constants or {})
+        _check_mapping("bindings", bindings or {})
+        with _CompilerFirst(self._compile, module):
+            names = tuple(bindings or {})
+            used = self._used(module, entry_point, names, given_, "fragment")
+            if vertex is not None:
+                used += self._used(module, vertex, names, given_, "vertex")
+            self._check_bindings(module, entry_point, bindings or {}, used)
+            fragment = fragment_of(module, entry_point)
+            corner, text = (vertex, "") if vertex else triangle(module, entry_point)
+            there = {name: self._given(module, name, (bindings or {})[name]) for name in used}
+        bound: list[Bindable] = [one.bound for one in there.values()]
+        watched = self._is_watched(module, entry_point)
+        others = [vertex] if vertex else []
+        if watched:
+            bound.append(_watched(first_free(module, entry_point, *others)))
+        code = self._shader(module, entry_point, *others)
+        with _Located(module):
+            drawn = draw(
+                self._compute,
+                fragment.drawing(f"{code}\n{text}", corner),
+                width_height,
+                bound,
+                name=module.name,
+                constants=values,
+            )
+        if watched:
+            self._check_watched(module.name, entry_point, drawn.written[-1])
+        return fragment.picture(drawn)
+
     def compare(
         self,
         found: Any,
@@ -307,6 +382,66 @@ class Kit:
         excused = within(margin, (rows,))
         return self._judge(self._census(name, values, wanted, tolerance, shown, excused))
 
+    def compare_image(
+        self,
+        found: Any,
+        expected: Any,
+        *,
+        name: str = "image",
+        ulp: int = 0,
+        atol: float = 0.0,
+        rtol: float = 0.0,
+        margin: ArrayLike | None = None,
+    ) -> Census:
+        """Compare a picture pixel by pixel; where results are kept, a PNG file shows what differs.
+
+        Args:
+            found: (height, width) or (height, width, channels), as `image` gives.
+            expected: alike; or the path of a stored answer, a file of NumPy (.npy) or of 8 bits
+                (.png), from the folder of the test if it is a string. With
+                ``--halfstep-regenerate`` pytest writes what was found there.
+            name: of what is compared.
+            ulp: of every channel of every pixel as `check`, as are atol and rtol.
+            atol: see ulp.
+            rtol: see ulp.
+            margin: the distance of each pixel from its decision as of `check`, (height, width).
+
+        Raises:
+            MismatchError: they differ.
+            UsageError: the shapes or types do not fit, or there is no such stored answer.
+            HalfstepError: a stored answer cannot be written.
+        """
+        tolerance, image = Tolerance(ulp, atol, rtol), checked_image(found)
+        check_rtol(tolerance, name, [image.dtype])
+        lead = image.shape[:2]
+        excused = within(margin, lead)
+        if (path := path_of(expected)) is not None:
+            if regenerates():
+                store(path, image)
+            expected = stored(path)
+        dtype = np.dtype((image.dtype, image.shape[2:]))
+        wanted = conform(expected, dtype, "expected", rounded=True, any_axes=True)
+        wanted = spread(wanted, lead, dtype, "expected")
+        pixels, others = (one.reshape(-1, *image.shape[2:]) for one in (image, wanted))
+        census = take(
+            name,
+            pixels,
+            others,
+            tolerance,
+            inputs={},
+            excused=excused,
+            stack=self._compute.stack,
+            lead=lead,
+            unit="pixel",
+        )
+
+        def picture() -> bytes:
+            differs = differing(pixels, others, tolerance)
+            masks = (mask.reshape(lead) for mask in (differs & ~excused, differs & excused))
+            return difference(image, wanted, *masks)
+
+        return self._judge(census, picture if census.differing else None)
+
     def struct(self, source: Source, name: str, *, preprocess: Preprocess | None = None) -> DType:
         """The structured type that a struct is in NumPy, to make arrays of it with.
 
@@ -339,8 +474,8 @@ class Kit:
             member=member,
         )
 
-    def _judge(self, census: Census) -> Census:
-        keep(census.as_dict())
+    def _judge(self, census: Census, picture: Callable[[], bytes] | None = None) -> Census:
+        keep(census.as_dict(), picture)
         if census.failed:
             raise MismatchError(census)
         return census
@@ -355,15 +490,15 @@ class Kit:
 
         return self._modules.get_or_make((text.parts,), make)
 
-    def _shader(self, module: Module, entry_point: str) -> str:
-        """The text in which an entry point is run."""
+    def _shader(self, module: Module, entry_point: str, *others: str) -> str:
+        """The text in which an entry point is run, together with others."""
 
         def make() -> str:
             # Of what does not compile a message shows the text that was given.
             self._compile(module)
             inserted = clearing(module, entry_point)
             if self._is_watched(module, entry_point):
-                number = first_free(module, entry_point)
+                number = first_free(module, entry_point, *others)
                 inserted += loops.calls(module, entry_point)
                 inserted.append((len(module.text), "\n" + loops.watch(module, number)))
             text = module.text
@@ -371,7 +506,7 @@ class Kit:
                 text = text[:place] + more + text[place:]
             return f"{text}\n{module.asserted()}"
 
-        return self._shaders.get_or_make((module.text, entry_point), make)
+        return self._shaders.get_or_make((module.text, entry_point, *others), make)
 
     def _is_watched(self, module: Module, function: str) -> bool:
         """Whether the driver may end loops of a function before their time."""

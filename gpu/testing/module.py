@@ -199,7 +199,7 @@ class Module:
         if "binding" not in declaration.attributes or "group" not in declaration.attributes:
             raise UsageError(f"{where} has no @group and @binding")
         group, number = (
-            self._number(declaration.attributes[key], where) for key in ("group", "binding")
+            self.number(declaration.attributes[key], where) for key in ("group", "binding")
         )
         match declaration.space:
             case ():
@@ -361,7 +361,7 @@ class Module:
             return Matrix(scalar, int(match[1]), int(match[2]))
         if name == "array" and len(arguments) in (1, 2):
             element = self.type(arguments[0], where)
-            count = self._number(arguments[1], where) if len(arguments) == 2 else None
+            count = self.number(arguments[1], where) if len(arguments) == 2 else None
             return self._array(element, count, where)
         raise self._no_type(tokens, where)
 
@@ -397,7 +397,7 @@ class Module:
         for part in declaration.parts:
             where = f"{self.name}: {declaration.name}.{part.name}"
             align, size = (
-                self._number(part.attributes[key], where) if key in part.attributes else 0
+                self.number(part.attributes[key], where) if key in part.attributes else 0
                 for key in ("align", "size")
             )
             type_ = self.type(part.type, where)
@@ -421,7 +421,7 @@ class Module:
             raise UsageError(f"{where}: {written(tokens)} is not a scalar")
         return type_
 
-    def _number(self, tokens: Tokens, where: str) -> int:
+    def number(self, tokens: Tokens, where: str) -> int:
         """The value of a constant expression of whole numbers."""
         text = written(tokens)
         try:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # With these somebody asks for drivers or a backend, beside those that name an adapter.
 _ASKING = ("WGPU_BACKEND_TYPE", "VK_DRIVER_FILES", "VK_ICD_FILENAMES")
+# What CI is where it is not continuous integration.
+_NO = ("", "0", "false")
 _CHOICES = pytest.StashKey[str]()
 
 
@@ -33,10 +35,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         type=Path,
         help="keep the census of every comparison in DIR as JSON, and pictures of differences",
     )
+    group.addoption(
+        "--halfstep-regenerate",
+        action="store_true",
+        help="write what is found over the stored answers of wgsl.compare_image",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """See before any test whether results can be kept."""
+    """See before any test whether results can be kept, and stored answers written."""
+    # What was found is right by definition then, and nobody looks at it.
+    if config.getoption("--halfstep-regenerate") and os.environ.get("CI", "") not in _NO:
+        raise pytest.UsageError(
+            f"--halfstep-regenerate: not in continuous integration, and CI={os.environ['CI']}"
+        )
     folder: Path | None = config.getoption("--halfstep-results-path")
     try:
         if folder is not None:
@@ -108,5 +120,6 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     from halfstep.testing.results import running
 
     folder = item.config.getoption("--halfstep-results-path")
-    with running(item.nodeid, item.path, folder, regenerates=False):
+    regenerates = item.config.getoption("--halfstep-regenerate")
+    with running(item.nodeid, item.path, folder, regenerates=regenerates):
         return (yield)
