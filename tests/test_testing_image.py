@@ -46,7 +46,7 @@ fn disc(at: vec2<f32>, r: f32) -> f32 { return length(at - centre) - r; }
   return textureSample(image, way, uv);
 }
 @fragment fn slope(@builtin(position) at: vec4<f32>) -> @location(0) vec2<f32> {
-  return vec2<f32>(dpdx(at.x * 3.0), dpdy(at.y * at.x));
+  return vec2<f32>(dpdx(at.x * 3.0), dpdyFine(at.y * at.x));
 }
 @fragment fn counted(@builtin(position) at: vec4<f32>) -> @location(0) u32 {
   return atomicAdd(&hits, 1u) * 0u + u32(at.x);

@@ -127,12 +127,14 @@ class Compute:
     Attributes:
         device: the wgpu.GPUDevice.
         stack: `stack_of` it.
+        is_naga: whether naga compiles its shaders.
     """
 
     def __init__(self, device: GpuDevice) -> None:
         """``device`` is a wgpu.GPUDevice; closing it is its owner's business."""
         self.device = device
         self.stack = stack_of(device)
+        self.is_naga = type(device).__module__.startswith("wgpu.")
         self.label = f"adapter {self.stack['adapter']}"
         self._pipelines: Kept[tuple[object, ...], tuple[object, list[object]]] = Kept(PIPELINES)
 
@@ -282,10 +284,23 @@ def bind_groups(
 
 
 def _reason(message: str, name: str) -> str:
-    """What naga says of a text, without the names of wgpu's own functions around it."""
+    """What naga, or Dawn's Tint, says of a text, without the names of wgpu's own functions."""
     _, _, reason = message.partition("In wgpuDeviceCreateShaderModule")
+    if not reason:
+        return f"{name}: {_reason_of_tint(message, name)}"
     kinds = r"(Shader '.*' parsing error: |Shader validation error: )?"
     reason = re.sub(rf"^(, label = '.*')?\s*{kinds}", "", reason)
     # After the lines of the text it says all again.
     reason, _, _ = reason.partition("\n\n")
     return f"{name}: " + re.sub(r"(┌─ )\w*:", lambda match: f"{match[1]}{name}:", reason)
+
+
+def _reason_of_tint(message: str, name: str) -> str:
+    """What Tint says, its places written as naga writes them."""
+    reason = message.removeprefix("Error while parsing WGSL: ").partition("\n\n\n - While")[0]
+    return re.sub(
+        r"^:(\d+:\d+) (?:error|(note|warning)): (.*)$",
+        lambda match: f"{f'{match[2]}: ' if match[2] else ''}{match[3]}\n  ┌─ {name}:{match[1]}",
+        reason,
+        flags=re.MULTILINE,
+    )

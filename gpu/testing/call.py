@@ -151,7 +151,7 @@ def compared(
 
         alike = [rows(one) for one in others]
         if others:
-            alike += [flushed(one) for one in (rows(expected), *alike)]
+            alike += _flushed_both_ways(rows(expected), *alike)
         censuses.append(
             take(
                 function,
@@ -170,7 +170,7 @@ def compared(
             continue
         for member, values, wanted in paired(value, expected[name], name):
             nobody = np.zeros(len(values), bool)
-            alike = [flushed(wanted)] if others else []
+            alike = _flushed_both_ways(wanted) if others else []
             censuses.append(
                 take(
                     function,
@@ -212,17 +212,24 @@ def doubled(values: Values) -> Values:
     return values.astype(_doubles(values.dtype))
 
 
-def flushed(values: Values) -> Values:
-    """``values`` with zeros for subnormal numbers."""
+def flushed(values: Values, *, signed: bool = True) -> Values:
+    """``values`` with zeros for subnormal numbers, of the same sign or positive."""
     result = np.array(values)
     if result.dtype.names is None:
         if result.dtype.kind == "f":
             small = np.abs(result) < np.finfo(result.dtype).smallest_normal
-            result[small] = np.copysign(result.dtype.type(0), result[small])
+            small &= result != 0
+            zero = result.dtype.type(0)
+            result[small] = np.copysign(zero, result[small]) if signed else zero
         return result
     for name in result.dtype.names:
-        result[name] = flushed(result[name])
+        result[name] = flushed(result[name], signed=signed)
     return result
+
+
+def _flushed_both_ways(*given: Values) -> list[Values]:
+    """Arrays with subnormal numbers as zeros: WGSL leaves open which sign they have."""
+    return [flushed(one, signed=signed) for one in given for signed in (True, False)]
 
 
 def _doubles(dtype: DType) -> DType:

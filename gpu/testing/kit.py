@@ -49,7 +49,7 @@ from halfstep.testing.program import Program, grid_of
 from halfstep.testing.resources import Given, given
 from halfstep.testing.results import keep, regenerates
 from halfstep.testing.source import Preprocess, Source, read
-from halfstep.testing.tokens import check_depth, tokens_of
+from halfstep.testing.tokens import check_depth, check_pointers, tokens_of
 from halfstep.testing.types import (
     FEATURES,
     DType,
@@ -162,9 +162,9 @@ class Kit:
         expected = asked(shown, reference)
         check_rtol(tolerance, function, call.types)
         others: list[dict[str, Any]] = []
-        if flush_subnormals:
-            small = changed(call, flushed)
-            others = [asked(changed(small, doubled) if float64 else small, reference)]
+        for signed in (True, False) if flush_subnormals else ():
+            small = changed(call, partial(flushed, signed=signed))
+            others.append(asked(changed(small, doubled) if float64 else small, reference))
         excused = within(None if margin is None else called(margin, shown), call.lead)
         found = self._run(call)
         return self._judge(
@@ -486,6 +486,8 @@ class Kit:
         def make() -> Module:
             for part in text.parts:
                 check_depth(tokens_of(part.text, part.name), part.name)
+            if self._compute.is_naga:
+                check_pointers(tokens_of(text.text, text.name), text.text, text.name)
             return Module(text.name, text.text, text)
 
         return self._modules.get_or_make((text.parts,), make)

@@ -233,9 +233,7 @@ class Resource:
             self.raw = pack(type_, values, len(values))
         else:
             dtype = dtype_of(type_)
-            # A number alone stands for every component.
-            row = spread(conform(_one_row(value, dtype, where), dtype, where), 1, dtype, where)
-            self.raw = pack(type_, row, 1)
+            self.raw = pack(type_, conform(_one_row(value, dtype, where), dtype, where), 1)
 
     def _bind_members(self, struct: Struct, value: Any, where: str) -> None:
         values = members_of(value, tuple(member.name for member in struct.members), where)
@@ -283,6 +281,7 @@ def array_of(value: Any, where: str) -> Values:
 
 def _one_row(value: Any, dtype: DType, where: str) -> Any:
     """``value`` with an axis of one row before the others."""
+    value = unmasked(value, where)
     if isinstance(value, Mapping):
         names = dtype.base.names or ()
         return {
