@@ -184,7 +184,7 @@ const BITS: u32 = 4u;
 @compute @workgroup_size(DIGITS, 1, 1) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
   if id.x < arrayLength(&keys) {
     let key = keys[id.x];
-    sorted[atomicAdd(&places[key >> which.shift & (DIGITS - 1u)], 1u)] = key;
+    sorted[atomicAdd(&places[(key >> which.shift) & (DIGITS - 1u)], 1u)] = key;
   }
 }"""
     keys = rng.integers(0, 2**12, 500, np.uint32)
