@@ -302,7 +302,7 @@ def test_a_kit_keeps_so_many_texts(wgsl: Kit, monkeypatch: pytest.MonkeyPatch) -
     for k in range(10):
         text = f"fn f(x: f32) -> f32 {{ return x + {k}.0; }}"
         assert kit.run(text, "f", {"x": X}).tolist() == (X + k).tolist()
-    assert [len(kept) for kept in (kit._modules, kit._kernels, kit._compute._pipelines)] == [4] * 3
+    assert [len(kept) for kept in (kit._modules, kit._kernels, kit._compute.pipelines)] == [4] * 3
 
 
 def test_many_texts_cost_no_more_than_three_times_one(wgsl: Kit) -> None:

@@ -128,6 +128,8 @@ class Compute:
         device: the wgpu.GPUDevice.
         stack: `stack_of` it.
         is_naga: whether naga compiles its shaders.
+        pipelines: those built on it, with the layouts of their groups of bindings, by what they are
+            built from.
     """
 
     def __init__(self, device: GpuDevice) -> None:
@@ -136,7 +138,7 @@ class Compute:
         self.stack = stack_of(device)
         self.is_naga = type(device).__module__.startswith("wgpu.")
         self.label = f"adapter {self.stack['adapter']}"
-        self._pipelines: Kept[tuple[object, ...], tuple[object, list[object]]] = Kept(PIPELINES)
+        self.pipelines: Kept[tuple[object, ...], tuple[object, list[object]]] = Kept(PIPELINES)
 
     def hold(self, bound: Bindable) -> Held:
         """Bring what a shader sees onto the device, to be there for several runs.
@@ -241,9 +243,13 @@ class Compute:
                 )
             return pipeline, layouts
 
-        places = ((one.group, one.number, str(one.layout)) for one in bound)
-        key = (code, entry_point, tuple(sorted(constants.items())), *places)
-        return self._pipelines.get_or_make(key, make)
+        key = (code, entry_point, tuple(sorted(constants.items())), *places_of(bound))
+        return self.pipelines.get_or_make(key, make)
+
+
+def places_of(bound: Sequence[Bindable]) -> list[tuple[int, int, str]]:
+    """What is bound as far as a pipeline depends on it."""
+    return [(one.group, one.number, str(one.layout)) for one in bound]
 
 
 def group_layouts(

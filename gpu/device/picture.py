@@ -11,7 +11,15 @@ import numpy as np
 
 from halfstep.contract.arrays import Array, Bytes
 from halfstep.device.adapters import wgpu_errors
-from halfstep.device.compute import NONE, Bindable, Compute, Constants, bind_groups, group_layouts
+from halfstep.device.compute import (
+    NONE,
+    Bindable,
+    Compute,
+    Constants,
+    bind_groups,
+    group_layouts,
+    places_of,
+)
 from halfstep.device.handles import GpuDevice
 from halfstep.device.textures import DEPTH, FORMATS, OVERWRITES, read_texels
 from halfstep.errors import HalfstepError
@@ -79,30 +87,14 @@ def draw(
         UsageError: the code does not compile; the message has the place.
         DeviceError: the device is lost, refuses what is bound or is out of memory.
     """
-    module, device = compute.compile(drawing.code, name), compute.device
-    shader = {"module": module, "constants": dict(constants)}
+    device = compute.device
     # wgpu-py knows no location without a target.
     formats = dict.fromkeys(range(max(drawing.targets, default=0)), _UNUSED) | dict(drawing.targets)
+    key = (*vars(drawing).values(), tuple(sorted(constants.items())), *places_of(bound))
+    pipeline, layouts = compute.pipelines.get_or_make(
+        (*map(str, key),), lambda: _pipeline(compute, drawing, formats, bound, name, constants)
+    )
     with wgpu_errors(compute.label):
-        layouts = group_layouts(device, bound, "VERTEX|FRAGMENT", written="FRAGMENT")
-        pipeline = device.create_render_pipeline(
-            label=name,
-            layout=device.create_pipeline_layout(bind_group_layouts=layouts),
-            vertex={**shader, "entry_point": drawing.vertex},
-            fragment={
-                **shader,
-                "entry_point": drawing.fragment,
-                "targets": [
-                    {
-                        "format": format_,
-                        "write_mask": 0xF if at in drawing.targets else 0,
-                    }
-                    for at, format_ in sorted(formats.items())
-                ],
-            },
-            primitive={"topology": "triangle-list"},
-            depth_stencil=OVERWRITES if drawing.has_depth else None,
-        )
         held = [one.upload(device) for one in bound]
         targets = {at: _Target(device, size, format_) for at, format_ in sorted(formats.items())}
         depth = _Target(device, size, DEPTH) if drawing.has_depth else None
@@ -125,6 +117,40 @@ def draw(
         for one in held:
             one.destroy()
     return picture
+
+
+def _pipeline(
+    compute: Compute,
+    drawing: Drawing,
+    formats: Mapping[int, str],
+    bound: Sequence[Bindable],
+    name: str,
+    constants: Constants,
+) -> tuple[object, list[object]]:
+    """The pipeline, and the layouts of its groups of bindings."""
+    module, device = compute.compile(drawing.code, name), compute.device
+    shader = {"module": module, "constants": dict(constants)}
+    with wgpu_errors(compute.label):
+        layouts = group_layouts(device, bound, "VERTEX|FRAGMENT", written="FRAGMENT")
+        pipeline = device.create_render_pipeline(
+            label=name,
+            layout=device.create_pipeline_layout(bind_group_layouts=layouts),
+            vertex={**shader, "entry_point": drawing.vertex},
+            fragment={
+                **shader,
+                "entry_point": drawing.fragment,
+                "targets": [
+                    {
+                        "format": format_,
+                        "write_mask": 0xF if at in drawing.targets else 0,
+                    }
+                    for at, format_ in sorted(formats.items())
+                ],
+            },
+            primitive={"topology": "triangle-list"},
+            depth_stencil=OVERWRITES if drawing.has_depth else None,
+        )
+    return pipeline, layouts
 
 
 class _Target:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, partial
 from operator import methodcaller
 from typing import Any, SupportsIndex
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from halfstep.contract.arrays import Bools, Bytes
-from halfstep.device.compute import Bindable, Bound, Compute, Held, Indirect
+from halfstep.contract.arrays import Bytes
+from halfstep.device.compute import Bindable, Compute, Held, Indirect
 from halfstep.device.handles import GpuDevice
 from halfstep.device.kept import Kept
 from halfstep.device.picture import draw
 from halfstep.device.probe import loop_limit
-from halfstep.errors import AdapterError, DeviceError, HalfstepError, UsageError
+from halfstep.errors import DeviceError, HalfstepError, UsageError
 from halfstep.testing import loops
 from halfstep.testing.call import (
     Call,
@@ -32,36 +28,18 @@ from halfstep.testing.call import (
     rows_of,
     variables_of,
 )
-from halfstep.testing.census import (
-    Census,
-    MismatchError,
-    Tolerance,
-    differing,
-    joined,
-    take,
-    within,
-)
+from halfstep.testing.census import Census, MismatchError, Tolerance, within
+from halfstep.testing.compiling import CompilerFirst, Located
 from halfstep.testing.fragment import fragment_of, size_of_picture, triangle
-from halfstep.testing.images import checked_image, difference, path_of, store, stored
-from halfstep.testing.kernel import WORKGROUP, Kernel, first_free, kernel
+from halfstep.testing.judge import Judge
+from halfstep.testing.kernel import Kernel, first_free, kernel
 from halfstep.testing.module import RESULT, Module
 from halfstep.testing.program import Program, grid_of
-from halfstep.testing.resources import Given, given
-from halfstep.testing.results import keep, regenerates
+from halfstep.testing.resources import Given, check_bindings, check_features, given, used_by
+from halfstep.testing.rows import rows_at_once, run_rows
 from halfstep.testing.source import Preprocess, Source, read
 from halfstep.testing.tokens import check_depth, check_pointers, tokens_of
-from halfstep.testing.types import (
-    FEATURES,
-    DType,
-    Sampler,
-    Texture,
-    Type,
-    dtype_of,
-    leaves_of,
-    round_up,
-    stride_of,
-)
-from halfstep.testing.values import Values, conform, pack, paired, prefilled, spread, unpack
+from halfstep.testing.types import DType, dtype_of
 from halfstep.testing.workgroup import clearing
 
 # Of a mismatch, and of what does not fit, pytest shows the test's line and the message.
@@ -72,7 +50,7 @@ Reference = Callable[..., Any]
 KEPT = 256
 
 
-class Kit:
+class Kit(Judge):
     """Runs WGSL on one device; pipelines are kept for the next use.
 
     A ``source`` is WGSL, or the path of a file of it: a path object, or a string of one line that
@@ -88,6 +66,7 @@ class Kit:
         """``device`` is a wgpu.GPUDevice; closing it is its owner's business."""
         self.device = device
         self._compute = Compute(device)
+        super().__init__(self._compute.stack)
         self._modules: Kept[tuple[object, ...], Module] = Kept(KEPT)
         self._kernels: Kept[tuple[object, ...], Kernel] = Kept(KEPT)
         # Text and entry points -> what is run.
@@ -166,7 +145,9 @@ class Kit:
             small = changed(call, partial(flushed, signed=signed))
             others.append(asked(changed(small, doubled) if float64 else small, reference))
         excused = within(None if margin is None else called(margin, shown), call.lead)
-        found = self._run(call)
+        found = run_rows(
+            self._compute, call, rows_at_once(call.kernel, self.device.limits), self._check_watched
+        )
         return self._judge(
             compared(call, found, expected, tolerance, excused, others, self._compute.stack)
         )
@@ -193,7 +174,12 @@ class Kit:
             name: values.reshape(*call.lead, *values.shape[1:])
             if name in call.kernel.answers
             else values
-            for name, values in self._run(call).items()
+            for name, values in run_rows(
+                self._compute,
+                call,
+                rows_at_once(call.kernel, self.device.limits),
+                self._check_watched,
+            ).items()
         }
         return found[RESULT] if names is None else found
 
@@ -257,7 +243,7 @@ class Kit:
         _check_mapping("bindings", bindings)
         given_ = constants or {}
         values = self._constants(module, given_)
-        with _CompilerFirst(self._compile, module):
+        with CompilerFirst(self._compile, module):
             for name in bindings:
                 module.check_resource(name)
             there = {name: self._given(module, name, value) for name, value in bindings.items()}
@@ -304,12 +290,12 @@ class Kit:
         width_height = size_of_picture(size, self.device.limits["max-texture-dimension-2d"])
         given_, values = constants or {}, self._constants(module, constants or {})
         _check_mapping("bindings", bindings or {})
-        with _CompilerFirst(self._compile, module):
+        with CompilerFirst(self._compile, module):
             names = tuple(bindings or {})
             used = self._used(module, entry_point, names, given_, "fragment")
             if vertex is not None:
                 used += self._used(module, vertex, names, given_, "vertex")
-            self._check_bindings(module, entry_point, bindings or {}, used)
+            check_bindings(module, entry_point, bindings or {}, used)
             fragment = fragment_of(module, entry_point)
             corner, text = (vertex, "") if vertex else triangle(module, entry_point)
             there = {name: self._given(module, name, (bindings or {})[name]) for name in used}
@@ -317,9 +303,9 @@ class Kit:
         watched = self._is_watched(module, entry_point)
         others = [vertex] if vertex else []
         if watched:
-            bound.append(_watched(first_free(module, entry_point, *others)))
+            bound.append(loops.bound(first_free(module, entry_point, *others)))
         code = self._shader(module, entry_point, *others)
-        with _Located(module):
+        with Located(module):
             drawn = draw(
                 self._compute,
                 fragment.drawing(f"{code}\n{text}", corner),
@@ -332,116 +318,6 @@ class Kit:
             self._check_watched(module.name, entry_point, drawn.written[-1])
         return fragment.picture(drawn)
 
-    def compare(
-        self,
-        found: Any,
-        expected: Any,
-        *,
-        name: str = "result",
-        inputs: Mapping[str, Values] | None = None,
-        ulp: int = 0,
-        atol: float = 0.0,
-        rtol: float = 0.0,
-        margin: ArrayLike | None = None,
-    ) -> Census:
-        """Compare what `kernel` gives, or any arrays (rows, …), as `check` does.
-
-        Args:
-            found: what the device gave: an array, a number, a struct, or a mapping of such, as all
-                that `kernel` gives is one. Each part of a mapping has rows of its own.
-            expected: what it should have given, formed alike; one value may stand for all rows of
-                an array.
-            name: of what is compared.
-            inputs: name -> (rows, …), to be shown with the rows of an array that differ.
-            ulp: as `check`, as are atol and rtol.
-            atol: see ulp.
-            rtol: see ulp.
-            margin: the distance of each row of an array, (rows,).
-
-        Raises:
-            MismatchError: they differ.
-            UsageError: the shapes or types do not fit.
-        """
-        tolerance = Tolerance(ulp, atol, rtol)
-        parts = list(paired(found, expected))
-        check_rtol(tolerance, name, [values.dtype for _, values, _ in parts])
-        if isinstance(found, Mapping):
-            if margin is not None or inputs:
-                raise UsageError("found: a mapping has no rows for margin and inputs")
-            censuses = [
-                self._census(name, values, wanted, tolerance, member=member)
-                for member, values, wanted in parts
-            ]
-            return self._judge(joined(censuses))
-        [(_, values, wanted)] = parts
-        rows = len(values)
-        shown = {
-            key: spread(np.asarray(value), rows, np.asarray(value).dtype, f"inputs: {key}")
-            for key, value in (inputs or {}).items()
-        }
-        excused = within(margin, (rows,))
-        return self._judge(self._census(name, values, wanted, tolerance, shown, excused))
-
-    def compare_image(
-        self,
-        found: Any,
-        expected: Any,
-        *,
-        name: str = "image",
-        ulp: int = 0,
-        atol: float = 0.0,
-        rtol: float = 0.0,
-        margin: ArrayLike | None = None,
-    ) -> Census:
-        """Compare a picture pixel by pixel; where results are kept, a PNG file shows what differs.
-
-        Args:
-            found: (height, width) or (height, width, channels), as `image` gives.
-            expected: alike; or the path of a stored answer, a file of NumPy (.npy) or of 8 bits
-                (.png), from the folder of the test if it is a string. With
-                ``--halfstep-regenerate`` pytest writes what was found there.
-            name: of what is compared.
-            ulp: of every channel of every pixel as `check`, as are atol and rtol.
-            atol: see ulp.
-            rtol: see ulp.
-            margin: the distance of each pixel from its decision as of `check`, (height, width).
-
-        Raises:
-            MismatchError: they differ.
-            UsageError: the shapes or types do not fit, or there is no such stored answer.
-            HalfstepError: a stored answer cannot be written.
-        """
-        tolerance, image = Tolerance(ulp, atol, rtol), checked_image(found)
-        check_rtol(tolerance, name, [image.dtype])
-        lead = image.shape[:2]
-        excused = within(margin, lead)
-        if (path := path_of(expected)) is not None:
-            if regenerates():
-                store(path, image)
-            expected = stored(path)
-        dtype = np.dtype((image.dtype, image.shape[2:]))
-        wanted = conform(expected, dtype, "expected", rounded=True, any_axes=True)
-        wanted = spread(wanted, lead, dtype, "expected")
-        pixels, others = (one.reshape(-1, *image.shape[2:]) for one in (image, wanted))
-        census = take(
-            name,
-            pixels,
-            others,
-            tolerance,
-            inputs={},
-            excused=excused,
-            stack=self._compute.stack,
-            lead=lead,
-            unit="pixel",
-        )
-
-        def picture() -> bytes:
-            differs = differing(pixels, others, tolerance)
-            masks = (mask.reshape(lead) for mask in (differs & ~excused, differs & excused))
-            return difference(image, wanted, *masks)
-
-        return self._judge(census, picture if census.differing else None)
-
     def struct(self, source: Source, name: str, *, preprocess: Preprocess | None = None) -> DType:
         """The structured type that a struct is in NumPy, to make arrays of it with.
 
@@ -449,36 +325,8 @@ class Kit:
             UsageError: there is no such struct, or it has members that no buffer can hold.
         """
         module = self._module(source, preprocess)
-        with _CompilerFirst(self._compile, module):
+        with CompilerFirst(self._compile, module):
             return dtype_of(module.struct(name))
-
-    def _census(
-        self,
-        name: str,
-        found: Values,
-        expected: Values,
-        tolerance: Tolerance,
-        inputs: Mapping[str, Values] | None = None,
-        excused: Bools | None = None,
-        *,
-        member: str = "",
-    ) -> Census:
-        return take(
-            name,
-            found,
-            expected,
-            tolerance,
-            inputs=inputs or {},
-            excused=within(None, (len(found),)) if excused is None else excused,
-            stack=self._compute.stack,
-            member=member,
-        )
-
-    def _judge(self, census: Census, picture: Callable[[], bytes] | None = None) -> Census:
-        keep(census.as_dict(), picture)
-        if census.failed:
-            raise MismatchError(census)
-        return census
 
     def _module(self, source: Source, preprocess: Preprocess | None) -> Module:
         text = read(source, preprocess)
@@ -537,12 +385,12 @@ class Kit:
         Raises:
             UsageError: it does not.
         """
-        with _Located(module):
+        with Located(module):
             self._compute.compile(module.text, module.name)
 
     def _constants(self, module: Module, given_: Mapping[str, Any]) -> dict[str, float]:
         _check_mapping("constants", given_)
-        with _CompilerFirst(self._compile, module):
+        with CompilerFirst(self._compile, module):
             return module.constants(given_)
 
     def _used(
@@ -558,9 +406,9 @@ class Kit:
         Raises:
             UsageError: there is no such entry point, or what it uses is not there.
         """
-        with _CompilerFirst(self._compile, module):
+        with CompilerFirst(self._compile, module):
             module.check_entry_point(entry_point, stage)
-            return self._resources(module, entry_point, given, constants)
+            return used_by(module, entry_point, given, constants)
 
     def _entry_point(
         self,
@@ -573,7 +421,7 @@ class Kit:
         """What is bound to an entry point that uses all that ``bindings`` give."""
         _check_mapping("bindings", bindings)
         used = self._used(module, entry_point, tuple(bindings), constants, stage)
-        self._check_bindings(module, entry_point, bindings, used)
+        check_bindings(module, entry_point, bindings, used)
         return {name: self._given(module, name, bindings[name]) for name in used}
 
     def _dispatch(
@@ -586,8 +434,8 @@ class Kit:
     ) -> list[Bytes]:
         """Run an entry point; the bytes of what it may have written to and is not held."""
         code, watched = self._shader(module, entry_point), self._is_watched(module, entry_point)
-        all_ = [*bound, _watched(first_free(module, entry_point))] if watched else bound
-        with _Located(module):
+        all_ = [*bound, loops.bound(first_free(module, entry_point))] if watched else bound
+        with Located(module):
             raws = self._compute.run(
                 code, entry_point, all_, grid, name=module.name, constants=constants
             )
@@ -607,19 +455,19 @@ class Kit:
         _check_mapping("inputs", inputs)
         _check_mapping("bindings", bindings)
         values = self._constants(module, constants)
-        with _CompilerFirst(self._compile, module):
+        with CompilerFirst(self._compile, module):
             answers = module.answers_of_rows(function, returns or (RESULT,))
             parameters = tuple(module.signature(function, answers).parameters)
             variables = tuple(variables_of(module, function, inputs))
-            used = self._resources(module, function, tuple(bindings), constants)
-            self._check_bindings(module, function, bindings, used)
+            used = used_by(module, function, tuple(bindings), constants)
+            check_bindings(module, function, bindings, used)
             watched = self._is_watched(module, function)
             kernel_ = self._kernels.get_or_make(
                 (module.text, function, variables, tuple(answers), watched),
                 lambda: kernel(module, function, variables, answers, watched=watched),
             )
-            self._check_features(function, kernel_.types)
-            if self._rows_at_once(kernel_) == 0:
+            check_features(function, kernel_.types, self.device, self._compute.stack["adapter"])
+            if rows_at_once(kernel_, self.device.limits) == 0:
                 raise UsageError(
                     f"{module.name}: {function}: a row is larger than a buffer of the device"
                 )
@@ -632,132 +480,8 @@ class Kit:
                 )
         return Call(module, kernel_, parameters, returns, rows, lead, bound, values)
 
-    def _run(self, call: Call) -> dict[str, Any]:
-        """The answers: of rows (rows, …), of what is bound as it comes back."""
-        held = {name: self._compute.hold(one.bound) for name, one in call.bound.items()}
-        at_once, found = self._rows_at_once(call.kernel), []
-        for first in range(0, call.rows, at_once):
-            rows = min(at_once, call.rows - first)
-            part = {name: array[first : first + rows] for name, array in call.flat.items()}
-            found.append(self._run_part(call, list(held.values()), part, rows))
-        answers: dict[str, Any] = {
-            name: np.concatenate([part[name] for part in found]) for name in call.kernel.answers
-        }
-        for name in call.returns or ():
-            if name not in answers:
-                answers[name] = call.bound[name].value(self._compute.read(held[name]))
-        for one in held.values():
-            one.destroy()
-        return {name: answers[name] for name in call.returns or (RESULT,)}
-
-    def _rows_at_once(self, kernel_: Kernel) -> int:
-        """As many rows as buffers of the device hold."""
-        limits = self.device.limits
-        size = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
-        most = limits["max-compute-workgroups-per-dimension"] * WORKGROUP
-        return int(min([most, *(size // stride_of(type_) for type_ in kernel_.types)]))
-
-    def _run_part(
-        self, call: Call, held: Sequence[Held], values: Mapping[str, Values], rows: int
-    ) -> dict[str, Values]:
-        kernel_, numbers = call.kernel, call.kernel.numbers
-        bound: list[Bindable | Held] = list(held)
-        if "rows" in numbers:
-            raw = pack(kernel_.row, values, rows)
-            bound.append(Bound(0, numbers["rows"], "read-only-storage", raw))
-        if kernel_.given is not None:
-            raw = prefilled(round_up(rows * stride_of(kernel_.given), 4))
-            bound.append(Bound(0, numbers["results"], "storage", raw))
-        if kernel_.watched:
-            bound.append(_watched(numbers["watched"]))
-        with _Located(call.module):
-            raws = self._compute.run(
-                kernel_.code,
-                kernel_.entry_point,
-                bound,
-                (-(-rows // WORKGROUP), 1, 1),
-                name=call.module.name,
-                constants=call.constants,
-            )
-        if kernel_.watched:
-            self._check_watched(call.module.name, kernel_.function, raws.pop())
-        if kernel_.given is None:
-            return {}
-        return kernel_.row_answers(unpack(kernel_.given, raws[-1], rows))
-
-    def _resources(
-        self, module: Module, function: str, given: Collection[str], constants: Collection[str]
-    ) -> list[str]:
-        """The resource variables that a function needs, all of which are given."""
-        module.check_use(function, constants)
-        used = [binding.name for binding in module.bindings(function)]
-        if missing := [name for name in used if name not in given]:
-            raise UsageError(
-                f"{module.name}: {function} uses {', '.join(missing)}, which bindings do not give"
-            )
-        return used
-
-    def _check_bindings(
-        self, module: Module, function: str, bindings: Mapping[str, Any], used: Sequence[str]
-    ) -> None:
-        for name in bindings:
-            if name not in used:
-                raise UsageError(
-                    f"{module.name}: {function} uses no resource {name!r}; it uses "
-                    f"{', '.join(used) or 'none'}"
-                )
-
     def _given(self, module: Module, name: str, value: Any) -> Given:
-        binding = module.binding(name)
-        if not isinstance(binding.type, Texture | Sampler):
-            self._check_features(name, [binding.type])
-        return given(binding, value, self.device)
-
-    def _check_features(self, function: str, types: Iterable[Type]) -> None:
-        for scalar in {leaf.scalar for type_ in types for leaf in leaves_of(type_)}:
-            feature = FEATURES.get(scalar)
-            if feature is not None and feature not in self.device.features:
-                raise AdapterError(
-                    f"{function} uses {scalar}, and the device on {self._compute.stack['adapter']} "
-                    f"has no {feature}"
-                )
-
-
-@dataclass(frozen=True)
-class _Located:
-    """Tells what the compiler says with the files and lines of the source."""
-
-    module: Module
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
-        if isinstance(error, UsageError):
-            raise UsageError(self.module.relocated(str(error))) from None
-
-
-@dataclass(frozen=True)
-class _CompilerFirst:
-    """Lets the compiler speak first where a text cannot be read: it says better what is wrong."""
-
-    compile: Callable[[Module], None]
-    module: Module
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
-        if isinstance(error, UsageError | RecursionError):
-            self.compile(self.module)
-        if isinstance(error, RecursionError):
-            raise UsageError(
-                f"{self.module.name}: a type or a constant is nested too deeply"
-            ) from None
-
-
-def _watched(number: int) -> Bound:
-    return Bound(0, number, "storage", loops.WATCHED.view(np.uint8))
+        return given(module.binding(name), value, self.device, self._compute.stack["adapter"])
 
 
 def _check_mapping(name: str, given: Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from halfstep.contract.arrays import Bytes
+from halfstep.device.compute import Bound
 from halfstep.testing.module import Module
 from halfstep.testing.tokens import written
 
@@ -57,6 +58,11 @@ def calls(module: Module, entry_point: str) -> list[tuple[int, str]]:
         text += f"  {own}watch();\n  return {own}value;\n}}\n"
         found.append((len(module.text), f"\n{text}"))
     return found
+
+
+def bound(number: int) -> Bound:
+    """What `watch` writes to, at a number in group 0."""
+    return Bound(0, number, "storage", WATCHED.view(np.uint8))
 
 
 def was_cut(watched: Bytes) -> bool:

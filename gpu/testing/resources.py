@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import methodcaller
 from typing import Any
@@ -15,8 +15,8 @@ from halfstep.device.handles import GpuDevice
 from halfstep.device.textures import DEPTH, FILTERABLE, FORMATS, BoundSampler, BoundTexture
 from halfstep.errors import AdapterError, HalfstepError, UsageError
 from halfstep.testing import types
-from halfstep.testing.module import Binding
-from halfstep.testing.types import SCALARS, DType, Texture, dtype_of
+from halfstep.testing.module import Binding, Module
+from halfstep.testing.types import FEATURES, SCALARS, DType, Texture, Type, dtype_of, leaves_of
 from halfstep.testing.values import Resource, Values, array_of, conform, is_numpy, unmasked
 
 # As in `kit`.
@@ -79,8 +79,8 @@ class Given:
     dtype: DType
 
 
-def given(binding: Binding, value: Any, device: GpuDevice) -> Given:
-    """What is bound to a variable that is given ``value``.
+def given(binding: Binding, value: Any, device: GpuDevice, adapter: str) -> Given:
+    """What is bound to a variable that is given ``value``; ``adapter`` is the device's, by name.
 
     Raises:
         UsageError: it does not fit the type of the variable.
@@ -92,6 +92,7 @@ def given(binding: Binding, value: Any, device: GpuDevice) -> Given:
         return Given(bound, lambda _: None, np.dtype(bool))
     if isinstance(binding.type, Texture):
         return _texture(binding, binding.type, value, device)
+    check_features(binding.name, [binding.type], device, adapter)
     resource = Resource(binding.type, value, where)
     bound_ = Bound(*place, binding.kind, resource.raw)
     return Given(bound_, resource.value, dtype_of(binding.type))
@@ -191,4 +192,53 @@ def _check_size(type_: Texture, texels: Values, where: str, limits: Mapping[str,
         if count % 6 or (type_.dimension == "cube" and count != 6) or height != width:
             raise UsageError(
                 f"{where}: shape {texels.shape}, and a cube has 6 squares, +x, -x, +y, -y, +z, -z"
+            )
+
+
+def used_by(
+    module: Module, function: str, given: Collection[str], constants: Collection[str]
+) -> list[str]:
+    """The resource variables that a function needs, all of which are given.
+
+    Raises:
+        UsageError: it needs one that is not, or cannot be run.
+    """
+    module.check_use(function, constants)
+    used = [binding.name for binding in module.bindings(function)]
+    if missing := [name for name in used if name not in given]:
+        raise UsageError(
+            f"{module.name}: {function} uses {', '.join(missing)}, which bindings do not give"
+        )
+    return used
+
+
+def check_bindings(
+    module: Module, function: str, bindings: Mapping[str, Any], used: Sequence[str]
+) -> None:
+    """See that a function uses all that is bound.
+
+    Raises:
+        UsageError: it does not.
+    """
+    for name in bindings:
+        if name not in used:
+            raise UsageError(
+                f"{module.name}: {function} uses no resource {name!r}; it uses "
+                f"{', '.join(used) or 'none'}"
+            )
+
+
+def check_features(name: str, types_: Iterable[Type], device: GpuDevice, adapter: str) -> None:
+    """See that a device has all scalars of some types; ``name`` is what uses them.
+
+    ``adapter`` is the device's, by name.
+
+    Raises:
+        AdapterError: it has not.
+    """
+    for scalar in {leaf.scalar for type_ in types_ for leaf in leaves_of(type_)}:
+        feature = FEATURES.get(scalar)
+        if feature is not None and feature not in device.features:
+            raise AdapterError(
+                f"{name} uses {scalar}, and the device on {adapter} has no {feature}"
             )
