@@ -58,6 +58,9 @@ fn disc(at: vec2<f32>, r: f32) -> f32 { return length(at - centre) - r; }
 @fragment fn tinted(@location(0) tint: vec3<f32>) -> @location(0) vec4<f32> {
   return vec4<f32>(tint, 1.0);
 }
+@fragment fn side(@builtin(front_facing) is_front: bool) -> @location(0) u32 {
+  return u32(is_front);
+}
 @fragment fn three() -> @location(0) vec3<f32> { return vec3<f32>(); }
 @fragment fn nothing() { }
 @compute @workgroup_size(1) fn main() { }
@@ -87,6 +90,10 @@ def test_a_number_alone_and_pixels_that_are_discarded(wgsl: Kit) -> None:
 def test_the_place_in_the_picture(wgsl: Kit) -> None:
     found = wgsl.image(TEXT, "place", SIZE)
     wgsl.compare_image(found, stacked(X / 16, Y / 12), atol=1e-6)
+
+
+def test_the_front_is_seen(wgsl: Kit) -> None:
+    wgsl.compare_image(wgsl.image(TEXT, "side", SIZE), np.uint32(1))
 
 
 def test_several_parts_and_constants(wgsl: Kit) -> None:

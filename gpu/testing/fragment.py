@@ -114,7 +114,8 @@ def triangle(module: Module, entry_point: str) -> tuple[str, str]:
     text = (
         f"struct {own}Corner {{\n  @builtin(position) {own}at: vec4<f32>,\n{members}}}\n"
         f"@vertex fn {own}corner(@builtin(vertex_index) {own}k: u32) -> {own}Corner {{\n"
-        f"  let {own}uv = 2.0 * vec2<f32>(f32({own}k & 1u), f32({own}k >> 1u));\n"
+        # Counterclockwise, so that the front is seen.
+        f"  let {own}uv = 2.0 * vec2<f32>(f32({own}k >> 1u), f32({own}k & 1u));\n"
         f"  let {own}at = vec4<f32>({own}uv.x * 2.0 - 1.0, 1.0 - {own}uv.y * 2.0, 0.0, 1.0);\n"
         f"  return {own}Corner({own}at{places});\n}}\n"
     )
