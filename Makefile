@@ -6,7 +6,7 @@ VENV := .venv
 PYTHON := $(VENV)/bin/python
 INSTALLED := $(VENV)/installed
 
-.PHONY: render test quick shaders test-swiftshader lint fix layout tables bench clean adapter \
+.PHONY: render test quick shaders test-swiftshader test-dawn lint fix layout tables bench clean adapter \
     lavapipe swiftshader
 
 render: adapter
@@ -36,6 +36,17 @@ test-swiftshader: lavapipe swiftshader
 	$(ON_SWIFTSHADER) $(PYTHON) -m halfstep check --all --method article
 	$(ON_SWIFTSHADER) $(PYTHON) -m pytest --allow-missing-types tests/test_testing_*.py \
 	    tests/test_canary.py tests/test_conformance.py tests/test_subnormals.py
+
+# A second WebGPU: Dawn, which is Chrome's, with its compiler Tint, by the package wgpudawn. It takes
+# SwiftShader, but not lavapipe of Mesa 22.3. Left out is what naga says, what opens a second device
+# on one adapter, which Dawn has not, and a time.
+DAWN_FILES := census compare faults files image inputs kernel kit layout loops manners names \
+    overrides program public public_shaders returns textures
+NOT_DAWN := shows_the_line or shown_as_it_is or larger or stored_answers or many_texts
+
+test-dawn: swiftshader
+	$(ON_SWIFTSHADER) $(PYTHON) -m pytest -p tests.dawn --allow-missing-types \
+	    -k 'not ($(NOT_DAWN))' $(DAWN_FILES:%=tests/test_testing_%.py)
 
 # mypy runs no import hooks, so it cannot see the mapping of an editable installation: the links
 # show it the package as it is when installed.

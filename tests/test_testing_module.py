@@ -44,7 +44,7 @@ var<workgroup> shared_row: array<f32, 64>;
 @group(0) @binding(3) var<uniform> lens: mat3x2<f32>;
 @group(1) @binding(0x2u) var<storage, read_write> out: array<Row>;
 @group(1) @binding(3) var<storage> table: array<vec4<u32>>;
-@group(2) @binding(0) var picture: texture_2d<f32>;
+@group(2) @binding(0) var picture: texture_multisampled_2d<f32>;
 
 @must_use
 fn helper(a: vec2<f32>, @builtin(position) b: vec4f) -> @location(0) vec2<f32> {
@@ -57,7 +57,7 @@ fn many(grid: Grid, p: ptr<function, array<Point, 2>>, row: Row,) -> array<bool,
 }
 fn silent(a: f32) {}
 fn odd(a: f32, b: sampler) -> f32 { return a; }
-fn far(a: ptr<private, f32>) -> f32 { return *a; }
+fn far(a: ptr<workgroup, f32>) -> f32 { return *a; }
 @compute @workgroup_size(64) fn main() { seed = SIDE; }
 """
 
@@ -217,7 +217,7 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
         (lambda m: m.signature("odd"),
          "text: odd: parameter b: sampler is not a type that a buffer can hold"),
         (lambda m: m.signature("far"),
-         "text: far: parameter a: a pointer into private, not into function"),
+         "text: far: parameter a: a pointer into workgroup, not into function or private"),
         (lambda m: m.check_entry_point("helper"),
          "text: helper has no @compute, so it is not an entry point"),
         (lambda m: m.variable("unknown"),
@@ -230,7 +230,7 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
         (lambda m: m.binding("seed"),
          "text: variable seed has no @group and @binding"),
         (lambda m: m.binding("picture"),
-         "text: variable picture is not a buffer; textures and samplers are not supported"),
+         "text: variable picture: a texture_multisampled_2d<f32> is not supported"),
         (lambda _: Module("text", "var<private> a: array<f32, N>;").variable("a"),
          "text: variable a: N is not a constant that can be worked out here"),
         (lambda _: Module("text", "override N = 2u; var<private> a: array<f32, N>;").variable("a"),

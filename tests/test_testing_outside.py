@@ -94,8 +94,8 @@ def test_the_tests_of_an_outside_project_pass(python: Path, tmp_path: Path) -> N
         *(python, "-m", "pytest", "-p", "no:cacheprovider", "--halfstep-results-path", "results"),
         cwd=project,
     )
-    assert "2 passed" in report
-    assert len(list((project / "results").iterdir())) == 2
+    assert "6 passed" in report
+    assert len(list((project / "results").iterdir())) == 2 + 5
     # And they do test something.
     shader = project / "tone.wgsl"
     shader.write_text(shader.read_text().replace("+ 0.5", "+ 0.25"))
@@ -103,5 +103,13 @@ def test_the_tests_of_an_outside_project_pass(python: Path, tmp_path: Path) -> N
         [python, "-m", "pytest", "-p", "no:cacheprovider"],
         cwd=project, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert "2 failed" in failed.stdout
+    assert "2 failed, 4 passed" in failed.stdout
     assert "of 10000 rows differ" in failed.stdout
+    shader = project / "film.wgsl"
+    shader.write_text(shader.read_text().replace("2.0 * textureSample", "3.0 * textureSample"))
+    failed = subprocess.run(
+        [python, "-m", "pytest", "-p", "no:cacheprovider", "test_film.py"],
+        cwd=project, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "1 failed, 3 passed" in failed.stdout
+    assert " of 192 pixels differ (tolerance ulp=1)" in failed.stdout

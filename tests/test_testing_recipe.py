@@ -20,16 +20,28 @@ TEXT = (ROOT / README).read_text(encoding="utf-8")
 WORKFLOW = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
 
 
+PROGRAMS = re.findall(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+
+
 def example() -> dict[str, Any]:
-    """The names that the program of the README defines."""
-    [program] = re.findall(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+    """The names that the first program of the README defines."""
     names: dict[str, Any] = {}
-    exec(compile(program, README, "exec"), names)
+    exec(compile(PROGRAMS[0], README, "exec"), names)
     return names
 
 
 def test_the_example_passes(wgsl: Kit) -> None:
     example()["test_hypot"](wgsl)
+
+
+@pytest.mark.parametrize("number", range(1, len(PROGRAMS)))
+def test_later_examples_pass(wgsl: Kit, number: int) -> None:
+    # They go on where the first left off.
+    names = example()
+    before = set(names)
+    exec(compile(PROGRAMS[number], README, "exec"), names)
+    for name in [name for name in names if name.startswith("test_") and name not in before]:
+        names[name](wgsl)
 
 
 def test_over_more_decades_it_fails_as_shown(wgsl: Kit) -> None:
@@ -45,7 +57,7 @@ def test_over_more_decades_it_fails_as_shown(wgsl: Kit) -> None:
 
 def test_the_calls_are_there_as_listed() -> None:
     calls = re.findall(r"^\| `([\w.]+)\((.*?)\)` \|", TEXT, re.MULTILINE)
-    assert len(calls) == 6
+    assert len(calls) == 9
     for name, arguments in calls:
         owner, _, last = name.rpartition(".")
         assert owner in ("wgsl", "halfstep.testing")

@@ -15,6 +15,7 @@ import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from typing import Any, TypedDict
 
 from halfstep.device import loader as wgpu_loader
@@ -67,6 +68,8 @@ INT64 = "shader-int64"
 # wgpu's names of the features Halfstep uses where it can, with what they are.
 FEATURES = {
     INT64: "64-bit integers in shaders",
+    "shader-f16": "16-bit floats in shaders",
+    "shader-f64": "64-bit floats in shaders",
     "mappable-primary-buffers": "frame buffers that the processor can read",
     "subgroup": "exchange between the invocations of a subgroup",
     "timestamp-query": "device times",
@@ -267,6 +270,11 @@ def stack_of(device: GpuDevice) -> dict[str, str]:
     """
     info = device.adapter_info
     told = f"{info['description']} {info['device']}"
+    # A package may stand in for wgpu, as wgpudawn does.
+    package = type(device).__module__.partition(".")[0]
+    parts = versions()
+    if package != "wgpu":
+        parts = {"wgpu": f"{parts['wgpu']} as of {package}", "wgpu_native": "absent"}
     found = {
         name: re.search(rf"{name} (\d[\w.-]*)", told, re.IGNORECASE) for name in ("mesa", "llvm")
     }
@@ -274,18 +282,19 @@ def stack_of(device: GpuDevice) -> dict[str, str]:
         "adapter": info["device"],
         "driver": _driver(info),
         **{name: match[1] for name, match in found.items() if match},
-        **versions(),
+        **parts,
     }
 
 
 def versions() -> dict[str, str]:
     """Versions of ``wgpu`` and of ``wgpu_native``, the library beneath it."""
     import wgpu
-    from wgpu.backends import wgpu_native
 
+    # A module that stands in for wgpu has no such attribute of the package.
+    native = import_module("wgpu.backends.wgpu_native")
     return {
         "wgpu": wgpu.__version__,
-        "wgpu_native": ".".join(map(str, wgpu_native.lib_version_info)),
+        "wgpu_native": ".".join(map(str, native.lib_version_info)),
     }
 
 

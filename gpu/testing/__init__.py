@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from halfstep.testing.frames import FrameCensus, FrameMismatchError, assert_frames_match
     from halfstep.testing.inputs import decades, near_ties, special_values
     from halfstep.testing.kit import Kit
+    from halfstep.testing.program import Program
+    from halfstep.testing.resources import Sampler
     from halfstep.testing.values import unwritten
 
 __all__ = [
@@ -26,6 +28,8 @@ __all__ = [
     "FrameMismatchError",
     "Kit",
     "MismatchError",
+    "Program",
+    "Sampler",
     "assert_frames_match",
     "decades",
     "near_ties",
@@ -39,6 +43,8 @@ _HOME = {
     "FrameMismatchError": "frames",
     "Kit": "kit",
     "MismatchError": "census",
+    "Program": "program",
+    "Sampler": "resources",
     "assert_frames_match": "frames",
     "decades": "inputs",
     "near_ties": "inputs",

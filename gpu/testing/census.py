@@ -61,6 +61,7 @@ class Row:
         inputs: what the function was given, by name.
         found, expected: the values of the members that differ, by name; "" is the whole result.
         distance: in words, by the same names; "" of truth values.
+        lead: the axes of rows, where there are several.
     """
 
     index: int
@@ -68,6 +69,11 @@ class Row:
     found: dict[str, Any]
     expected: dict[str, Any]
     distance: dict[str, str]
+    lead: tuple[int, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """The row for JSON; `Census.as_dict` has the axes."""
+        return {name: plain(value) for name, value in vars(self).items() if name != "lead"}
 
 
 @dataclass(frozen=True)
@@ -81,12 +87,15 @@ class Census:
         differing: rows that differ by more than the tolerance.
         ambiguous: those of them that are within the margin of a decision.
         unwritten: those of them that hold what was in the buffer before.
+        flushed: those of them that are right where subnormal numbers are taken for zeros.
         worst_ulp: the largest distance of two finite floats, in tolerance or not.
         worst_row: its row; None where no floats differ.
         histogram: distance in words -> values that are so far apart, in tolerance or not.
         members: rows that differ in each member of the result; "" is the whole.
         first: the first rows that differ and are not ambiguous.
         stack: what the device stands on.
+        lead: the axes of rows, where there are several.
+        unit: what a row is.
     """
 
     name: str
@@ -95,17 +104,20 @@ class Census:
     differing: int = 0
     ambiguous: int = 0
     unwritten: int = 0
+    flushed: int = 0
     worst_ulp: int = 0
     worst_row: int | None = None
     histogram: dict[str, int] = field(default_factory=dict)
     members: dict[str, int] = field(default_factory=dict)
     first: tuple[Row, ...] = ()
     stack: Mapping[str, str] = field(default_factory=dict)
+    lead: tuple[int, ...] = ()
+    unit: str = "row"
 
     @property
     def failed(self) -> int:
         """Rows that differ and have no excuse."""
-        return self.differing - self.ambiguous
+        return self.differing - self.ambiguous - self.flushed
 
     def as_dict(self) -> dict[str, Any]:
         """The census for JSON, in which a number that is not finite is a string."""
@@ -121,25 +133,33 @@ class Census:
             "worst_row": self.worst_row,
             "histogram": self.histogram,
             "members": self.members,
-            "first": [plain(vars(row)) for row in self.first],
+            "first": [row.as_dict() for row in self.first],
             "stack": dict(self.stack),
+            # Of what few comparisons have, others say nothing.
+            **({"flushed": self.flushed} if self.flushed else {}),
+            **({"lead": list(self.lead)} if len(self.lead) > 1 else {}),
         }
 
     def __str__(self) -> str:
         """The census for people."""
-        lines = [f"{self.name}: {self.differing} of {self.rows} rows differ ({self.tolerance})"]
+        of_rows = f"{self.differing} of {self.rows} {self.unit}s"
+        lines = [f"{self.name}: {of_rows} differ ({self.tolerance})"]
         if self.ambiguous:
             lines.append(f"  {self.ambiguous} of them within the margin of a decision")
+        if self.flushed:
+            lines.append(f"  {self.flushed} of them right where subnormal numbers are zeros")
         if self.unwritten:
             lines.append(f"  {self.unwritten} of them never written")
         if self.worst_row is not None:
-            lines.append(f"  worst: {self.worst_ulp} ulp in row {self.worst_row}")
+            lines.append(
+                f"  worst: {self.worst_ulp} ulp in {self.unit} {_place(self.worst_row, self.lead)}"
+            )
         lines += [f"  in {name}: {count}" for name, count in self.members.items() if name]
         if self.histogram:
             bins = ", ".join(f"{label}: {count}" for label, count in self.histogram.items())
             lines.append(f"  values by distance: {bins}")
         for row in self.first:
-            lines += _row_lines(row)
+            lines += _row_lines(row, self.unit)
         if self.failed > len(self.first):
             lines.append(f"  and {self.failed - len(self.first)} more")
         if self.stack:
@@ -173,6 +193,9 @@ def take(
     excused: Bools,
     stack: Mapping[str, str],
     member: str = "",
+    lead: tuple[int, ...] = (),
+    flushed: Sequence[Array] = (),
+    unit: str = "row",
 ) -> Census:
     """The census of two arrays (rows, …) of the same type, which may be structured.
 
@@ -185,27 +208,57 @@ def take(
         excused: (rows,), where a row that differs is ambiguous.
         stack: what the device stands on.
         member: of what is compared, the name of the part that the arrays are.
+        lead: the axes of rows, if there are several.
+        flushed: what is right too, where a device takes subnormal numbers for zeros.
+        unit: what a row is.
     """
     rows = len(found)
-    count = _Count(rows, tolerance)
-    pairs = zip(leaves(found, member), leaves(expected, member), strict=True)
-    for (label, values), (_, others) in pairs:
-        count.add(label, values.reshape(rows, -1), others.reshape(rows, -1))
-    failed = np.flatnonzero(count.differs & ~excused)
+    count = _counted(found, expected, tolerance, member)
+    failing = count.differs & ~excused
+    for other in flushed:
+        if failing.any():
+            failing &= _counted(found, other, tolerance, member).differs
+    failed = np.flatnonzero(failing)
     return Census(
         name=name,
         tolerance=tolerance,
         rows=rows,
         differing=int(count.differs.sum()),
         ambiguous=int((count.differs & excused).sum()),
+        flushed=int((count.differs & ~excused & ~failing).sum()),
         unwritten=int((count.differs & _unwritten(found)).sum()) if len(failed) else 0,
         worst_ulp=count.worst_ulp,
         worst_row=count.worst_row,
         histogram=_histogram(count.values),
         members=count.members,
-        first=tuple(_row(int(ix), found, expected, inputs, member) for ix in failed[:SHOWN]),
+        first=tuple(
+            replace(_row(int(ix), found, expected, inputs, member), lead=lead)
+            for ix in failed[:SHOWN]
+        ),
         stack=stack,
+        lead=lead,
+        unit=unit,
     )
+
+
+def differing(found: Array, expected: Array, tolerance: Tolerance) -> Bools:
+    """Rows (rows,) of two arrays (rows, …) that differ."""
+    return _counted(found, expected, tolerance, "").differs
+
+
+def _counted(found: Array, expected: Array, tolerance: Tolerance, member: str) -> _Count:
+    count = _Count(len(found), tolerance)
+    pairs = zip(leaves(found, member), leaves(expected, member), strict=True)
+    for (label, values), (_, others) in pairs:
+        count.add(label, values.reshape(len(found), -1), others.reshape(len(found), -1))
+    return count
+
+
+def _place(row: int, lead: tuple[int, ...]) -> str:
+    """The number of a row, or its index along each axis of rows."""
+    if len(lead) < 2:
+        return str(row)
+    return f"[{', '.join(str(k) for k in np.unravel_index(row, lead))}]"
 
 
 def joined(censuses: Sequence[Census]) -> Census:
@@ -220,32 +273,37 @@ def joined(censuses: Sequence[Census]) -> Census:
         differing=sum(one.differing for one in censuses),
         ambiguous=sum(one.ambiguous for one in censuses),
         unwritten=sum(one.unwritten for one in censuses),
+        flushed=sum(one.flushed for one in censuses),
         histogram=dict(counts),
         members={name: rows for one in censuses for name, rows in one.members.items()},
         first=tuple(row for one in censuses for row in one.first)[:SHOWN],
     )
 
 
-def within(margin: ArrayLike | None, rows: int) -> Bools:
+def within(margin: ArrayLike | None, rows: int | tuple[int, ...]) -> Bools:
     """Rows (rows,) so close to their decisions that either answer is right.
 
     Args:
         margin: (rows,), the distance of each row from its decision, in units of the rounding error
             that the decision may have; None where there is none.
-        rows: how many there are.
+        rows: how many there are, along each of their axes if there are several.
 
     Raises:
         UsageError: the margin is something else.
     """
+    lead = (rows,) if isinstance(rows, int) else rows
+    count = math.prod(lead)
     if margin is None:
-        return np.zeros(rows, bool)
+        return np.zeros(count, bool)
+    if isinstance(margin, np.ma.MaskedArray):
+        raise UsageError("margin: a masked array; give its rows that are not masked")
     distance = np.asarray(margin)
-    if distance.shape != (rows,) or distance.dtype.kind not in "iuf":
+    if distance.shape != lead or distance.dtype.kind not in "iuf":
         raise UsageError(
             f"margin: {distance.dtype} of shape {distance.shape}, not a number for each of "
-            f"{rows} rows"
+            f"{' × '.join(map(str, lead))} rows"
         )
-    return np.asarray(distance <= 1)
+    return np.asarray(distance <= 1).reshape(count)
 
 
 class _Count:
@@ -418,9 +476,9 @@ def _row(index: int, found: Array, expected: Array, inputs: Mapping[str, Array],
     return shown
 
 
-def _row_lines(row: Row) -> list[str]:
+def _row_lines(row: Row, unit: str) -> list[str]:
     inputs = ", ".join(f"{name} = {as_text(value)}" for name, value in row.inputs.items())
-    lines = [f"  row {row.index}{': ' if inputs else ''}{inputs}"]
+    lines = [f"  {unit} {_place(row.index, row.lead)}{': ' if inputs else ''}{inputs}"]
     for member, value in row.found.items():
         label = f" {member}" if member else ""
         distance = f" ({row.distance[member]})" if row.distance[member] else ""

@@ -7,12 +7,12 @@ in another buffer. The text comes after the user's, whose lines keep their numbe
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import methodcaller
 
 from halfstep.errors import HalfstepError
 from halfstep.testing.loops import watch
-from halfstep.testing.module import Module
+from halfstep.testing.module import RESULT, Module, Signature
 from halfstep.testing.types import (
     Array,
     Pointer,
@@ -25,6 +25,7 @@ from halfstep.testing.types import (
     struct_of,
     text_of,
 )
+from halfstep.testing.values import Values
 
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
@@ -43,81 +44,168 @@ class Kernel:
         entry_point: its name.
         function: the user's.
         row: the arguments of a call, and the variables that are set before it.
-        result: what the function returns.
-        first_binding: in group 0 the buffer of rows; the next one is that of results.
-        watched: whether there is another one, in which `loops.watch` tells what it saw.
+        answers: name -> type of what each row gives; `RESULT` is what the function returns.
+        given: the type in which a row gives it; None if it gives nothing.
+        first_binding: in group 0 the first number that is free.
+        watched: whether `loops.watch` tells what it saw.
     """
 
     code: str
     entry_point: str
     function: str
     row: Struct
-    result: Type
+    answers: dict[str, Type]
+    given: Type | None
     first_binding: int
     watched: bool
 
+    @property
+    def numbers(self) -> dict[str, int]:
+        """The numbers in group 0 of "rows", "results" and "watched", of those that there are."""
+        names = ["rows"] * bool(self.row.members) + ["results"] * (self.given is not None)
+        names += ["watched"] * self.watched
+        return {name: self.first_binding + k for k, name in enumerate(names)}
 
-def first_free(module: Module, function: str) -> int:
-    """The first number in group 0 beyond those of what a function uses."""
-    taken = [binding.number for binding in module.buffers(function) if binding.group == 0]
+    @property
+    def types(self) -> list[Type]:
+        """What the buffers of rows and results have an element of for each row."""
+        return [one for one in (self.row if self.row.members else None, self.given) if one]
+
+    def row_answers(self, values: Values) -> dict[str, Values]:
+        """What each row gives, by name, of ``values`` (rows, …) of the type `given`."""
+        if tuple(self.answers) == (RESULT,):
+            return {RESULT: values}
+        return {name: values[name] for name in self.answers}
+
+
+def first_free(module: Module, *functions: str) -> int:
+    """The first number in group 0 beyond those of what functions use."""
+    used = [binding for function in functions for binding in module.bindings(function)]
+    taken = [binding.number for binding in used if binding.group == 0]
     return 1 + max(taken, default=-1)
 
 
 def kernel(
-    module: Module, function: str, variables: Sequence[str], *, watched: bool = False
+    module: Module,
+    function: str,
+    variables: Sequence[str],
+    answers: Sequence[str] = (RESULT,),
+    *,
+    watched: bool = False,
 ) -> Kernel:
     """The shader that calls ``function``, with private ``variables`` of its own in every row.
 
-    If it is ``watched``, it tells where its loops may have been cut short.
+    Each row gives the ``answers``: `RESULT`, parameters that are pointers, private variables. If it
+    is ``watched``, it tells where its loops may have been cut short.
 
     Raises:
         UsageError: a name that is not there, or a type that cannot travel.
     """
-    signature = module.signature(function)
+    signature = module.signature(function, answers)
     types = {
         name: type_.target if isinstance(type_, Pointer) else type_
         for name, type_ in signature.parameters.items()
     } | {name: module.variable(name) for name in variables}
     module.check_free(_NEEDED)
-    own = module.prefix
-    row = _row(f"{own}Row", types)
-    first = first_free(module, function)
-    stored = _Stored(own)
-    place = f"{own}rows[{own}ix]"
-    before = [f"  {name} = {stored.read(types[name], f'{place}.{name}')};\n" for name in variables]
-    arguments = []
+    own, stored = module.prefix, _Stored(module.prefix)
+    held = {name: _holder(module, signature, name) for name in answers}
+    given = {name: type_ for name, (_, type_) in held.items()}
+    blank = Kernel(
+        "",
+        f"{own}call",
+        function,
+        _struct(f"{own}Row", types),
+        given,
+        _given(f"{own}Answers", given),
+        first_free(module, function),
+        watched,
+    )
+    before, arguments = "", []
+    for name in variables:
+        before += f"  {name} = {stored.read(types[name], f'{own}rows[{own}ix].{name}')};\n"
     for name, type_ in signature.parameters.items():
-        argument = stored.read(types[name], f"{place}.{name}")
+        argument = stored.read(types[name], f"{own}rows[{own}ix].{name}")
         if isinstance(type_, Pointer):
-            before.append(f"  var {own}to_{name}: {text_of(type_.target)} = {argument};\n")
+            let = f"var {own}to_{name}: {text_of(type_.target)}"
+            if type_.space == "private":
+                let = f"{own}to_{name}"
+            before += f"  {let} = {argument};\n"
             argument = f"&{own}to_{name}"
         arguments.append(argument)
-    result = stored.written(signature.result, f"{function}({', '.join(arguments)})")
+    call = f"{function}({', '.join(arguments)})"
+    if RESULT in given and signature.returned is not None:
+        call = f"let {own}result = {call}"
+    elif signature.returned is not None:
+        call = f"_ = {call}"
+    after = ""
+    for name, (holder, type_) in held.items():
+        part = "" if tuple(held) == (RESULT,) else f".{name}"
+        after += f"  {own}results[{own}ix]{part} = {stored.written(type_, holder)};\n"
+    rows = f"arrayLength(&{own}rows)" if types else "1u"
     text = (
-        f"{stored.struct(row.name, row)}"
-        f"@group(0) @binding({first}) var<storage, read> {own}rows: array<{row.name}>;\n"
-        f"@group(0) @binding({first + 1}) var<storage, read_write>"
-        f" {own}results: array<{stored.type(signature.result)}>;\n"
+        f"{_declared(blank, own, stored, signature)}"
         f"@compute @workgroup_size({WORKGROUP})\n"
         f"fn {own}call(@builtin(global_invocation_id) {own}id: vec3<u32>) {{\n"
         f"  let {own}ix = {own}id.x;\n"
-        f"  if ({own}ix >= arrayLength(&{own}rows)) {{\n    return;\n  }}\n"
-        f"{''.join(before)}"
-        f"  {own}results[{own}ix] = {result};\n"
+        f"  if ({own}ix >= {rows}) {{\n    return;\n  }}\n"
+        f"{before}  {call};\n{after}"
         f"{f'  {own}watch();' * watched}\n"
         "}\n"
     )
     if watched:
-        text += watch(module, first + 2)
+        text += watch(module, blank.numbers["watched"])
     code = "\n".join([module.text, *stored.helpers(), text, module.asserted()])
-    return Kernel(code, f"{own}call", function, row, signature.result, first, watched)
+    return replace(blank, code=code)
 
 
-def _row(name: str, types: Mapping[str, Type]) -> Struct:
-    """A struct of arguments whose size is a multiple of 4: as the size of a buffer is."""
-    members = [(member, type_, 0, 0) for member, type_ in types.items()]
-    (member, type_, _, _), *rest = members
-    return struct_of(name, [(member, type_, max(align_of(type_), 4), 0), *rest])
+def _holder(module: Module, signature: Signature, name: str) -> tuple[str, Type]:
+    """What holds an answer after the call, and its type."""
+    if name == RESULT and signature.returned is not None:
+        return f"{module.prefix}result", signature.result
+    pointer = signature.parameters.get(name)
+    if isinstance(pointer, Pointer):
+        return f"{module.prefix}to_{name}", pointer.target
+    return name, module.variable(name)
+
+
+def _declared(kernel_: Kernel, own: str, stored: _Stored, signature: Signature) -> str:
+    """The declarations that the entry point needs."""
+    numbers, text = kernel_.numbers, ""
+    buffers: list[tuple[str, str, Type | None]] = [
+        ("rows", "read", kernel_.row),
+        ("results", "read_write", kernel_.given),
+    ]
+    for name, access, type_ in buffers:
+        if type_ is None or name not in numbers:
+            continue
+        element = stored.type(type_)
+        if isinstance(type_, Struct) and type_.name.startswith(own):
+            element = type_.name
+            text += stored.struct(element, type_)
+        text += (
+            f"@group(0) @binding({numbers[name]}) var<storage, {access}> {own}{name}:"
+            f" array<{element}>;\n"
+        )
+    for name, parameter in signature.parameters.items():
+        if isinstance(parameter, Pointer) and parameter.space == "private":
+            text += f"var<private> {own}to_{name}: {text_of(parameter.target)};\n"
+    return text
+
+
+def _given(name: str, answers: Mapping[str, Type]) -> Type | None:
+    """The type in which a row gives its answers."""
+    if tuple(answers) == (RESULT,):
+        return answers[RESULT]
+    return _struct(name, answers) if answers else None
+
+
+def _struct(name: str, types: Mapping[str, Type]) -> Struct:
+    """A struct whose size is a multiple of 4, as the size of a buffer is."""
+    members = [
+        (member, type_, 0 if k else max(align_of(type_), 4), 0)
+        for k, (member, type_) in enumerate(types.items())
+    ]
+    return struct_of(name, members)
 
 
 class _Stored:

@@ -10,7 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from halfstep.contract.arrays import Bytes
+from halfstep.device.compute import Bound
 from halfstep.testing.module import Module
+from halfstep.testing.tokens import written
 
 # What the buffer of `watch` holds before: the rounds of the loop, and that nothing was cut.
 WATCHED = np.array([2, 0], np.uint32)
@@ -42,9 +44,25 @@ def watch(module: Module, number: int) -> str:
 
 
 def calls(module: Module, entry_point: str) -> list[tuple[int, str]]:
-    """Where an entry point ends, and the call of `watch` to be put before it."""
-    ends = module.declared[entry_point].ends
-    return [(end.at, f"{module.prefix}watch(); ") for end in ends]
+    """Where an entry point ends, and the call of `watch` to be put before it.
+
+    What it returns goes through a function that watches, after all else that it does.
+    """
+    own, declaration = module.prefix, module.declared[entry_point]
+    found = [(end.at, f"{own}watch(); ") for end in declaration.ends]
+    for word, end in declaration.returns:
+        found += [(word.end, f" {own}watched_first("), (end.at, ")")]
+    if declaration.returns:
+        type_ = written(declaration.type)
+        text = f"fn {own}watched_first({own}value: {type_}) -> {type_} {{\n"
+        text += f"  {own}watch();\n  return {own}value;\n}}\n"
+        found.append((len(module.text), f"\n{text}"))
+    return found
+
+
+def bound(number: int) -> Bound:
+    """What `watch` writes to, at a number in group 0."""
+    return Bound(0, number, "storage", WATCHED.view(np.uint8))
 
 
 def was_cut(watched: Bytes) -> bool:

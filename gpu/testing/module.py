@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from operator import methodcaller
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from halfstep.device.textures import FORMATS
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.testing.constant import WHOLE, Constant, as_declared, evaluate
 from halfstep.testing.parse import Declaration, declarations
+from halfstep.testing.source import Text
 from halfstep.testing.tokens import Tokens, split, written
 from halfstep.testing.types import (
     SCALARS,
     Array,
     Matrix,
     Pointer,
+    Sampler,
     Scalar,
     Struct,
+    Texture,
     Type,
     Vector,
     align_of,
@@ -28,20 +34,24 @@ from halfstep.testing.types import (
     size_of,
     struct_of,
 )
+from halfstep.testing.values import conform
 
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 _VECTOR = re.compile(r"vec([234])([fiuh]?)")
 _MATRIX = re.compile(r"mat([234])x([234])([fh]?)")
+_TEXTURE = re.compile(r"texture_(storage_|depth_)?(1d|2d|2d_array|3d|cube|cube_array)")
 _SHORT = {"f": "f32", "i": "i32", "u": "u32", "h": "f16"}
 # Built-in functions in which the invocations of a workgroup, or the pixels of a quad, take part
 # together: what they give for one row is not its own.
 _TOGETHER = re.compile(
     r"(workgroup|storage|texture|subgroup)Barrier|workgroupUniformLoad|(subgroup|quad)[A-Z]\w*"
-    r"|(dpdx|dpdy|fwidth)(Coarse|Fine)?"
+    r"|(dpdx|dpdy|fwidth)(Coarse|Fine)?|textureSample(Bias|Compare)?"
 )
-_STAGES = ("vertex", "fragment")
+# What the answer is called that a function returns.
+RESULT = "result"
+STAGES = ("compute", "vertex", "fragment")
 _SPACES = ("private", "workgroup", "uniform", "storage")
 
 
@@ -51,15 +61,21 @@ class Binding(NamedTuple):
     name: str
     group: int
     number: int
-    kind: str  # "uniform", "read-only-storage" or "storage", as wgpu says
-    type: Type
+    kind: str  # "uniform", "read-only-storage" or "storage", as wgpu says; "texture"; "sampler"
+    type: Type | Texture | Sampler
 
 
 class Signature(NamedTuple):
-    """What a function takes and gives."""
+    """What a function takes, and what it returns if it does."""
 
     parameters: dict[str, Type | Pointer]
-    result: Type
+    returned: Type | None
+
+    @property
+    def result(self) -> Type:
+        """What it returns."""
+        assert self.returned is not None
+        return self.returned
 
 
 class Module:
@@ -68,10 +84,15 @@ class Module:
     Every method raises UsageError for a name that is not there and for a type that cannot travel.
     """
 
-    def __init__(self, name: str, text: str) -> None:
-        """``name`` is what messages call the ``text``."""
+    def __init__(self, name: str, text: str, source: Text | None = None) -> None:
+        """``name`` is what messages call the ``text``, which may come from several files."""
         self.name, self.text = name, text
+        self._source = source
         self._numbers: dict[str, int] = {}  # constant expressions, as they are written
+
+    def relocated(self, message: str) -> str:
+        """What the compiler says of the text, with the file and line of each place."""
+        return message if self._source is None else self._source.relocated(message)
 
     @cached_property
     def declared(self) -> dict[str, Declaration]:
@@ -88,36 +109,61 @@ class Module:
         """Names of the functions."""
         return [d.name for d in self.declared.values() if d.kind == "fn"]
 
-    def signature(self, function: str) -> Signature:
-        """Types of the parameters and of the result of a function."""
+    def signature(self, function: str, answers: Collection[str] = (RESULT,)) -> Signature:
+        """Types of the parameters and of the result of a function that is asked for ``answers``."""
         declaration = self._of_kind("fn", "function", function)
         where = f"{self.name}: {function}"
-        if "compute" in declaration.attributes:
-            raise UsageError(f"{where} is an entry point; `kernel` runs those")
-        self._check_stage(declaration)
-        if not declaration.type:
-            raise UsageError(f"{where} returns nothing, so there is nothing to compare")
-        return Signature(
+        self._check_stage(declaration, "")
+        signature = Signature(
             {
                 part.name: self._parameter(part.type, f"{where}: parameter {part.name}")
                 for part in declaration.parts
             },
-            self.type(declaration.type, f"{where}: result"),
+            self.type(declaration.type, f"{where}: result") if declaration.type else None,
         )
-
-    def check_entry_point(self, name: str) -> None:
-        """See whether ``name`` is an entry point."""
-        declaration = self._of_kind("fn", "function", name)
-        self._check_stage(declaration)
-        if "compute" not in declaration.attributes:
-            raise UsageError(f"{self.name}: {name} has no @compute, so it is not an entry point")
-
-    def _check_stage(self, declaration: Declaration) -> None:
-        for stage in _STAGES:
-            if stage in declaration.attributes:
+        there = self._answers(function, signature)
+        if RESULT in answers and RESULT not in there:
+            raise UsageError(f"{where} returns nothing, so there is nothing to compare")
+        for name in answers:
+            if name not in there:
                 raise UsageError(
-                    f"{self.name}: {declaration.name} is the entry point of a {stage} shader; only "
-                    "functions and compute shaders are run"
+                    f"{where}: returns: there is no {name!r}; there is {', '.join(there) or 'none'}"
+                )
+        return signature
+
+    def answers_of_rows(self, function: str, returns: Collection[str]) -> list[str]:
+        """The answers of a function that each row gives: all but those that are bound."""
+        reached, declaration = self.reached(function), self._of_kind("fn", "function", function)
+        bound = [name for name in self.resources() if name in reached]
+        is_result = {RESULT} if declaration.type else set()
+        return [name for name in returns if name not in bound or name in is_result]
+
+    def _answers(self, function: str, signature: Signature) -> list[str]:
+        """What may be asked for after a call, but for buffers."""
+        pointers = [n for n, type_ in signature.parameters.items() if isinstance(type_, Pointer)]
+        reached = self.reached(function)
+        return [
+            *([RESULT] if signature.returned is not None else []),
+            *pointers,
+            *(name for name in self.private() if name in reached),
+        ]
+
+    def check_entry_point(self, name: str, stage: str = "compute") -> None:
+        """See whether ``name`` is an entry point of a stage."""
+        declaration = self._of_kind("fn", "function", name)
+        self._check_stage(declaration, stage)
+        if stage not in declaration.attributes:
+            raise UsageError(f"{self.name}: {name} has no @{stage}, so it is not an entry point")
+
+    def _check_stage(self, declaration: Declaration, wanted: str) -> None:
+        where = f"{self.name}: {declaration.name} is"
+        if "compute" in declaration.attributes and wanted != "compute":
+            raise UsageError(f"{where} an entry point; `kernel` runs those")
+        for stage in ("vertex", "fragment"):
+            if stage in declaration.attributes and stage != wanted:
+                raise UsageError(
+                    f"{where} the entry point of a {stage} shader; only functions and compute "
+                    "shaders are run"
                 )
 
     def struct(self, name: str) -> Struct:
@@ -136,6 +182,12 @@ class Module:
             raise UsageError(f"{where}: its declaration states no type")
         return self.type(declaration.type, where)
 
+    def check_resource(self, name: str) -> None:
+        """See whether ``name`` is a variable that is bound from outside."""
+        if name not in self.resources():
+            told = ", ".join(self.resources()) or "none"
+            raise UsageError(f"{self.name}: there is no resource {name!r}; there is {told}")
+
     def resources(self) -> list[str]:
         """Names of the variables that are bound from outside."""
         return [d.name for d in self.declared.values() if "binding" in d.attributes]
@@ -146,7 +198,14 @@ class Module:
         where = f"{self.name}: variable {name}"
         if "binding" not in declaration.attributes or "group" not in declaration.attributes:
             raise UsageError(f"{where} has no @group and @binding")
+        group, number = (
+            self.number(declaration.attributes[key], where) for key in ("group", "binding")
+        )
         match declaration.space:
+            case ():
+                type_ = self._opaque(declaration.type, where)
+                kind = "sampler" if isinstance(type_, Sampler) else "texture"
+                return Binding(name, group, number, kind, type_)
             case ("uniform",):
                 kind = "uniform"
             case ("storage",) | ("storage", "read"):
@@ -154,31 +213,80 @@ class Module:
             case ("storage", _):
                 kind = "storage"
             case _:
-                raise UsageError(
-                    f"{where} is not a buffer; textures and samplers are not supported"
-                )
-        group, number = (
-            self._number(declaration.attributes[key], where) for key in ("group", "binding")
-        )
+                raise UsageError(f"{where} is neither a buffer nor a texture nor a sampler")
         return Binding(name, group, number, kind, self.type(declaration.type, where))
 
-    def buffers(self, function: str) -> list[Binding]:
-        """What is bound to the resource variables that a function needs.
+    def _opaque(self, tokens: Tokens, where: str) -> Texture | Sampler:
+        """The type of a texture or sampler."""
+        name, arguments = str(tokens[0]) if tokens else "", split(tokens[2:-1])
+        declaration = self.declared.get(name)
+        if declaration is not None and declaration.kind == "alias":
+            return self._opaque(declaration.type, where)
+        if name in ("sampler", "sampler_comparison"):
+            return Sampler(compares=name != "sampler")
+        if match := _TEXTURE.fullmatch(name):
+            kind, dimension = match[1], match[2].replace("_", "-")
+            words = [written(argument) for argument in arguments]
+            if kind == "depth_" and not words:
+                return Texture(dimension, "depth")
+            if kind is None and len(words) == 1:
+                return Texture(dimension, self._scalar(arguments[0], where).name)
+            if kind == "storage_" and len(words) == 2 and words[0] in FORMATS:
+                return Texture(dimension, FORMATS[words[0]].scalar, *words)
+        raise UsageError(f"{where}: a {written(tokens)} is not supported")
+
+    def constants(self, given: Mapping[str, Any]) -> dict[str, float]:
+        """The values of overrides as a pipeline takes them: by name, or by number if they have one.
+
+        Raises:
+            UsageError: the text has no such override, or its type does not hold the value.
+        """
+        found = {}
+        for name, value in given.items():
+            declaration = self._of_kind("override", "override", name)
+            number = written(declaration.attributes.get("id", ()))
+            found[number or name] = self._constant(declaration, value)
+        return found
+
+    def _constant(self, declaration: Declaration, value: Any) -> float:
+        where = f"constants: {declaration.name}"
+        if declaration.type:
+            type_ = self._scalar(declaration.type, f"{self.name}: override {declaration.name}").name
+        else:
+            type_ = self._type_of(declaration.value)
+        if type_ == "":
+            # Only the compiler knows the type.
+            type_ = "bool" if isinstance(value, bool | np.bool_) else "f64"
+        one = conform(value, SCALARS[type_], where)
+        if one.ndim:
+            raise UsageError(f"{where}: shape {one.shape}, not a number")
+        return float(one)
+
+    def _type_of(self, tokens: Tokens) -> str:
+        """Type of a constant expression; "" if it cannot be worked out here."""
+        try:
+            type_ = evaluate(tokens, self._meaning).type
+        except (ArithmeticError, ValueError):
+            return ""
+        return {"int": "i32", "float": "f32"}.get(type_, type_)
+
+    def bindings(self, function: str) -> list[Binding]:
+        """The resource variables that a function needs."""
+        reached = self.reached(function)
+        return [self.binding(name) for name in self.resources() if name in reached]
+
+    def check_use(self, function: str, constants: Collection[str] = ()) -> None:
+        """See whether a function can be run; ``constants`` are overrides that are given values.
 
         Raises:
             UsageError: it needs what cannot be given to it, or what its rows would share.
         """
         where = f"{self.name}: {function}"
-        is_entry_point = "compute" in self.declared[function].attributes
+        is_entry_point = not self.declared[function].attributes.keys().isdisjoint(STAGES)
         for declaration in self._reached(function):
             name, space = declaration.name, "".join(declaration.space[:1])
-            if declaration.kind == "override" and not declaration.value:
+            if declaration.kind == "override" and not (declaration.value or name in constants):
                 raise UsageError(f"{where} uses the override {name}, which has no value")
-            if "binding" in declaration.attributes and not space:
-                raise UsageError(
-                    f"{where} uses {name}, a {written(declaration.type)}; textures and samplers "
-                    "are not supported"
-                )
             if space and space not in _SPACES:
                 raise UsageError(f"{where} uses {name}: a var<{space}> is not supported")
             if space == "workgroup" and not is_entry_point:
@@ -187,8 +295,6 @@ class Module:
             for name in sorted(self._predeclared(function)):
                 if _TOGETHER.fullmatch(name):
                     raise self._together(where, name)
-        reached = self.reached(function)
-        return [self.binding(name) for name in self.resources() if name in reached]
 
     def _together(self, where: str, name: str) -> UsageError:
         return UsageError(
@@ -203,7 +309,7 @@ class Module:
     def reached(self, function: str) -> set[str]:
         """Names of the declarations that a function needs, directly or not, and its own."""
         reached: set[str] = set()
-        wanted = {function}
+        wanted = {function} & self.declared.keys()
         while wanted:
             reached |= wanted
             references = {name for one in wanted for name in self.declared[one].references}
@@ -255,7 +361,7 @@ class Module:
             return Matrix(scalar, int(match[1]), int(match[2]))
         if name == "array" and len(arguments) in (1, 2):
             element = self.type(arguments[0], where)
-            count = self._number(arguments[1], where) if len(arguments) == 2 else None
+            count = self.number(arguments[1], where) if len(arguments) == 2 else None
             return self._array(element, count, where)
         raise self._no_type(tokens, where)
 
@@ -280,16 +386,18 @@ class Module:
         if tokens[:1] != ("ptr",):
             return self.type(tokens, where)
         space, target, *_ = *split(tokens[2:-1]), (), ()
-        if space != ("function",):
-            raise UsageError(f"{where}: a pointer into {written(space)}, not into function")
-        return Pointer("function", self.type(target, where))
+        if space not in (("function",), ("private",)):
+            raise UsageError(
+                f"{where}: a pointer into {written(space)}, not into function or private"
+            )
+        return Pointer(written(space), self.type(target, where))
 
     def _struct(self, declaration: Declaration) -> Struct:
         members = []
         for part in declaration.parts:
             where = f"{self.name}: {declaration.name}.{part.name}"
             align, size = (
-                self._number(part.attributes[key], where) if key in part.attributes else 0
+                self.number(part.attributes[key], where) if key in part.attributes else 0
                 for key in ("align", "size")
             )
             type_ = self.type(part.type, where)
@@ -313,7 +421,7 @@ class Module:
             raise UsageError(f"{where}: {written(tokens)} is not a scalar")
         return type_
 
-    def _number(self, tokens: Tokens, where: str) -> int:
+    def number(self, tokens: Tokens, where: str) -> int:
         """The value of a constant expression of whole numbers."""
         text = written(tokens)
         try:

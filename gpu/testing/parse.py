@@ -40,7 +40,11 @@ class Declaration:
         value: of a constant; empty where there is none.
         space: address space and access of a variable, as ("storage", "read_write").
         brackets: of a function, those that begin its parameters and its body.
-        ends: of a function, each word "return", and the bracket of its body if it is reached.
+        ends: of a function that returns nothing, each word "return", and the bracket of its body if
+            it is reached.
+        returns: of a function that returns something, for each "return" the word, and the semicolon
+            that ends it.
+        of_result: of a function, the attributes of its result.
         has_loop: of a function, whether its body has one.
     """
 
@@ -54,6 +58,8 @@ class Declaration:
     space: Tokens = ()
     brackets: Tokens = ()
     ends: Tokens = ()
+    returns: tuple[Tokens, ...] = ()
+    of_result: dict[str, Tokens] = field(default_factory=dict)
     has_loop: bool = False
 
 
@@ -129,7 +135,9 @@ def _function(attributes: dict[str, Tokens], tokens: list[Token]) -> Declaration
         *("fn", str(tokens[1]), references, attributes, parameters),
         type=tuple(result),
         brackets=(tokens[2], *tokens[body : body + 1]),
-        ends=_ends(tokens[body:]),
+        ends=() if result else _ends(tokens[body:]),
+        returns=_returns(tokens[body:]) if result else (),
+        of_result=of_result,
         has_loop=not {"for", "while", "loop"}.isdisjoint(tokens[body:]),
     )
 
@@ -139,6 +147,14 @@ def _ends(body: list[Token]) -> Tokens:
     returns = tuple(token for token in body if token == "return")
     # Nothing may stand behind a return.
     return returns if body[-3:] == ["return", ";", "}"] else (*returns, *body[-1:])
+
+
+def _returns(body: list[Token]) -> tuple[Tokens, ...]:
+    """Where a function that returns something ends: the words and their semicolons."""
+    starts = [place for place, token in enumerate(body) if token == "return"]
+    return tuple(
+        (body[at], body[end]) for at in starts if (end := _find(body, ";", at)) < len(body)
+    )
 
 
 def _variable(attributes: dict[str, Tokens], space: Tokens, rest: list[Token]) -> Declaration:

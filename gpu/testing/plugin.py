@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # With these somebody asks for drivers or a backend, beside those that name an adapter.
 _ASKING = ("WGPU_BACKEND_TYPE", "VK_DRIVER_FILES", "VK_ICD_FILENAMES")
+# What CI is where it is not continuous integration.
+_NO = ("", "0", "false")
 _CHOICES = pytest.StashKey[str]()
 
 
@@ -33,10 +35,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         type=Path,
         help="keep the census of every comparison in DIR as JSON, and pictures of differences",
     )
+    group.addoption(
+        "--halfstep-regenerate",
+        action="store_true",
+        help="write what is found over the stored answers of wgsl.compare_image",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """See before any test whether results can be kept."""
+    """See before any test whether results can be kept, and stored answers written."""
+    # What was found is right by definition then, and nobody looks at it.
+    if config.getoption("--halfstep-regenerate") and os.environ.get("CI", "") not in _NO:
+        raise pytest.UsageError(
+            f"--halfstep-regenerate: not in continuous integration, and CI={os.environ['CI']}"
+        )
     folder: Path | None = config.getoption("--halfstep-results-path")
     try:
         if folder is not None:
@@ -68,12 +80,15 @@ def halfstep_adapter() -> Adapter:
 def halfstep_device(halfstep_adapter: Adapter) -> Iterator[GpuDevice]:
     """The wgpu.GPUDevice that shaders are tested on; override it to test on one of your own.
 
-    It has 64-bit integers, 16- and 64-bit floats and subgroups where the adapter has them.
+    It has 64-bit integers, 16- and 64-bit floats, subgroups and more formats of textures where the
+    adapter has them.
     """
     from halfstep.device.adapters import close_device, open_device
+    from halfstep.device.textures import FEATURES as OF_TEXTURES
     from halfstep.testing.types import FEATURES
 
-    features = {*FEATURES.values(), "subgroup"} & halfstep_adapter.handle.features
+    wanted = {*FEATURES.values(), *OF_TEXTURES, "subgroup"}
+    features = wanted & halfstep_adapter.handle.features
     device = open_device(halfstep_adapter, features=features)
     yield device
     close_device(device)
@@ -101,11 +116,10 @@ def pytest_terminal_summary(
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Name the results that a test keeps for it."""
-    folder = item.config.getoption("--halfstep-results-path")
-    if folder is None:
-        return (yield)
-    from halfstep.testing.results import results_of
+    """Tell what is called in a test where it is, and name its results for it."""
+    from halfstep.testing.results import running
 
-    with results_of(item.nodeid, folder):
+    folder = item.config.getoption("--halfstep-results-path")
+    regenerates = item.config.getoption("--halfstep-regenerate")
+    with running(item.nodeid, item.path, folder, regenerates=regenerates):
         return (yield)

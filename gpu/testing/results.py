@@ -1,4 +1,7 @@
-"""What tests leave behind where `--halfstep-results-path` says: a census each, and pictures."""
+"""The test that runs: where it is, and what it leaves behind.
+
+Where `--halfstep-results-path` says, a test leaves a census of each comparison, and pictures.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,21 +33,51 @@ class Results:
             write_file(f"{stem}.png", picture())
 
 
-_current: ContextVar[Results | None] = ContextVar("results", default=None)
+@dataclass(frozen=True)
+class Running:
+    """A test that runs.
+
+    Attributes:
+        folder: that its file is in.
+        results: what it leaves behind, if anything.
+        regenerates: whether stored answers are written anew.
+    """
+
+    folder: Path
+    results: Results | None
+    regenerates: bool
+
+
+_current: ContextVar[Running | None] = ContextVar("test", default=None)
 
 
 @contextmanager
-def results_of(test: str, folder: Path) -> Iterator[None]:
-    """Keep what `keep` is given in here in ``folder``, under the name of ``test``."""
-    token = _current.set(Results(folder, test))
+def running(
+    name: str, file: Path, results_path: Path | None, *, regenerates: bool
+) -> Iterator[None]:
+    """Tell what is called in here of the test that runs; its results go to ``results_path``."""
+    results = None if results_path is None else Results(results_path, name)
+    token = _current.set(Running(file.parent, results, regenerates))
     try:
         yield
     finally:
         _current.reset(token)
 
 
+def folder_of_test() -> Path | None:
+    """The folder of the file of the test that runs; None outside of pytest."""
+    test = _current.get()
+    return None if test is None else test.folder
+
+
+def regenerates() -> bool:
+    """Whether stored answers are to be written anew."""
+    test = _current.get()
+    return test is not None and test.regenerates
+
+
 def keep(report: Mapping[str, Any], picture: Callable[[], bytes] | None = None) -> None:
     """Write a report, and a picture if there is one, where results are wanted."""
-    results = _current.get()
-    if results is not None:
-        results.keep(report, picture)
+    test = _current.get()
+    if test is not None and test.results is not None:
+        test.results.keep(report, picture)

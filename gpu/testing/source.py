@@ -1,27 +1,141 @@
-"""What is WGSL and what is the path of a file of it."""
+"""What is WGSL and what is the path of a file of it, and which lines of which files a text has."""
 
 from __future__ import annotations
 
+import difflib
 import os
 import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from operator import methodcaller
 from pathlib import Path
+from typing import Any
 
 from halfstep.errors import HalfstepError, UsageError
+from halfstep.testing.results import folder_of_test
 from halfstep.text import decoded
 
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
-Source = str | os.PathLike[str]
+One = str | os.PathLike[str]
+Source = One | Sequence[One]
+# What makes WGSL of a text that is none yet.
+Preprocess = Callable[[str], str]
 
 SUFFIX = ".wgsl"
 # Every text that declares something has one of these, and so has every text of more than a line.
 _WGSL = re.compile(r"[{};\n\r]|//\s|/\*")
 _MARK = "\ufeff"
+# How the compiler tells a place, and a line that it shows.
+_PLACE = re.compile(r"(┌─ ).*:(\d+)(:\d+)$", re.MULTILINE)
+_SHOWN = re.compile(r"^( *)(\d+)( [│╭])")
 
 
-def named_text(source: Source) -> tuple[str, str]:
+@dataclass(frozen=True)
+class Part:
+    """One of the texts that a source is made of.
+
+    Attributes:
+        name: what messages call it.
+        original: as it was read.
+        text: as it is compiled.
+    """
+
+    name: str
+    original: str
+    text: str
+
+    @cached_property
+    def lines(self) -> list[tuple[str, int]]:
+        """For each line of the text the name and the number in it that a message tells.
+
+        A line that a preprocessor wrote itself has its number in what the preprocessor gave.
+        """
+        lines = self.text.split("\n")
+        if self.text == self.original:
+            return [(self.name, number) for number in range(1, len(lines) + 1)]
+        places = [(f"{self.name} preprocessed", number) for number in range(1, len(lines) + 1)]
+        matcher = difflib.SequenceMatcher(None, self.original.split("\n"), lines, autojunk=False)
+        for before, after, count in matcher.get_matching_blocks():
+            for k in range(count):
+                places[after + k] = self.name, before + k + 1
+        return places
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text to compile.
+
+    Attributes:
+        parts: what it is made of, in order.
+    """
+
+    parts: tuple[Part, ...]
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return ", ".join(dict.fromkeys(part.name for part in self.parts))
+
+    @property
+    def text(self) -> str:
+        """All of it."""
+        return "\n".join(part.text for part in self.parts)
+
+    def relocated(self, message: str) -> str:
+        """What the compiler says of the whole, with the file and line of each place."""
+        if len(self.parts) == 1 and self.parts[0].text == self.parts[0].original:
+            return message
+        places = [place for part in self.parts for place in part.lines]
+        if match := _PLACE.search(message):
+            name, _ = _found(match, places)
+            message = message.replace(f"{self.name}: ", f"{name}: ", 1)
+        return "\n".join(_relocated(message.split("\n"), places))
+
+
+def _relocated(lines: Sequence[str], places: Sequence[tuple[str, int]]) -> Iterator[str]:
+    for line in lines:
+        if match := _PLACE.search(line):
+            name, number = _found(match, places)
+            yield f"{line[: match.start()]}{match[1]}{name}:{number}{match[3]}"
+        elif match := _SHOWN.search(line):
+            _, number = _found(match, places)
+            width = len(match[1]) + len(match[2])
+            yield f"{number:>{width}}{line[match.start(3) :]}"
+        else:
+            yield line
+
+
+def _found(match: re.Match[str], places: Sequence[tuple[str, int]]) -> tuple[str, int]:
+    """The file and line of a line of the whole; what stands behind the end is in its last."""
+    return places[min(int(match[2]), len(places)) - 1]
+
+
+def read(source: Source, preprocess: Preprocess | None = None) -> Text:
+    """The text of a source, each part of it preprocessed alone.
+
+    Raises:
+        UsageError: as `named_text`; or there is no text, or a preprocessor gives something else.
+    """
+    several = isinstance(source, list | tuple)
+    sources: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
+    if not sources:
+        raise UsageError("source: an empty list")
+    parts = []
+    for k, one in enumerate(sources, 1):
+        name, original = named_text(one)
+        if several and name == "WGSL":
+            name = f"WGSL {k}"
+        text = original if preprocess is None else preprocess(original)
+        if not isinstance(text, str):
+            raise UsageError(f"preprocess: gave {type(text).__name__} for {name}, not a text")
+        parts.append(Part(name, original, text))
+    return Text(tuple(parts))
+
+
+def named_text(source: One) -> tuple[str, str]:
     """What messages call a source, and its text without the mark that some editors begin it with.
 
     Raises:
@@ -29,7 +143,8 @@ def named_text(source: Source) -> tuple[str, str]:
             path.
     """
     if isinstance(source, os.PathLike):
-        return _read(str(os.fspath(source)))
+        path = str(os.fspath(source))
+        return path, _read(path, path)
     if not isinstance(source, str):
         raise UsageError(f"source: {type(source).__name__} is neither WGSL nor a path")
     if not _WGSL.search(source) and source.strip():
@@ -38,18 +153,26 @@ def named_text(source: Source) -> tuple[str, str]:
                 f"{source!r} is not WGSL; the path of a file is a path object, or a string that "
                 f"ends with {SUFFIX}"
             )
-        return _read(source)
+        return source, _read(beside_the_test(source), source)
     return "WGSL", source.removeprefix(_MARK)
 
 
-def _read(path: str) -> tuple[str, str]:
+def beside_the_test(path: str) -> str:
+    """A path from the folder of the test that runs, or else from the working directory."""
+    folder = folder_of_test()
+    if folder is None or not os.path.exists(folder / path):  # noqa: PTH110 - too long is no fault
+        return path
+    return str(folder / path)
+
+
+def _read(path: str, name: str) -> str:
     try:
         content = Path(path).read_bytes()
     except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from error
+        raise UsageError(f"{name}: {error.strerror}") from error
     except ValueError as error:
-        raise UsageError(f"{path!r}: {error}") from error
+        raise UsageError(f"{name!r}: {error}") from error
     try:
-        return path, decoded(content)
+        return decoded(content)
     except ValueError as error:
-        raise UsageError(f"{path}: {error}") from None
+        raise UsageError(f"{name}: {error}") from None

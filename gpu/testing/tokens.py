@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from operator import methodcaller
 
 from halfstep.errors import HalfstepError, UsageError
@@ -104,6 +105,40 @@ def check_depth(tokens: list[Token], name: str) -> None:
                 f"signs before a value; the compiler would run out of stack"
             )
         previous = token
+
+
+def check_pointers(tokens: list[Token], text: str, name: str) -> None:
+    """See that no function is given a pointer to a part of a variable.
+
+    WGSL has it as ``unrestricted_pointer_parameters``. naga 29 takes it, and then ends the process.
+
+    Raises:
+        UsageError: one is; ``name`` is what the message calls the text.
+    """
+    functions = {after for token, after in pairwise(tokens) if token == "fn"}
+    parts: set[Token] = set()  # names of a function for such pointers
+    for place, token in enumerate(tokens):
+        if token == "fn":
+            parts = set()
+        elif token == "let" and "&" in tokens[place : place + 16]:
+            end = next((k for k in range(place, len(tokens)) if tokens[k] == ";"), len(tokens))
+            start = next((k for k in range(place, end) if tokens[k] == "="), end)
+            if _is_pointer_to_part(tokens[start + 1 : end]):
+                parts.add(tokens[place + 1])
+        elif token in functions and tokens[place + 1 : place + 2] == ["("]:
+            arguments = split(tokens[place + 2 : closing(tokens, place + 1)])
+            for argument in arguments:
+                if _is_pointer_to_part(argument) or (len(argument) == 1 and argument[0] in parts):
+                    line = 1 + len(_LINE.findall(text, 0, token.at))
+                    raise UsageError(
+                        f"{name}: line {line}: {token} is given {written(argument)}, a pointer to "
+                        "a part of a variable; naga, the compiler of wgpu-native, would end the "
+                        "process. A pointer to a whole variable can be given"
+                    )
+
+
+def _is_pointer_to_part(value: list[Token] | Tokens) -> bool:
+    return value[:1] in (["&"], ("&",)) and not {"[", "."}.isdisjoint(value)
 
 
 def written(tokens: Tokens) -> str:

@@ -107,6 +107,30 @@ class Pointer:
 
 
 @dataclass(frozen=True)
+class Texture:
+    """Texels that a shader reads or writes.
+
+    Attributes:
+        dimension: as WebGPU calls it: "1d", "2d", "2d-array", "3d", "cube" or "cube-array".
+        scalar: what a shader sees of a channel; "depth" of a texture of depths.
+        format: of a storage texture, else "".
+        access: of a storage texture: "read", "write" or "read_write".
+    """
+
+    dimension: str
+    scalar: str
+    format: str = ""
+    access: str = ""
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """What says how a texture is sampled; it may compare depths."""
+
+    compares: bool
+
+
+@dataclass(frozen=True)
 class Leaf:
     """All scalars of a type that have the same names of members on the way to them.
 

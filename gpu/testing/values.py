@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from operator import methodcaller
 from typing import Any
@@ -48,34 +49,46 @@ def prefilled(size: int) -> Bytes:
     return np.full(-(-size // 4), UNWRITTEN, "<u4").view(np.uint8)[:size]
 
 
-def conform(value: Any, dtype: DType, where: str, *, rounded: bool = False) -> Values:
+def conform(
+    value: Any, dtype: DType, where: str, *, rounded: bool = False, any_axes: bool = False
+) -> Values:
     """``value`` with exactly ``dtype``: (rows, …), or structured with these fields.
 
     A struct may be a structured array, a mapping of its members, or a tuple of them in order. A
-    number stands for the same number in every row. Unless ``rounded``, no value may change.
+    number stands for the same number in every row, and an array without an axis of rows for the
+    same value. Numbers and lists of Python are rounded to floats; other values may not change,
+    unless ``rounded``. If ``any_axes``, rows may have any number of axes: (H, W, …).
 
     Raises:
         UsageError: another shape or other members, or a value that the type does not hold.
     """
     scalar, shape = dtype.base, dtype.shape
-    value = _unmasked(value, where)
+    value = unmasked(value, where)
     if scalar.names is None:
-        return _numbers(value, scalar, shape, where, rounded=rounded)
-    members = _members(value, scalar.names, where)
-    parts = {}
+        return _numbers(value, scalar, shape, where, rounded=rounded, any_axes=any_axes)
+    members = members_of(value, scalar.names, where)
+    parts, leads = {}, set()
     for name in scalar.names:
         # An array of structs has its axes before those of the member.
         member = scalar[name]
         full = np.dtype((member.base, (*shape, *member.shape)))
-        parts[name] = conform(members[name], full, f"{where}.{name}", rounded=rounded)
-    lengths = {part.shape[: 1 + len(shape)] for part in parts.values() if part.ndim}
-    if len(lengths) > 1:
+        part = conform(members[name], full, f"{where}.{name}", rounded=rounded, any_axes=any_axes)
+        parts[name] = part
+        leads.add(lead_of(part, full))
+    if len(leads - {()}) > 1:
         counts = ", ".join(f"{name} {part.shape}" for name, part in parts.items())
         raise UsageError(f"{where}: members of different lengths: {counts}")
-    result = np.empty(lengths.pop() if lengths else (), scalar)
+    lead = max(leads, key=len)
+    alone = all(part.ndim == 0 for part in parts.values())
+    result = np.empty(() if alone else (*lead, *shape), scalar)
     for name, part in parts.items():
         result[name] = part
     return result
+
+
+def lead_of(values: Values, dtype: DType) -> tuple[int, ...]:
+    """The axes of rows, which stand before those of a value; none for one value of all rows."""
+    return values.shape[: max(values.ndim - len(dtype.shape), 0)]
 
 
 def paired(found: Any, expected: Any, where: str = "") -> Iterator[tuple[str, Values, Values]]:
@@ -94,15 +107,15 @@ def paired(found: Any, expected: Any, where: str = "") -> Iterator[tuple[str, Va
     if isinstance(found, Mapping):
         if not found:
             raise UsageError(f"{dot}found: nothing to compare")
-        parts = _members(expected, tuple(found), f"{dot}expected")
+        parts = members_of(expected, tuple(found), f"{dot}expected")
         for name, part in found.items():
             yield from paired(part, parts[name], f"{dot}{name}")
         return
-    values = _array(_unmasked(found, f"{dot}found"), f"{dot}found")
-    if not all(leaf.kind in "biuf" and leaf.itemsize <= 8 for leaf in _leaf_types(values.dtype)):
+    values = array_of(unmasked(found, f"{dot}found"), f"{dot}found")
+    if not all(leaf.kind in "biuf" and leaf.itemsize <= 8 for leaf in leaf_types(values.dtype)):
         raise UsageError(f"{dot}found: {values.dtype} is not a type of numbers that a device has")
     if values.ndim == 0:
-        values, expected = values[None], _one_row(expected, f"{dot}expected")
+        values, expected = values[None], _one_row(expected, values.dtype, f"{dot}expected")
     if values.size == 0:
         raise UsageError(f"{dot}found: nothing to compare")
     dtype = np.dtype((values.dtype, values.shape[1:]))
@@ -110,17 +123,24 @@ def paired(found: Any, expected: Any, where: str = "") -> Iterator[tuple[str, Va
     yield where, values, spread(wanted, len(values), dtype, f"{dot}expected")
 
 
-def spread(values: Values, rows: int, dtype: DType, where: str) -> Values:
-    """Values of ``rows`` rows; what `conform` left without an axis of rows gets one.
+def spread(values: Values, lead: int | tuple[int, ...], dtype: DType, where: str) -> Values:
+    """Values of rows with the axes ``lead``; one value for all rows is repeated.
 
     Raises:
         UsageError: there are more rows or fewer.
     """
-    if values.ndim == 0:
-        values = np.broadcast_to(values, (rows, *dtype.shape))
-    if len(values) != rows:
-        raise UsageError(f"{where}: {len(values)} rows, not {rows}")
+    axes = (lead,) if isinstance(lead, int) else lead
+    own = lead_of(values, dtype)
+    if own == ():
+        return np.broadcast_to(values, (*axes, *dtype.shape))
+    if own != axes:
+        raise UsageError(f"{where}: {counted(own)} rows, not {counted(axes)}")
     return values
+
+
+def counted(lead: tuple[int, ...]) -> str:
+    """How many rows there are."""
+    return " × ".join(map(str, lead))
 
 
 def pack(type_: Type, values: Values | Mapping[str, Values], rows: int) -> Bytes:
@@ -159,20 +179,20 @@ def member(values: Values | Mapping[str, Values], path: tuple[str, ...]) -> Valu
     return array
 
 
-def _unmasked(value: Any, where: str) -> Any:
+def unmasked(value: Any, where: str) -> Any:
     """``value``, if no part of it is masked: a device has no such thing."""
     if isinstance(value, np.ma.MaskedArray):
         raise UsageError(f"{where}: a masked array; give its rows that are not masked")
     return value
 
 
-def _leaf_types(dtype: DType) -> Iterator[DType]:
+def leaf_types(dtype: DType) -> Iterator[DType]:
     """The types of the numbers that a type is made of."""
     if dtype.base.names is None:
         yield dtype.base
         return
     for name in dtype.base.names:
-        yield from _leaf_types(dtype.base[name])
+        yield from leaf_types(dtype.base[name])
 
 
 class Resource:
@@ -200,7 +220,7 @@ class Resource:
             self._bind_members(type_, value, where)
         elif isinstance(type_, Array) and type_.count is None:
             values = conform(value, dtype_of(type_), where)
-            if values.shape == dtype_of(type_).shape or not len(values):
+            if lead_of(values, dtype_of(type_)) in ((), (0,)):
                 raise UsageError(f"{where}: no elements along a first axis: shape {values.shape}")
             self._rows = len(values)
             # A shader that asks how many elements there are is told how many fit the binding.
@@ -212,10 +232,11 @@ class Resource:
                 )
             self.raw = pack(type_, values, len(values))
         else:
-            self.raw = pack(type_, conform(_one_row(value, where), dtype_of(type_), where), 1)
+            dtype = dtype_of(type_)
+            self.raw = pack(type_, conform(_one_row(value, dtype, where), dtype, where), 1)
 
     def _bind_members(self, struct: Struct, value: Any, where: str) -> None:
-        values = _members(value, tuple(member.name for member in struct.members), where)
+        values = members_of(value, tuple(member.name for member in struct.members), where)
         least = size_of(struct)
         for member in struct.members:
             place, given = f"{where}.{member.name}", values[member.name]
@@ -245,7 +266,12 @@ def _is_open(type_: Type) -> bool:
     return isinstance(last, Array) and last.count is None
 
 
-def _array(value: Any, where: str) -> Values:
+def array_of(value: Any, where: str) -> Values:
+    """What NumPy makes of a value.
+
+    Raises:
+        UsageError: it is no array.
+    """
     try:
         return np.asarray(value)
     except ValueError as error:
@@ -253,16 +279,32 @@ def _array(value: Any, where: str) -> Values:
         raise UsageError(f"{where}: not an array: {error}") from None
 
 
-def _one_row(value: Any, where: str) -> Any:
+def _one_row(value: Any, dtype: DType, where: str) -> Any:
     """``value`` with an axis of one row before the others."""
+    value = unmasked(value, where)
     if isinstance(value, Mapping):
-        return {name: _one_row(part, where) for name, part in value.items()}
-    if isinstance(value, tuple):
-        return tuple(_one_row(part, where) for part in value)
-    return _array(value, where)[None]
+        names = dtype.base.names or ()
+        return {
+            name: _one_row(part, dtype.base[name] if name in names else dtype, where)
+            for name, part in value.items()
+        }
+    if isinstance(value, tuple) and dtype.base.names is not None:
+        types = [dtype.base[name] for name in dtype.base.names]
+        return tuple(
+            _one_row(part, type_, where)
+            for part, type_ in itertools.zip_longest(value, types[: len(value)], fillvalue=dtype)
+        )
+    # What is of Python stays so: its numbers are rounded.
+    array = array_of(value, where)
+    return array[None] if is_numpy(value) else [array.tolist()]
 
 
-def _members(value: Any, names: tuple[str, ...], where: str) -> Mapping[str, Any]:
+def is_numpy(value: Any) -> bool:
+    """Whether a value has a type of numbers of its own."""
+    return isinstance(value, np.ndarray | np.generic) or hasattr(value, "__array_interface__")
+
+
+def members_of(value: Any, names: tuple[str, ...], where: str) -> Mapping[str, Any]:
     """The members of a struct by name."""
     if isinstance(value, tuple):
         if len(value) != len(names):
@@ -282,10 +324,12 @@ def _members(value: Any, names: tuple[str, ...], where: str) -> Mapping[str, Any
 
 
 def _numbers(
-    value: Any, dtype: DType, shape: tuple[int, ...], where: str, *, rounded: bool
+    value: Any, dtype: DType, shape: tuple[int, ...], where: str, *, rounded: bool, any_axes: bool
 ) -> Values:
-    array = _array(value, where)
-    if array.ndim and array.shape[1:] != shape:
+    array = array_of(value, where)
+    lead = array.ndim - len(shape)
+    fits = array.shape[max(lead, 0) :] == shape and (0 <= lead <= 1 or (any_axes and lead > 0))
+    if array.ndim and not fits:
         wanted = ", ".join(["rows", *map(str, shape)])
         raise UsageError(f"{where}: shape {array.shape}, not ({wanted})")
     if array.dtype == dtype:
@@ -300,10 +344,14 @@ def _numbers(
     lost |= result != array
     if array.dtype.kind == "f":
         lost &= ~np.isnan(array)
+    if dtype.kind == "f" and not is_numpy(value):
+        lost &= ~np.isfinite(result)
     if lost.any() and not (rounded and dtype.kind == "f"):
         first = tuple(np.argwhere(lost)[0].tolist())
+        row = first[: max(lead, 0)]
+        told = f" of row {row[0] if len(row) == 1 else row}" if row else ""
         raise UsageError(
-            f"{where}: {dtype} does not hold the {array.dtype} {array[first].item()!r}"
-            f"{f' of row {first[0]}' if first else ''}; convert it first"
+            f"{where}: {dtype} does not hold the {array.dtype} {array[first].item()!r}{told}; "
+            "convert it first"
         )
     return result

@@ -1,0 +1,294 @@
+"""A function with all that it is given for its rows, and what a reference is given of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from operator import methodcaller
+from typing import Any
+
+import numpy as np
+
+from halfstep.contract.arrays import Bools
+from halfstep.errors import HalfstepError, UsageError
+from halfstep.testing.census import Census, Tolerance, joined, take
+from halfstep.testing.kernel import Kernel
+from halfstep.testing.module import RESULT, Module
+from halfstep.testing.resources import Given
+from halfstep.testing.types import DType, Struct, dtype_of
+from halfstep.testing.values import (
+    Values,
+    conform,
+    counted,
+    lead_of,
+    leaf_types,
+    members_of,
+    paired,
+    spread,
+)
+
+# As in `kit`.
+__tracebackhide__ = methodcaller("errisinstance", HalfstepError)
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function with all that it is given.
+
+    Attributes:
+        module: the source.
+        kernel: what calls the function.
+        parameters: their names, in order.
+        returns: names of the answers; None where only the result is asked for.
+        values: what each row is given, by name, (lead, …).
+        lead: the axes of rows, (rows,) or (H, W) or others.
+        bound: what is bound, by variable.
+        constants: values of overrides, as a pipeline takes them.
+    """
+
+    module: Module
+    kernel: Kernel
+    parameters: tuple[str, ...]
+    returns: tuple[str, ...] | None
+    values: dict[str, Values]
+    lead: tuple[int, ...]
+    bound: dict[str, Given]
+    constants: Mapping[str, float]
+
+    @property
+    def rows(self) -> int:
+        """How many there are."""
+        return int(np.prod(self.lead))
+
+    @property
+    def flat(self) -> dict[str, Values]:
+        """What each row is given, (rows, …)."""
+        return {name: self.flattened(values) for name, values in self.values.items()}
+
+    def flattened(self, values: Values) -> Values:
+        """Values (lead, …) as (rows, …)."""
+        return values.reshape(self.rows, *values.shape[len(self.lead) :])
+
+    def arguments(self) -> tuple[list[Values], dict[str, Values]]:
+        """Arguments in order, and variables by name; nobody may change them."""
+        views = {name: values.view() for name, values in self.values.items()}
+        for values in views.values():
+            values.flags.writeable = False
+        arguments = [views.pop(name) for name in self.parameters]
+        return arguments, views
+
+    def expected(self, given: Any) -> dict[str, Any]:
+        """What a reference gave, by answer: of rows (rows, …), of buffers as they come back.
+
+        Raises:
+            UsageError: it does not fit.
+        """
+        if self.returns is None:
+            given = {RESULT: given}
+        else:
+            given = members_of(given, self.returns, "reference")
+        found: dict[str, Any] = {}
+        for name, value in given.items():
+            where = "reference" if self.returns is None else f"reference: {name}"
+            if name in self.kernel.answers:
+                dtype = dtype_of(self.kernel.answers[name])
+                any_axes = len(self.lead) != 1
+                rows = conform(value, dtype, where, rounded=True, any_axes=any_axes)
+                found[name] = self.flattened(spread(rows, self.lead, dtype, where))
+            else:
+                found[name] = value
+        return found
+
+    @property
+    def types(self) -> list[DType]:
+        """What the answers are in NumPy."""
+        names = (RESULT,) if self.returns is None else self.returns
+        return [
+            dtype_of(self.kernel.answers[name])
+            if name in self.kernel.answers
+            else self.bound[name].dtype
+            for name in names
+        ]
+
+
+def called(reference: Any, call: Call) -> Any:
+    """What a reference gives for a call."""
+    arguments, variables = call.arguments()
+    return reference(*arguments, **variables)
+
+
+def asked(call: Call, reference: Any) -> dict[str, Any]:
+    """What a reference expects of a call, by answer."""
+    return call.expected(called(reference, call))
+
+
+def compared(
+    call: Call,
+    found: Mapping[str, Any],
+    expected: Mapping[str, Any],
+    tolerance: Tolerance,
+    excused: Bools,
+    others: Sequence[Mapping[str, Any]],
+    stack: Mapping[str, str],
+) -> Census:
+    """The census of all answers.
+
+    Args:
+        call: what was called.
+        found: what the device gave, by answer.
+        expected: what it should have given.
+        tolerance: what does not count as a difference.
+        excused: (rows,), where a row that differs is ambiguous.
+        others: what a device that flushes subnormal numbers might have given instead.
+        stack: what the device stands on.
+    """
+    function, censuses = call.kernel.function, []
+    if names := [name for name in found if name in call.kernel.answers]:
+        whole = call.returns is None
+
+        def rows(answers: Mapping[str, Any]) -> Values:
+            return answers[RESULT] if whole else _together({n: answers[n] for n in names})
+
+        alike = [rows(one) for one in others]
+        if others:
+            alike += _flushed_both_ways(rows(expected), *alike)
+        censuses.append(
+            take(
+                function,
+                rows(found),
+                rows(expected),
+                tolerance,
+                inputs=call.flat,
+                excused=excused,
+                stack=stack,
+                lead=call.lead,
+                flushed=alike,
+            )
+        )
+    for name, value in found.items():
+        if name in call.kernel.answers:
+            continue
+        for member, values, wanted in paired(value, expected[name], name):
+            nobody = np.zeros(len(values), bool)
+            alike = _flushed_both_ways(wanted) if others else []
+            censuses.append(
+                take(
+                    function,
+                    values,
+                    wanted,
+                    tolerance,
+                    inputs={},
+                    excused=nobody,
+                    stack=stack,
+                    member=member,
+                    flushed=alike,
+                )
+            )
+    return joined(censuses)
+
+
+def _together(answers: Mapping[str, Values]) -> Values:
+    """Arrays (rows, …) as one with a field of each."""
+    [rows] = {len(values) for values in answers.values()}
+    result = np.empty(rows, [(n, v.dtype, v.shape[1:]) for n, v in answers.items()])
+    for name, values in answers.items():
+        result[name] = values
+    return result
+
+
+def check_rtol(tolerance: Tolerance, name: str, types: Iterable[DType]) -> None:
+    """See that there are floats where a part of them is tolerated."""
+    if tolerance.rtol and not any(leaf.kind == "f" for one in types for leaf in leaf_types(one)):
+        raise UsageError(f"rtol: {name} has no floats; atol is for whole numbers too")
+
+
+def changed(call: Call, change: Any) -> Call:
+    """The call with every array of its values changed."""
+    return replace(call, values={name: change(values) for name, values in call.values.items()})
+
+
+def doubled(values: Values) -> Values:
+    """``values`` with float64 for every shorter float."""
+    return values.astype(_doubles(values.dtype))
+
+
+def flushed(values: Values, *, signed: bool = True) -> Values:
+    """``values`` with zeros for subnormal numbers, of the same sign or positive."""
+    result = np.array(values)
+    if result.dtype.names is None:
+        if result.dtype.kind == "f":
+            small = np.abs(result) < np.finfo(result.dtype).smallest_normal
+            small &= result != 0
+            zero = result.dtype.type(0)
+            result[small] = np.copysign(zero, result[small]) if signed else zero
+        return result
+    for name in result.dtype.names:
+        result[name] = flushed(result[name], signed=signed)
+    return result
+
+
+def _flushed_both_ways(*given: Values) -> list[Values]:
+    """Arrays with subnormal numbers as zeros: WGSL leaves open which sign they have."""
+    return [flushed(one, signed=signed) for one in given for signed in (True, False)]
+
+
+def _doubles(dtype: DType) -> DType:
+    if dtype.subdtype is not None:
+        return np.dtype((_doubles(dtype.base), dtype.shape))
+    if dtype.names is not None:
+        return np.dtype([(name, _doubles(dtype[name])) for name in dtype.names])
+    return np.dtype(np.float64) if dtype.kind == "f" else dtype
+
+
+def check_names(name: str, given: Sequence[str] | None) -> tuple[str, ...] | None:
+    """The names of a tuple or list, if there is one."""
+    if given is None:
+        return None
+    if isinstance(given, str) or not all(isinstance(one, str) for one in given) or not given:
+        raise UsageError(f"{name}: {given!r} is not a tuple of names")
+    if len(set(given)) < len(given):
+        raise UsageError(f"{name}: {given!r} names one twice")
+    return tuple(given)
+
+
+def variables_of(module: Module, function: str, inputs: Mapping[str, Any]) -> list[str]:
+    """The inputs that are private variables.
+
+    Raises:
+        UsageError: an input is neither that nor a parameter, or a parameter has no input.
+    """
+    declared = [part.name for part in module.declared[function].parts]
+    settable = [name for name in module.private() if name in module.reached(function)]
+    where = f"{module.name}: {function}"
+    for name in inputs:
+        if name not in declared and name not in settable:
+            raise UsageError(
+                f"{where} has no parameter {name!r}; it has {', '.join(declared) or 'none'}"
+            )
+    if missing := [name for name in declared if name not in inputs]:
+        raise UsageError(f"{where}: inputs do not give {', '.join(missing)}")
+    return [name for name in inputs if name not in declared]
+
+
+def rows_of(row: Struct, inputs: Mapping[str, Any]) -> tuple[dict[str, Values], tuple[int, ...]]:
+    """The inputs in the types of the members of a row, all with the same axes of rows; these axes.
+
+    Without an axis of rows there is one row.
+
+    Raises:
+        UsageError: an input does not fit its type, or the rows of others.
+    """
+    types = {member.name: dtype_of(member.type) for member in row.members}
+    values = {
+        name: conform(inputs[name], dtype, f"inputs: {name}", any_axes=True)
+        for name, dtype in types.items()
+    }
+    leads = {name: lead_of(array, types[name]) for name, array in values.items()}
+    there = {name: lead for name, lead in leads.items() if lead}
+    if len(set(there.values())) > 1 or any(0 in lead for lead in there.values()):
+        told = ", ".join(f"{name} has {counted(lead)}" for name, lead in there.items())
+        raise UsageError(f"inputs: not one number of rows: {told}")
+    lead = next(iter(there.values()), (1,))
+    return {
+        name: spread(array, lead, types[name], f"inputs: {name}") for name, array in values.items()
+    }, lead
