@@ -70,8 +70,11 @@ class Band:
         visit = VISITS[self._method, klass]
         facts = self._facts | visit.facts
         run = getattr(module(visit.file), visit.file)
-        is_region = klass in (Class.REGION, Class.REGION_INSIDE)
-        rest = self._packed.regions if is_region else self._packed.half_spaces
+        rest: Any = self._packed.half_spaces
+        if klass in (Class.REGION, Class.REGION_INSIDE):
+            rest = self._packed.regions
+        elif klass == Class.POLYNOMIAL:
+            rest = self._packed.polynomials
         seen: Seen = run(solid, rest, x, y, self._chosen, facts)
         old = _each(_part, self._nearest, window=window)
         new = keep.keep(

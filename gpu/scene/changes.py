@@ -7,11 +7,13 @@ import numpy as np
 from pydantic import ValidationError
 
 from halfstep.errors import SceneError
+from halfstep.scene.bases import BaseSolid
 from halfstep.scene.faults import Fault, Loc, line, show
 from halfstep.scene.groups import Fragment, Place
 from halfstep.scene.keys import Animation, SolidKey
+from halfstep.scene.limits import accuracy_faults
 from halfstep.scene.model import Scene
-from halfstep.scene.solids import NO_PATCH, BaseSolid, PlanePatch, box_cuts_area
+from halfstep.scene.solids import NO_PATCH, PlanePatch, box_cuts_area
 from halfstep.scene.tables import ACCURACY_KEYS, Camera
 from halfstep.scene.values import Table, described, plain
 
@@ -87,9 +89,17 @@ def with_overrides(
         if new:
             replace(key, {**_kept(table, new), **new}, options)
 
+    changed = scene.model_copy(update=changes)
+    faults = faults or _unfit(changed, given)
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
-    return scene.model_copy(update=changes)
+    return changed
+
+
+def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
+    """What of an accuracy the solids of a scene cannot have, by the options that are ``given``."""
+    found = accuracy_faults(scene.solids, scene.accuracy)
+    return [(loc[1:] if loc[1] in given else loc, text) for loc, text in found]
 
 
 def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:

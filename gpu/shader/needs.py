@@ -42,6 +42,7 @@ class Needs:
     uniform: bool = False
     surfaces: int = 0  # the most of a region, or a little more
     levels: int = 0  # the most that a region's program opens at once, or a little more
+    degree: int = 0  # the highest of a polynomial of the scene
     conveyor: str = "conveyor"  # the stage that finds where roots are
 
     @cached_property
@@ -91,6 +92,7 @@ class Needs:
         """
         shades_long = self.light_rounds > MOST_LIGHT_ROUNDS
         is_long = self.method == "article" or "error" in self.outputs or self.has_regions
+        is_long |= Class.POLYNOMIAL in self.classes
         if is_long or shades_long:
             return 1
         return 4 if self.together > 1 and len(self.classes) <= 1 else 2

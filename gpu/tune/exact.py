@@ -60,8 +60,9 @@ def exact(scene: Scene) -> Exact:
 
     Raises:
         SceneError: an unbounded scene without a volume.
-        UsageError: the scene has cells.
+        UsageError: the scene has cells, tori or formulas.
     """
+    check_known(scene)
     solids = Solids.of(scene)
     if solids.geometry.regions is not None:
         raise UsageError(f"{scene.name}: tune knows no exact answer for cells")
@@ -77,6 +78,16 @@ def exact(scene: Scene) -> Exact:
         for window in _windows(constants.rectangle[row]):
             _visit(answer, rounding, solids.geometry, constants, records, row, window)
     return answer
+
+
+def check_known(scene: Scene) -> None:
+    """See that there is an exact answer for the solids of a scene.
+
+    Raises:
+        UsageError: it has tori or formulas.
+    """
+    if any(solid.is_algebraic for solid in scene.solids):
+        raise UsageError(f"{scene.name}: tune knows no exact answer for tori and formulas")
 
 
 def _windows(rectangle: Ints) -> Iterator[tuple[slice, slice]]:
