@@ -496,7 +496,7 @@ class Draw:
                 value = self._usual(name, leaf)
                 sign = -1 if name == "b_in" else 1
                 return np.where(rng.random(shape) < 0.9, sign * np.abs(value), value)
-            case "size" if leaf.dtype.kind == "i":
+            case "size" if leaf.dtype == np.int32:
                 return np.minimum(rng.integers(0, 31, shape), STEPS[:, None])
             case "size":
                 return np.abs(self._usual(name, leaf))

@@ -20,8 +20,6 @@ struct Cell {
   going: b4,  // there is more to try
   met: b4,  // a root lies in it
   sure: b4,  // nothing doubtful was left behind
-  low: f4,  // where it begins and ends
-  high: f4,
 }
 
 // What holds of F = Σ t_j s^j, |s| <= 1, which is off by at most `error`.
@@ -65,8 +63,6 @@ fn cells_from(first: i4, going: b4, steps: u32) -> Cell {
     going & (first < i4(1i << steps)),
     b4(false),
     b4(true),
-    f4(0.0),
-    f4(0.0),
   );
 }
 
@@ -106,8 +102,6 @@ fn clocked(
     old.going & going,
     old.met | (old.going & met),
     old.sure & (!old.going | sure),
-    select(old.low, low, old.going),
-    select(old.high, high, old.going),
   );
 }
 
@@ -143,8 +137,6 @@ fn narrowed(
     old.going,
     old.met,
     old.sure,
-    old.low,
-    old.high,
   );
 }
 
@@ -155,15 +147,26 @@ fn position_in(cell: Cell, steps: u32) -> i4 {
 
 // How far the only root of a cell is from a position at most: so many BOUNDS are tried, each four
 // times the one before.
-fn bound_in(curve: Curve, cell: Cell, position: i4, last_step: f32) -> f4 {
+fn bound_in(
+  curve: Curve,
+  start: f4,
+  stop: f4,
+  cell: Cell,
+  position: i4,
+  last_step: f32,
+) -> f4 {
+  let width = last_step + last_step;
+  let following = cell.first + (i4(1) << u4(cell.size));
+  let low = max(f4(cell.first) * width - 1.0, start);
+  let high = min(f4(following) * width - 1.0, stop);
   let u = f4(position) * last_step;
   let off = abs(u - curve.middle);
   var reach = last_step;
   var bound = f4(UNBOUNDED);
   for (var k = 0u; k < BOUNDS; k++) {
     let error = curve_error(curve, off + reach);
-    let before = (u - reach <= cell.low) | (curve_value(curve, u - reach) > error);
-    let behind = (u + reach >= cell.high) | (curve_value(curve, u + reach) < -error);
+    let before = (u - reach <= low) | (curve_value(curve, u - reach) > error);
+    let behind = (u + reach >= high) | (curve_value(curve, u + reach) < -error);
     let found = before & behind & (bound == f4(UNBOUNDED));
     bound = select(bound, f4(reach + (CLIPPING + CLIPPING)), found);
     reach = reach * 4.0;

@@ -108,13 +108,14 @@ fn visit_polynomial(solid: Solid, y: i32) {
     let start_error = curve_error(curve, start_off) + start_slack * steepest;  //? error
     let sure_start = select(abs(first) > start_error, b4(eye_sure(solid)), from_eye);  //? error
     let ordered = surely_ordered(ends_0);  //? error
-    let bound = bound_in(seen, cell, position, solid.last_step);  //? error
+    let bound = bound_in(seen, start, stop, cell, position, solid.last_step);  //? error
     let u = f4(position) * solid.last_step;  //? error
     let before_end = (u + bound) + stop_slack < stop;  //? error
     let uncut = stop_slack == f4(0.0);  //? error
     let sure_root = (bound < f4(UNBOUNDED)) & (before_end | uncut);  //? error
     let stop_error = curve_error(curve, stop_off) + stop_slack * steepest;  //? error
-    let sure_miss = ((curve_value(seen, stop) > stop_error) | uncut) & (ordered | !on_exit);  //? error
+    let past = (curve_value(seen, stop) > stop_error) | uncut;  //? error
+    let sure_miss = past & (ordered | !on_exit);  //? error
     let sure_cell = cell.sure & select(sure_miss, sure_root, cell.met);  //? error
     let certain = select(sure_cell, ordered, on_entry) & sure_start  //? error
       & (outside | inside | on_entry);  //? error

@@ -145,8 +145,10 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         facts.sure[row] = ~(at_eye & unsure)
         facts.nearest[row] = np.where(at_eye, groups.nearest, 0.0)
     algebraic = _polynomials(geometry, ix, view, center, sight, np.stack([low, high[ix]]))
-    if algebraic is not None:
-        _see_polynomials(facts, algebraic.row[starts_at_eye[algebraic.row]], geometry, ix, sight)
+    at_eye = np.empty(0, np.int64) if algebraic is None else algebraic.row
+    at_eye = at_eye[starts_at_eye[at_eye]]
+    if len(at_eye):
+        _see_polynomials(facts, at_eye, geometry, ix, sight)
 
     return Setup(
         view=view,

@@ -47,8 +47,6 @@ class Cell(NamedTuple):
     going: Bools  # there is more to try
     met: Bools  # a root lies in it
     sure: Bools  # nothing doubtful was left behind
-    low: F32  # where it begins and ends
-    high: F32
 
 
 def judged_of(t: Powers, error: F32) -> Judged:
@@ -78,9 +76,9 @@ def judged_of(t: Powers, error: F32) -> Judged:
 
 def cells_from(first: I32, going: Bools, steps: int) -> Cell:
     """The largest cell that begins at a leaf."""
-    zero = np.zeros(first.shape, np.float32)
+    never = np.zeros(first.shape, bool)
     size = largest_at(first, steps)
-    return Cell(first, size, going & (first < 1 << steps), zero > 0, zero == 0, zero, zero)
+    return Cell(first, size, going & (first < 1 << steps), never, ~never)
 
 
 def largest_at(first: I32, steps: int) -> I32:
@@ -119,8 +117,6 @@ def clocked(
         old.going & going,
         old.met | (old.going & met),
         old.sure & (~old.going | sure),
-        np.where(old.going, low, old.low),
-        np.where(old.going, high, old.high),
     )
 
 
@@ -155,16 +151,27 @@ def position_in(cell: Cell, steps: int) -> I32:
     return (cell.first + cell.first) + np.int32(1 - (1 << steps))
 
 
-def bound_in(curve: Curve, cell: Cell, position: I32, last_step: np.float32) -> F32:
+def bound_in(
+    curve: Curve,
+    start: F32,
+    stop: F32,
+    cell: Cell,
+    position: I32,
+    last_step: np.float32,
+) -> F32:
     """How far the only root of a cell is from a position at most."""
+    width = last_step + last_step
+    following = cell.first + (np.int32(1) << cell.size)
+    low = np.maximum(cell.first.astype(np.float32) * width - np.float32(1), start)
+    high = np.minimum(following.astype(np.float32) * width - np.float32(1), stop)
     u = position.astype(np.float32) * last_step
     off = np.abs(u - curve.middle)
     reach = last_step
     bound = np.full(u.shape, UNBOUNDED)
     for _ in range(BOUNDS):
         error = curve_error(curve, off + reach)
-        before = (u - reach <= cell.low) | (curve_value(curve, u - reach) > error)
-        behind = (u + reach >= cell.high) | (curve_value(curve, u + reach) < -error)
+        before = (u - reach <= low) | (curve_value(curve, u - reach) > error)
+        behind = (u + reach >= high) | (curve_value(curve, u + reach) < -error)
         found = before & behind & (bound == UNBOUNDED)
         bound = np.where(found, reach + (CLIPPING + CLIPPING), bound)
         reach = reach * np.float32(4)

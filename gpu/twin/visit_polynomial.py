@@ -143,7 +143,7 @@ def visit_polynomial(
         sure_start = np.abs(first) > curve_error(curve, start_off) + start_slack * slope
         sure_start = np.where(from_eye, eye_sure(solid), sure_start)
         ordered = surely_ordered(ends)
-        bound = bound_in(seen, cell, position, last_step)
+        bound = bound_in(seen, start, stop, cell, position, last_step)
         u = position.astype(np.float32) * last_step
         before_end = (u + bound) + stop_slack < stop
         sure_root = (bound < UNBOUNDED) & (before_end | (stop_slack == 0))
