@@ -15,6 +15,7 @@ from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, with_overrides
+from halfstep.scene.animation import scene_at
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.algebraic_surfaces import SURFACES, solid_of, torus_of
@@ -349,6 +350,53 @@ def test_what_tori_cannot_have_is_said(option: str, value: Any, text: str) -> No
     with pytest.raises(halfstep.SceneError) as caught:
         scene_of(torus(), (3, 4, 5), accuracy=accuracy)
     assert caught.value.faults == (f"scene: accuracy.{option}: {text}",)
+
+
+MOVING = {
+    "kind": "implicit",
+    "formula": "a*x^2 + y^2 + z^2 = b / a",
+    "parameters": {"a": 2, "b": 1},
+    "bounds": {"min": [-1, -1, -1], "max": [1, 1, 1]},
+    "key": [{"at": 0, "a": 1}, {"at": 0.5, "a": 3, "origin": [0, 0, 1]}, {"at": 1, "a": 1}],
+}
+
+
+QUARTER = {"frames": 5, "orbit_degrees": 90.0}
+
+
+def test_parameters_move(tmp_path: Any) -> None:
+    scene = scene_of(MOVING, (3, 4, 5), animation=QUARTER)
+    solids: list[Any] = [scene_at(scene, frame).solids[0] for frame in range(5)]
+    values = [solid.parameters["a"] for solid in solids]
+    assert values[0] == values[4] == 1
+    assert values[2] == 3
+    assert 1 < values[1] == values[3] < 3
+    assert all(solid.parameters["b"] == 1 for solid in solids)
+    assert all(solid.origin == (0, 0, 1) for solid in solids)
+    path = tmp_path / "scene.toml"
+    path.write_text(scene.to_toml())
+    assert halfstep.load(path) == scene
+
+
+@pytest.mark.parametrize(
+    ("keys", "text"),
+    [
+        ([{"at": 0, "c": 1}], "scene: solid[0].parameters.c: missing; key[0] has it"),
+        ([{"at": 0, "a": "1"}], 'scene: solid[0].key[0].a: "1" is not a number'),
+        ([{"at": 0}], "scene: solid[0].key: has none of origin, rotation_degrees, parameter"),
+        (
+            [{"at": 0, "a": -1}, {"at": 1, "a": 1}],
+            "scene: frame 2: solid[0].formula: column 23: division by zero",
+        ),
+    ],
+)
+def test_faults_of_moving_parameters(keys: list[dict[str, Any]], text: str) -> None:
+    def frame() -> Scene:
+        return scene_at(scene_of({**MOVING, "key": keys}, (3, 4, 5), animation=QUARTER), 2)
+
+    with pytest.raises(halfstep.SceneError) as caught:
+        frame()
+    assert any(fault.startswith(text) for fault in caught.value.faults), caught.value.faults
 
 
 @pytest.mark.parametrize("place", PLACES)

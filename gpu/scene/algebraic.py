@@ -5,10 +5,18 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from halfstep.scene import algebra
 from halfstep.scene.algebra import NotPolynomialError, Polynomial
@@ -16,6 +24,7 @@ from halfstep.scene.bases import CutSolid
 from halfstep.scene.expression import name_fault, parsed
 from halfstep.scene.faults import SMALLEST_LENGTH, Fault, fault, show
 from halfstep.scene.formula import fault_at
+from halfstep.scene.keys import SolidKey, are_in_order
 from halfstep.scene.values import (
     MAX_HALF_SPACES,
     Array,
@@ -23,8 +32,10 @@ from halfstep.scene.values import (
     HalfSpace,
     Length,
     Point,
+    Sequence,
     Table,
     Vector,
+    check_some,
     validation_error,
 )
 
@@ -133,6 +144,27 @@ class FormulaBounds(Table):
         return high
 
 
+class ImplicitKey(SolidKey):
+    """Where an implicit solid is at a time of the animation, and values of its parameters.
+
+    These stand beside the other keys: ``{ at = 0.5, a = 2.0 }``.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Coordinate]
+
+    @field_validator("rotation_degrees")
+    @classmethod
+    def _says_something(cls, angles: Vector | None, _: ValidationInfo) -> Vector | None:
+        return angles  # what it says may be a parameter
+
+    @model_validator(mode="after")
+    def _says_anything(self) -> Self:
+        if not self.model_extra:
+            check_some(origin=self.origin, rotation_degrees=self.rotation_degrees, parameter=None)
+        return self
+
+
 class Implicit(Algebraic):
     """What a formula of x, y and z makes <= 0 in a box, which cuts it.
 
@@ -144,6 +176,9 @@ class Implicit(Algebraic):
     """
 
     kind: Literal["implicit"] = "implicit"
+    keyframes: Annotated[Sequence[ImplicitKey], AfterValidator(are_in_order)] = Field(
+        default=(), alias="key"
+    )
     parameters: Mapping[str, Coordinate] = Field(default_factory=dict)
     formula: str
     bounds: FormulaBounds
@@ -151,10 +186,15 @@ class Implicit(Algebraic):
 
     @field_validator("parameters")
     @classmethod
-    def _have_names(cls, parameters: Mapping[str, float]) -> Mapping[str, float]:
+    def _have_names(
+        cls, parameters: Mapping[str, float], info: ValidationInfo
+    ) -> Mapping[str, float]:
         faults: list[Fault] = [
             ((name,), text) for name in parameters if (text := name_fault(name)) is not None
         ]
+        for index, key in enumerate(info.data.get("keyframes", ())):
+            unknown = key.model_extra.keys() - parameters.keys()
+            faults += [((name,), f"missing; key[{index}] has it") for name in sorted(unknown)]
         if faults:
             raise validation_error("parameters", faults)
         return parameters
@@ -177,6 +217,13 @@ class Implicit(Algebraic):
         if total > MAX_HALF_SPACES:
             raise fault(f"{total} half-spaces with those of the bounds is not <= {MAX_HALF_SPACES}")
         return sheet
+
+    def at_rest(self, state: Mapping[str, Any]) -> dict[str, Any]:
+        """What keys say, with values of parameters among the others of the solid."""
+        parameters = {**self.parameters}
+        parameters |= {name: value for name, value in state.items() if name in parameters}
+        others = {name: value for name, value in state.items() if name not in parameters}
+        return {**others, "parameters": parameters}
 
     def polynomial(self) -> Polynomial:
         """The formula's."""

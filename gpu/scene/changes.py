@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from halfstep.errors import SceneError
+from halfstep.scene.algebraic import Implicit
 from halfstep.scene.bases import BaseSolid
 from halfstep.scene.faults import Fault, Loc, line, show
 from halfstep.scene.groups import Fragment, Place
@@ -173,6 +174,11 @@ def still(
             normal = solid.world_from_local()[:, 2]
             if not box_cuts_area(solid.bounds, np.array(solid.origin), normal):
                 faults.append((("solid", index, "bounds"), NO_PATCH))
+        if isinstance(solid, Implicit) and solid is not scene.solids[index]:
+            try:
+                solid.polynomial()
+            except ValueError as error:
+                faults.append((("solid", index, "formula"), str(error)))
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
     changes: dict[str, Any] = {"camera": view, "animation": None, "solids": solids}
@@ -205,7 +211,11 @@ def _at_rest(
 ) -> tuple[Moving, ...]:
     found: list[Moving] = []
     for each in moving:
-        changes = {**place(each.keyframes), "keyframes": ()} if each.keyframes else {}
+        changes: dict[str, Any] = {}
+        if each.keyframes:
+            state = place(each.keyframes)
+            changes = each.at_rest(state) if isinstance(each, Implicit) else {**state}
+            changes["keyframes"] = ()
         found.append(cast("Moving", each.model_copy(update=changes)) if changes else each)
     return tuple(found)
 
