@@ -370,6 +370,7 @@ FAULTS = [
     ("algebraic.line_place", "f4(-1.0)", "f4(-2.0)"),
     ("algebraic.line_slack", "size - error", "size + error"),
     ("algebraic.finished", "f4(-BEYOND), start", "start, f4(-BEYOND)"),
+    ("algebraic.finished", "all(cell.size == i4(0))", "any(cell.size == i4(0))"),
     ("algebraic.world_slope", "form.axes[4]", "form.axes[3]"),
 ]
 

@@ -19,12 +19,13 @@ fn line_slack(c: f4, b: f4, error: f4, number: i4) -> f4 {
   return select(slack, f4(0.0), (number == i4(0)) & (error == f4(0.0)));
 }
 
-// The position of the root in a cell, or that of the plane c + b u where there is none.
+// The position of the root in a cell, or that of the plane c + b u where it is seen.
 fn finished(
   curve: Curve,
   start: f4,
   stop: f4,
   found: Cell,
+  is_plane: b4,
   c: f4,
   b: f4,
   steps: u32,
@@ -32,12 +33,15 @@ fn finished(
 ) -> i4 {
   var cell = found;
   cell.first = select(i4(0), found.first, found.met);
-  cell.size = select(i4(i32(steps)), found.size, found.met);
+  cell.size = select(select(i4(0), i4(i32(steps)), is_plane), found.size, found.met);
   let powers = line_or(found.met, curve.powers, c, b);
   let middle = select(f4(0.0), f4(curve.middle), found.met);
   let low = select(f4(-BEYOND), start, found.met);
   let high = select(f4(BEYOND), stop, found.met);
   for (var k = 0u; k < steps; k++) {
+    if all(cell.size == i4(0)) {
+      break;
+    }
     cell = narrowed(powers, middle, low, high, cell, last_step);
   }
   return position_in(cell, steps);

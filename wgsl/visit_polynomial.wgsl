@@ -61,6 +61,7 @@ fn visit_polynomial(solid: Solid, y: i32) {
       start,
       stop,
       cell,
+      on_entry | on_exit,
       select(-piece_0.c_out, piece_0.c_in, on_entry),
       select(-piece_0.b_out, piece_0.b_in, on_entry),
       solid.steps,
@@ -84,6 +85,7 @@ fn visit_polynomial(solid: Solid, y: i32) {
       start,
       stop,
       last,
+      hit & !stays & (piece_0.id_out > i4(0)),
       -piece_0.c_out,
       -piece_0.b_out,
       solid.steps,
@@ -137,12 +139,13 @@ fn visit_polynomial(solid: Solid, y: i32) {
       ),
     );
     let v = f4(position) * solid.last_step - form.middle;  //? normal
-    let slopes = slopes_on_rays(form.terms, right, down, v);  //? normal
-    let bend = world_slope(form, right, down, v, slopes);  //? normal
-    slope_0 = either(  //? normal
-      surface == i4(0),
-      turned(inside & b4(is_sheet), bend),
-      either(on_entry, normal_in_0, normal_out_0),
-    );
+    slope_0 = either(on_entry, normal_in_0, normal_out_0);  //? normal
+    let curved = hit & (surface == i4(0));  //? normal
+    // A loop that no invocation enters is skipped.
+    for (var once = 0u; once < select(0u, 1u, any(curved)); once++) {  //? normal
+      let slopes = slopes_on_rays(form.terms, right, down, v);
+      let bend = world_slope(form, right, down, v, slopes);
+      slope_0 = either(curved, turned(inside & b4(is_sheet), bend), slope_0);
+    }
   }
 }

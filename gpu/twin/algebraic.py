@@ -6,7 +6,7 @@ import numpy as np
 
 from halfstep.twin.cells import Cell, narrowed, position_in
 from halfstep.twin.certify import EPSILON, ROOM, UNBOUNDED
-from halfstep.twin.lanes import F32, I32
+from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.normal import Vector
 from halfstep.twin.taylor import Curve, Slopes, line_or
 
@@ -36,16 +36,17 @@ def finished(
     start: F32,
     stop: F32,
     found: Cell,
+    is_plane: Bools,
     c: F32,
     b: F32,
     steps: int,
     last_step: np.float32,
 ) -> I32:
-    """The position of the root in a cell, or that of the plane c + b u where there is none."""
+    """The position of the root in a cell, or that of the plane c + b u where it is seen."""
     zero = np.zeros_like(found.first)
     cell = found._replace(
         first=np.where(found.met, found.first, zero),
-        size=np.where(found.met, found.size, np.int32(steps)),
+        size=np.where(found.met, found.size, np.where(is_plane, np.int32(steps), zero)),
     )
     powers = line_or(found.met, curve.powers, c, b)
     middle = np.where(found.met, curve.middle, np.float32(0))

@@ -114,6 +114,7 @@ def visit_polynomial(
         start,
         stop,
         cell,
+        on_entry | on_exit,
         np.where(on_entry, piece.c_in, -piece.c_out),
         np.where(on_entry, piece.b_in, -piece.b_out),
         steps,
@@ -130,7 +131,15 @@ def visit_polynomial(
         last = cells_from(behind, hit & ~stays, steps)
         last = walked(leaving, start, stop, last, steps, last_step)
         exit_position = finished(
-            leaving, start, stop, last, -piece.c_out, -piece.b_out, steps, last_step
+            leaving,
+            start,
+            stop,
+            last,
+            hit & ~stays & (piece.id_out > 0),
+            -piece.c_out,
+            -piece.b_out,
+            steps,
+            last_step,
         )
         exit_position = np.where(stays, position, exit_position)
         left = np.where(stays, hit, last.met | (piece.id_out > 0))
@@ -167,5 +176,6 @@ def visit_polynomial(
         u = position.astype(np.float32) * last_step - curve.middle
         bend = world_slope(form, right, down, u, slopes_on_rays(form["terms"], right, down, u))
         bend = turned(inside & is_sheet, bend)
-        slope_vector = either(surface == 0, bend, either(on_entry, normal_in, normal_out))
+        curved = hit & (surface == 0)
+        slope_vector = either(curved, bend, either(on_entry, normal_in, normal_out))
     return Seen(sight, slope_vector, certificate)
