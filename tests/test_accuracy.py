@@ -17,7 +17,8 @@ from halfstep.device.adapters import Adapter
 from halfstep.errors import AdapterError
 from halfstep.host.steps import ROUNDING_SHARE, steps_for
 from halfstep.run import gpu as run_gpu
-from halfstep.scene import Scene, bundled_scenes, with_overrides
+from halfstep.scene import Scene, with_overrides
+from tests.bundled import drawn_by_all
 from tests.scenes_random import KINDS, random_scene
 from tests.soundness import Shot, Way
 
@@ -207,7 +208,7 @@ def _default(scene: Scene, size: tuple[int, int]) -> Any:
         )
 
 
-@pytest.mark.parametrize("name", bundled_scenes())
+@pytest.mark.parametrize("name", drawn_by_all())
 def test_a_bundled_scene_is_exact_to_half_a_pixel(name: str) -> None:
     scene = halfstep.load(name)
     # Of a crowd a few dozen: the oracle takes its time over each.

@@ -22,6 +22,7 @@ from halfstep.run.gpu import Device
 from halfstep.scene import bundled_scenes
 from halfstep.shader import source
 from halfstep.shader.needs import Needs
+from tests.bundled import drawn_by_all
 
 SIZE = (160, 120)
 # A thousand solids cost the twin more than pixels do.
@@ -34,6 +35,10 @@ INT64 = pytest.mark.needs("i64")
 SCENES = [
     pytest.param(name, marks=INT64) if name == "edge_eye_on_surface" else name
     for name in bundled_scenes()
+]
+BY_ALL = [
+    pytest.param(name, marks=INT64) if name == "edge_eye_on_surface" else name
+    for name in drawn_by_all()
 ]
 
 # What a slip of the pen would make of the kernel: each must be seen in a frame.
@@ -97,7 +102,7 @@ def test_a_bundled_scene(scene: str) -> None:
     assert (frame.solid >= 0).any()
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", BY_ALL)
 @pytest.mark.usefixtures("device")
 def test_a_bundled_scene_by_the_article(scene: str) -> None:
     # Shading is the same code for both methods, and every number of lights compiles anew.

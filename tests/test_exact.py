@@ -12,10 +12,12 @@ import halfstep
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
 from halfstep.host.prepare import prepare
+from halfstep.errors import UsageError
 from halfstep.scene import Scene, Volume, bundled_scenes, with_overrides
 from halfstep.tune import exact as module
 from halfstep.tune.exact import crossing, exact
 from halfstep.twin.root import Root
+from tests.bundled import drawn_by_all
 from tests.oracle import Oracle
 from tests.region_oracle import truth
 from tests.scenes_random import PLACES, intervals, random_scene
@@ -56,6 +58,10 @@ OF_CELLS = [name for name in BUNDLED if halfstep.load(name).layout().copies()]
 
 @pytest.mark.parametrize("name", sorted({*BUNDLED} - {*OF_CELLS}))
 def test_every_bundled_scene(name: str) -> None:
+    if name not in drawn_by_all():
+        with pytest.raises(UsageError, match="no exact answer for tori and formulas"):
+            exact(halfstep.load(name))
+        return
     hits, depths = judged(halfstep.load(name), name)
     assert hits > 100
     assert depths > 0.5 * hits or name.startswith("edge")

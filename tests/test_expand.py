@@ -139,3 +139,26 @@ for (var i = 0u; i < 2u; i++) {
 
 def test_what_a_text_asks_for() -> None:
     assert marks(TEXT) == {"exit", "flat", "normal"}
+
+
+def test_loops_are_written_out() -> None:
+    text = """\
+fn f() {
+  // written out
+  for (var j = 1u; j < DEGREE; j++) {
+    g(j, "jj");
+    // written out
+    for (var k = j; k < DEGREE + 1u - 2u; k++) {
+      h(j + k);
+    }
+  }
+}
+"""
+    found = expand(text, (), 1, {"DEGREE": 4})
+    assert re.findall(r"g\(\du|h\(\du \+ \du", found) == [
+        "g(1u", "h(1u + 1u", "h(1u + 2u", "g(2u", "h(2u + 2u", "g(3u",
+    ]  # fmt: skip
+    assert found.count("{") == found.count("}")
+    assert "for" not in found
+    assert "written" not in found
+    assert '"jj"' in found

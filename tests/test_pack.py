@@ -12,8 +12,9 @@ from halfstep.contract.formats import FRACTION_BITS
 from halfstep.contract.layout import TILE
 from halfstep.contract.srgb import srgb_table
 from halfstep.host.prepare import prepare
-from halfstep.scene import bundled_scenes, load, with_overrides
+from halfstep.scene import load, with_overrides
 from halfstep.twin import encode, nearest
+from tests.bundled import drawn_by_all
 
 SIZE = (160, 120)
 
@@ -48,7 +49,7 @@ def test_srgb_is_rounded_correctly_anywhere(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("steps", [None, 1, 17, 30])
-@pytest.mark.parametrize("name", bundled_scenes())
+@pytest.mark.parametrize("name", drawn_by_all())
 @pytest.mark.filterwarnings("ignore:.*the tolerance needs more than")
 @pytest.mark.slow
 def test_depth_keys_are_exact(name: str, steps: int | None, rng: np.random.Generator) -> None:
@@ -68,7 +69,7 @@ def test_depth_keys_are_exact(name: str, steps: int | None, rng: np.random.Gener
     assert packed.key_bits < 64
 
 
-@pytest.mark.parametrize("name", bundled_scenes())
+@pytest.mark.parametrize("name", drawn_by_all())
 def test_integer_forms_do_not_overflow(name: str) -> None:
     packed = prepare(with_overrides(load(name), size=SIZE, steps=24))
     assert packed.format.integer

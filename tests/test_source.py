@@ -25,6 +25,7 @@ from halfstep.shader.fetch import fetches
 from halfstep.shader.library import definitions, joined, reached, stage
 from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs
 from halfstep.shader.source import bindings, compose, constants, stage_files
+from tests.bundled import drawn_by_all
 from tests.test_pack import SIZE
 
 METHODS = ("visible", "article")
@@ -34,6 +35,7 @@ ALL = frozenset(OUTPUT_WORDS | OUTPUT_BYTES)
 QUADRICS = {Class.QUADRIC, Class.QUADRIC_INSIDE}
 POLYHEDRA = {Class.POLYHEDRON, Class.POLYHEDRON_INSIDE}
 REGIONS = {Class.REGION, Class.REGION_INSIDE}
+POLYNOMIALS = {Class.POLYNOMIAL}
 # Function -> the classes one of which it is there for.
 CALLED = {
     "visible": {
@@ -42,9 +44,10 @@ CALLED = {
         "polyhedron_entry": POLYHEDRA,
         "patch_entry": {Class.PATCH},
         "facing": {Class.PATCH},
-        "clip": QUADRICS | POLYHEDRA,
-        "whole_interval": QUADRICS | POLYHEDRA,
-        "from_the_eye": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
+        "clip": QUADRICS | POLYHEDRA | POLYNOMIALS,
+        "whole_interval": QUADRICS | POLYHEDRA | POLYNOMIALS,
+        "from_the_eye": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE, *POLYNOMIALS},
+        "walked": POLYNOMIALS,
         "choose": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
         "form_at": {Class.ELLIPSOID, *QUADRICS, *REGIONS},
         "crossing": REGIONS,
@@ -71,6 +74,7 @@ NEEDS = Needs(
     short_keys=False,
     surfaces=8,
     levels=4,
+    degree=4,
 )
 
 
@@ -101,6 +105,8 @@ def functions(text: str) -> set[str]:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", bundled_scenes())
 def test_a_kernel_calls_what_its_solids_need(name: str, method: str) -> None:
+    if method == "article" and name not in drawn_by_all():
+        return
     need = needs(with_overrides(load(name), method=method), ALL - {"error"})
     called = functions(compose(need))
     for function, classes in CALLED[method].items():
@@ -176,7 +182,7 @@ def test_no_built_in_leaves_the_device_a_choice() -> None:
 def test_from_pixel_to_key_fixed32_has_no_float(method: str) -> None:
     """Every operation that decides what a ray shows, and where, is one of integers."""
     for klass in Class:
-        if (method, klass) not in VISITS:
+        if (method, klass) not in VISITS or klass in POLYNOMIALS:
             continue
         outputs = frozenset({"surface", "key", "exit"})
         need = replace(NEEDS, classes=(klass,), method=method, format=FIXED32, outputs=outputs)
@@ -231,9 +237,11 @@ def _combinations() -> Iterator[Needs]:
     outputs = [ALL, *(frozenset({"tag", name}) for name in OUTPUT_WORDS | OUTPUT_BYTES)]
     for method, sets in (("visible", visible), ("article", article)):
         for classes, form, wanted in product(sets, FORMATS, outputs):
+            if form is FIXED32:  # cannot draw them
+                classes = tuple(klass for klass in classes if klass not in POLYNOMIALS)
             yield replace(NEEDS, classes=classes, method=method, format=form, outputs=wanted)
     wanted = frozenset({"surface", "image"})
-    for classes, form in product(visible, FORMATS):
+    for classes, form in product(visible, (FLOAT32, FLOAT32_EXACT)):
         yield replace(NEEDS, classes=classes, format=form, outputs=wanted, short_keys=True)
     for lights, point_lights, bits in product((0, 1, 3), (False, True), (0, 6)):
         yield replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
@@ -261,7 +269,7 @@ EXACT = {"polynomial_exact", "forms_exact", "halve_incremental"}
 def as_it_lies(name: str) -> str:
     """A file with what it needs of others and of Python, all unexpanded."""
     form = FIXED32 if name.endswith("_fixed") else FLOAT32_EXACT if name in EXACT else FLOAT32
-    classes = tuple(Class)
+    classes = tuple(klass for klass in Class if form is not FIXED32 or klass not in POLYNOMIALS)
     if name in WIDE:
         # Blocks of regions are of one quad.
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple, get_origin, get_type_hints
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from halfstep.contract import program as words
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.layout import Flag
+from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
 from halfstep.contract.srgb import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.contract.stages import FACTS, STAGES, VISITS, Kind, files_of
 from halfstep.shader.library import stage
@@ -49,6 +50,8 @@ STEPS = 1 + BLOCK % 30
 
 # Of regions: surfaces, and words and levels of programs.
 SURFACES, WORDS, LEVELS = 4, 12, 4
+# Of polynomials.
+DEGREE = 4
 
 # Colours and weights of light are never negative; zeros without a sign are what Mesa keeps.
 LIT = ("ambient", "specular")
@@ -115,6 +118,10 @@ const SEARCHES: Run = {number_format.run};
 const SURFACES: u32 = {SURFACES}u;
 const CROSSINGS: u32 = {3 * SURFACES}u;
 const LEVELS: u32 = {LEVELS}u;
+const DEGREE: u32 = {DEGREE}u;
+const TERMS: u32 = {term_count(DEGREE)}u;
+const CLOCKS: u32 = {CLOCKS}u;
+const BOUNDS: u32 = {BOUNDS}u;
 {"".join(f"const {name}: u32 = {getattr(words, name)}u;" for name in WORD)}
 var<private> programs: array<u32, {WORDS}>;
 var<private> frame: Frame;
@@ -335,6 +342,36 @@ FAULTS = [
     ("cross.crossed", "k < steps", "k + 1u < steps"),
     ("cross.line_crossed", "k < steps", "k + 1u < steps"),
     ("cross.doubted", "select(-by, by, raised)", "by"),
+    ("taylor.on_rays", "row * y", "row * y * y"),
+    ("taylor.sizes_on_rays", "abs(x)", "x"),
+    ("taylor.slopes_on_rays", "slope_y * x + slope_row", "slope_y * x + row"),
+    ("taylor.slopes_on_rays", "in_u * u + value", "in_u * u + total"),
+    ("taylor.value_at", "j < DEGREE", "j + 1u < DEGREE"),
+    ("taylor.slope_at_most", "f32(DEGREE - j)", "f32(j)"),
+    ("taylor.about", "var j = k", "var j = 0u"),
+    ("taylor.about", "scale * h", "scale"),
+    ("taylor.curve_value", "u - curve.middle", "u"),
+    ("taylor.curve_error", "+ curve.host_error", ""),
+    ("taylor.opposite", "-curve.powers[j], some", "-curve.powers[0], some"),
+    ("taylor.line_or", "select(b,", "select(c,"),
+    ("cells.judged_of", "size_1 < twice", "size_1 < size_2"),
+    ("cells.judged_of", "f32(j) * size", "size"),
+    ("cells.judged_of", "last < -error", "last < error"),
+    ("cells.largest_at", "u4(steps)", "u4(steps + 1u)"),
+    ("cells.cells_from", "first < i4", "first <= i4"),
+    ("cells.clocked", "high <= low", "high < low"),
+    ("cells.clocked", "right >= stop", "right > stop"),
+    ("cells.clocked", "leaf | judged.vague", "leaf"),
+    ("cells.walked", "!cell.going", "cell.going"),
+    ("cells.narrowed", "u < start", "u < stop"),
+    ("cells.position_in", "1 - (1i << steps)", "1 + (1i << steps)"),
+    ("cells.bound_in", "reach * 4.0", "reach * 2.0"),
+    ("cells.bound_in", "bound == f4(UNBOUNDED)", "bound != f4(0.0)"),
+    ("algebraic.line_place", "f4(-1.0)", "f4(-2.0)"),
+    ("algebraic.line_slack", "size - error", "size + error"),
+    ("algebraic.finished", "f4(-BEYOND), start", "start, f4(-BEYOND)"),
+    ("algebraic.finished", "all(cell.size == i4(0))", "any(cell.size == i4(0))"),
+    ("algebraic.world_slope", "form.axes[4]", "form.axes[3]"),
 ]
 
 
@@ -371,7 +408,7 @@ class Draw:
         if values is None:
             values = self._usual(name, leaf)
         # Pixels have places of their own; what else is one number or a record's is of a solid.
-        is_record = place.startswith(("solid.", "half_space.", "plane.", "look."))
+        is_record = place.startswith(("solid.", "half_space.", "plane.", "look.", "form."))
         own = name in ("y", "j") or (leaf.ndim > 1 and not is_record)
         return values if own else values[::BLOCK_ROWS][BLOCK]
 
@@ -460,6 +497,8 @@ class Draw:
                 value = self._usual(name, leaf)
                 sign = -1 if name == "b_in" else 1
                 return np.where(rng.random(shape) < 0.9, sign * np.abs(value), value)
+            case "size" if leaf.dtype == np.int32:
+                return np.minimum(rng.integers(0, 31, shape), STEPS[:, None])
             case "size":
                 return np.abs(self._usual(name, leaf))
             case "base":
@@ -588,7 +627,7 @@ def _argument(
             return FACTS
         case "like":
             return like
-        case "start":
+        case "start" if "start_high" in given:
             return Key(given["start_high"][0], given["start_low"][0])
         case "table":
             return srgb_table()
@@ -616,6 +655,8 @@ def _as_twin(values: Array, hint: Any) -> Any:
     if isinstance(hint, type) and issubclass(hint, tuple):
         members = hints_of(hint).items()
         return hint(*(_as_twin(values[name], member) for name, member in members))
+    if get_origin(hint) is list:
+        return [values[:, k] for k in range(values.shape[1])]
     if hint in (int, bool):
         return hint(values[0])
     if hint in (np.float32, Value):
@@ -635,6 +676,8 @@ def _parts(result: Any) -> Iterator[Array]:
     if isinstance(result, tuple):
         for part in result:
             yield from _parts(part)
+    elif isinstance(result, list):
+        yield np.stack(result, axis=1)
     else:
         yield np.asarray(result)
 

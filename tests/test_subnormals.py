@@ -20,6 +20,7 @@ from halfstep.host import pack, setup
 from halfstep.scene import Scene, bundled_scenes
 from halfstep.twin import normal, shade
 from halfstep.twin.lanes import F32
+from tests.bundled import drawn_by_all
 from tests.extremes import extremes
 from tests.flushing import flushing
 from tests.scenes_random import PLACES, random_scene
@@ -62,7 +63,10 @@ def test_the_processor_flushes() -> None:
 @pytest.mark.slow
 def test_a_bundled_scene(scene: str, method: str) -> None:
     loaded = halfstep.load(scene)
-    for number_format in FORMATS:
+    limited = scene not in drawn_by_all()
+    for number_format in FORMATS[:1] if limited else FORMATS:
+        if limited and method == "article":
+            continue
         assert flushed(loaded, method=method, number_format=number_format) == {}
 
 

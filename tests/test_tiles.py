@@ -22,9 +22,10 @@ from halfstep.host.tiles import frequent_sets, tile_groups, tile_lists
 from halfstep.run import gpu as run_gpu
 from halfstep.run import needs
 from halfstep.run.framebuffer import FrameBuffer
-from halfstep.scene import bundled_scenes, load, with_overrides
+from halfstep.scene import load, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
+from tests.bundled import drawn_by_all
 from tests.scenes_random import PLACES, random_scene
 
 SIZE = (160, 120)
@@ -129,7 +130,7 @@ def test_frames_without_lists_are_the_same(
     # Bands of one row of tiles, and one shader for all scenes.
     monkeypatch.setattr(run_gpu, "BAND_BYTES", 1)
     monkeypatch.setattr(packing, "_present", lambda *_: tuple(Class)[: Class.REGION])
-    scenes = [load(name) for name in bundled_scenes()]
+    scenes = [load(name) for name in drawn_by_all()]
     scenes = [scene for scene in scenes if not scene.cells and not scene.groups]
     scenes += [random_scene(rng, PLACES[k % len(PLACES)], most=8).scene for k in range(40)]
     struck = hits = 0

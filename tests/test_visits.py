@@ -35,8 +35,9 @@ STEPS = 11
 MOST_SOLIDS = 12
 ROWS = 192
 
-# Visits that are run alone: those of regions read buffers of their own.
-ALONE = [key for key in VISITS if key[1] not in (Class.REGION, Class.REGION_INSIDE)]
+# Visits that are run alone: the others read buffers of their own.
+TOGETHER = (Class.REGION, Class.REGION_INSIDE, Class.POLYNOMIAL)
+ALONE = [key for key in VISITS if key[1] not in TOGETHER]
 
 # Class by method -> a word of its visit, and what a slip would make of it.
 FAULTS = [
@@ -114,8 +115,9 @@ def solids_of(method: str, klass: Class, number_format: Format) -> tuple[Array, 
             number_format=number_format.name,
         )
         packed = prepare(scene)
-        if packed.regions is not None:
-            continue  # cells are tried in whole frames, by tests/test_regions.py
+        # Others are tried in whole frames, by tests/test_regions.py and tests/test_polynomials.py.
+        if packed.regions is not None or packed.polynomials is not None:
+            continue
         # A few of a scene, so that there are many scenes.
         for row in np.flatnonzero(packed.classes == klass)[:2]:
             solid = packed.solids[row].copy()

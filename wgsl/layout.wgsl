@@ -46,6 +46,7 @@ struct Solid {
   color: array<f32, 3>,  // of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
+  polynomial: u32,  // its row among the polynomials, if it has one
 }
 
 // A half-space along a ray: inside where c + b u <= 0.
@@ -114,4 +115,21 @@ struct Appearance {
   @align(32) color: array<f32, 3>,  // linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
+}
+
+// What a solid that a polynomial bounds has besides: F = Σ term (u - middle)^j x^a y^b.
+struct Polynomial {
+  @align(32) host_error: f32,  // error of F from the set-up, in its units
+  rounding: f32,  // error of F from rounding, of the sum of all |terms|
+  middle: f32,  // u about which F is expanded: u - middle is taken to powers
+  scale: f32,  // of pixel offsets: x and y, which are at most 1
+  left: i32,  // least offset of its rectangle
+  right: i32,  // greatest offset
+  top: i32,  // least offset down
+  bottom: i32,  // greatest offset down
+  sheet: u32,  // 1 if F = 0 is shown from both sides, else 0
+  axes: array<f32, 9>,  // unit vectors of the camera, world: right, down, forward
+  tangents: array<f32, 3>,  // of the ray at x = y = 0, right and down; of x or y = 1
+  stretch: array<f32, 2>,  // width of x = 1 in halves of the interval: in the middle; per u
+  terms: array<f32, TERMS>,  // as gpu/contract/powers.py orders them
 }

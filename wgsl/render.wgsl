@@ -161,6 +161,19 @@ fn render(
       keep_block(solid);
     }
   }
+  {  //? list_polynomial
+    let first = tile.starts[LIST_POLYNOMIAL];
+    let end = tile.starts[LIST_POLYNOMIAL + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      // each quad
+      paint_0 = paint_of(solid);  //? regions & color
+      visit_polynomial(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
   // each quad
   let shown_0 = finish(nearest_0, i_0, j);  //? normal
   // each quad

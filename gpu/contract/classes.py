@@ -16,3 +16,4 @@ class Class(IntEnum):
     PATCH = 5
     REGION = 6
     REGION_INSIDE = 7
+    POLYNOMIAL = 8  # of any degree, also cut, or seen from inside

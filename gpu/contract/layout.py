@@ -7,7 +7,7 @@ space.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntFlag
 from pathlib import Path
 
@@ -35,11 +35,14 @@ class Flag(IntFlag):
 
 @dataclass(frozen=True)
 class Field:
-    """A member of a record: a scalar or vector type, repeated ``count`` times if above 1."""
+    """A member of a record: a scalar or vector type, repeated ``count`` times if above 1.
+
+    The count may be the name of a constant, which depends on the scene: see `Record.counted`.
+    """
 
     name: str
     type: str
-    count: int
+    count: int | str
     meaning: str
 
 
@@ -55,8 +58,16 @@ class Record:
     meaning: str
     fields: tuple[Field, ...]
 
+    def counted(self, **constants: int) -> Record:
+        """The record with numbers in place of the names of constants."""
+        fields = (
+            replace(field, count=constants.get(str(field.count), field.count))
+            for field in self.fields
+        )
+        return replace(self, fields=tuple(fields))
+
     def dtype(self, number_format: Format = FLOAT32) -> np.dtype[np.void]:
-        """The dtype of the record in a number format."""
+        """The dtype of the record in a number format; all counts are numbers."""
         numbers: dict[str, type[np.generic]] = {
             "Coefficient": number_format.coefficient,
             "Value": number_format.value,
@@ -68,12 +79,12 @@ class Record:
             scalar, width = numbers.get(field.type), 1
             if scalar is None:
                 scalar, width = _TYPES[field.type]
-            align = np.dtype(scalar).itemsize * width
+            align, count = np.dtype(scalar).itemsize * width, int(field.count)
             offset = -(-end // align) * align
-            shape = (field.count,) * (field.count > 1) + (width,) * (width > 1)
+            shape = (count,) * (count > 1) + (width,) * (width > 1)
             formats.append((np.dtype(scalar), shape))
             offsets.append(offset)
-            end = offset + np.dtype(scalar).itemsize * width * field.count
+            end = offset + np.dtype(scalar).itemsize * width * count
         size = -(-end // ALIGNMENT) * ALIGNMENT
         return np.dtype(
             {
@@ -88,7 +99,7 @@ class Record:
         """The struct declaration."""
         lines = [f"// {self.meaning}", f"struct {self.name} {{"]
         for field in self.fields:
-            type_ = f"array<{field.type}, {field.count}>" if field.count > 1 else field.type
+            type_ = field.type if field.count == 1 else f"array<{field.type}, {field.count}>"
             align = f"@align({ALIGNMENT}) " if field is self.fields[0] else ""
             lines.append(f"  {align}{field.name}: {type_},  // {field.meaning}")
         return "\n".join([*lines, "}"])
@@ -147,6 +158,7 @@ SOLID = Record(
         Field("color", "f32", 3, "of its material, linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
+        Field("polynomial", "u32", 1, "its row among the polynomials, if it has one"),
     ),
 )
 
@@ -236,7 +248,29 @@ APPEARANCE = Record(
     ),
 )
 
-RECORDS = (FRAME, SOLID, HALF_SPACE, LIGHT, REGION, FLAT, CURVED, APPEARANCE)
+POLYNOMIAL = Record(
+    "Polynomial",
+    "What a solid that a polynomial bounds has besides: F = Σ term (u - middle)^j x^a y^b.",
+    (
+        Field("host_error", "f32", 1, "error of F from the set-up, in its units"),
+        Field("rounding", "f32", 1, "error of F from rounding, of the sum of all |terms|"),
+        Field("middle", "f32", 1, "u about which F is expanded: u - middle is taken to powers"),
+        Field("scale", "f32", 1, "of pixel offsets: x and y, which are at most 1"),
+        Field("left", "i32", 1, "least offset of its rectangle"),
+        Field("right", "i32", 1, "greatest offset"),
+        Field("top", "i32", 1, "least offset down"),
+        Field("bottom", "i32", 1, "greatest offset down"),
+        Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
+        Field("axes", "f32", 9, "unit vectors of the camera, world: right, down, forward"),
+        Field("tangents", "f32", 3, "of the ray at x = y = 0, right and down; of x or y = 1"),
+        Field(
+            "stretch", "f32", 2, "width of x = 1 in halves of the interval: in the middle; per u"
+        ),
+        Field("terms", "f32", "TERMS", "as gpu/contract/powers.py orders them"),
+    ),
+)
+
+RECORDS = (FRAME, SOLID, HALF_SPACE, LIGHT, REGION, FLAT, CURVED, APPEARANCE, POLYNOMIAL)
 
 
 def wgsl() -> str:

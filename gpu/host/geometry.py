@@ -16,6 +16,7 @@ from halfstep.contract.arrays import Array, Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.edges import EDGES
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
+from halfstep.host.polynomials import Polynomials, polynomials
 from halfstep.host.regions import Regions
 from halfstep.scene import Box, PlanePatch, Quadric, Scene, Solid, halfspaces
 
@@ -88,6 +89,7 @@ class Geometry:
     plane_two_sided: Bools  # (M,), it is seen from both sides: a patch, or one with an opposite
     hulls: Hulls
     regions: Regions | None  # copies of groups, each the last of the K solids
+    polynomials: Polynomials | None  # of the solids that have one of any degree
 
     @property
     def count(self) -> int:
@@ -109,7 +111,8 @@ def build(scene: Scene) -> Geometry:
     is_patch = np.array([solid.is_patch for solid in solids], np.bool_)
     is_flat = np.array([solid.is_flat for solid in solids], np.bool_)
     quadric = np.array([solid.quadric() for solid in solids]).reshape(-1, 4, 4)
-    has_quadric, is_nowhere = ~is_flat, np.zeros(count, bool)
+    is_algebraic = np.array([solid.is_algebraic for solid in solids], np.bool_)
+    has_quadric, is_nowhere = ~is_flat & ~is_algebraic, np.zeros(count, bool)
     faces: list[Faces] = []
     for ix, solid in enumerate(solids):
         slab = slab_of(solid.coefficients) if isinstance(solid, Quadric) else None
@@ -123,10 +126,12 @@ def build(scene: Scene) -> Geometry:
     cut = [_is_cut(solid, own) for solid, own in zip(solids, faces, strict=True)]
     has_cut = np.array(cut, np.bool_)
 
-    form, hulls = _hulls(solids, [own.rows for own in faces], quadric, has_quadric, is_flat)
+    form, hulls = _hulls(
+        solids, [own.rows for own in faces], quadric, has_quadric, is_flat | is_algebraic
+    )
     plane_count = np.array([len(own.rows) for own in faces], np.int64)
     # All of space has no surface: nothing of it is seen, as of a solid without a point.
-    form[is_nowhere | (~has_quadric & (plane_count == 0))] = Form.EMPTY
+    form[is_nowhere | (~has_quadric & ~is_algebraic & (plane_count == 0))] = Form.EMPTY
     is_loose = ~is_flat & _is_loose(form, plane_count, has_cut)
     slender = np.flatnonzero((form >= Form.ELLIPSOID) & has_quadric & _is_slender(quadric))
     for ix in slender.tolist():
@@ -162,6 +167,7 @@ def build(scene: Scene) -> Geometry:
         plane_two_sided=two_sided,
         hulls=hulls,
         regions=None,
+        polynomials=polynomials(solids),
     )
 
 
@@ -203,6 +209,7 @@ def with_regions(solids: Geometry, regions: Regions) -> Geometry:
             points=np.concatenate([hulls.points, points], axis=-1),
         ),
         regions=regions,
+        polynomials=solids.polynomials,
     )
 
 
@@ -263,10 +270,10 @@ def _hulls(
     rows: Sequence[Floats],
     quadric: Floats,
     has_quadric: Bools,
-    is_flat: Bools,
+    has_corners: Bools,
 ) -> tuple[Ints, Hulls]:
     """Form of every solid (K,), and the hulls."""
-    form = np.where(is_flat, Form.POINTS, Form.UNBOUNDED)
+    form = np.where(has_corners, Form.POINTS, Form.UNBOUNDED)
     curved = np.flatnonzero(has_quadric)
     known = [solids[ix].is_ellipsoid for ix in curved.tolist()]
     form[curved], center, axes = _ellipsoids(quadric[curved], np.array(known, np.bool_))

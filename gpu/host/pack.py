@@ -14,11 +14,13 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
 from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
+from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, fixed_point_scale
 from halfstep.host.geometry import Geometry
 from halfstep.host.numbers import Numbers, numbers_of
+from halfstep.host.pack_polynomials import pack_polynomials
 from halfstep.host.pack_regions import Appearances, appearances, pack_regions
 from halfstep.host.regions import NO_MATERIAL
 from halfstep.host.setup import START_BITS, Setup
@@ -39,6 +41,7 @@ _CLASS_SEEN = np.array(
         [Class.PATCH] * 3,
         [Class.REGION, Class.REGION, Class.REGION_INSIDE],
         [Class.REGION_INSIDE] * 3,
+        [Class.POLYNOMIAL] * 3,
     ],
     np.int64,
 )
@@ -53,9 +56,16 @@ _ARTICLE_CLASS = np.array(
         Class.PATCH,
         Class.REGION,
         Class.REGION_INSIDE,
+        Class.POLYNOMIAL,
     ],
     np.int64,
 )
+
+# Classes that another one can do for.
+_CLOSED = {
+    Class.POLYHEDRON: Class.POLYHEDRON_INSIDE,
+    Class.QUADRIC: Class.QUADRIC_INSIDE,
+}
 
 _FRAME, _LIGHT = layout.FRAME.dtype(), layout.LIGHT.dtype()
 
@@ -95,6 +105,7 @@ class Packed:
     solid_count: int  # of the scene
     surface_count: int  # of the scene
     regions: PackedRegions | None  # what copies of groups have besides
+    polynomials: PackedPolynomials | None  # what solids have besides that polynomials bound
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -149,6 +160,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     keys = _keys(setup, count)
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
+    half_spaces = _half_spaces(tables, setup, number_format, offsets)
     return Packed(
         setup=setup,
         surfaces=tables,
@@ -157,7 +169,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         classes=classes[order],
         format=number_format,
         solids=solids.take(order),  # a fancy index copies member by member
-        half_spaces=_half_spaces(tables, setup, number_format, offsets),
+        half_spaces=half_spaces,
         key_bits=keys.bits,
         lights=_lights(scene, setup),
         present=_present(classes, outside),
@@ -168,6 +180,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         regions=None
         if tables.appearances is None
         else pack_regions(setup, tables.appearances, count, number_format),
+        polynomials=pack_polynomials(setup, half_spaces),
     )
 
 
@@ -227,6 +240,9 @@ def _solids(
     solids["flags"] = sum(int(flag) * holds for flag, holds in facts.items())
     solids["surface"] = tables.numbers.first[setup.solid]
     solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
+    if setup.polynomials is not None:
+        row = setup.polynomials.row
+        solids["polynomial"][row] = np.arange(len(row))
     solids["color"] = tables.color.take(setup.solid, axis=0)
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]
@@ -279,14 +295,17 @@ def _fewer(classes: Ints, outside: Ints) -> tuple[Ints, Ints]:
     """The classes, some joined: code for solids that rays may start in does for others, too.
 
     Regions are long to compile, so they share one class where one of them needs it. Polyhedra do
-    where there are more classes than a tile's record has lists.
+    where there are more classes than a tile's record has lists, and then quadrics.
     """
     table = np.arange(len(Class))
     seen = np.bincount(np.append(classes, outside), minlength=len(Class)) > 0
     if seen[Class.REGION_INSIDE]:
         table[Class.REGION], seen[Class.REGION] = Class.REGION_INSIDE, False
-    if seen.sum() > MOST_CLASSES:
-        table[Class.POLYHEDRON] = Class.POLYHEDRON_INSIDE
+    for closed, opened in _CLOSED.items():
+        if seen.sum() > MOST_CLASSES:
+            table[closed] = opened
+            seen[opened] |= seen[closed]
+            seen[closed] = False
     return table[classes], table[outside]
 
 
@@ -304,6 +323,8 @@ def _outside_classes(geometry: Geometry) -> Ints:
     classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
     found = np.select(kinds, classes, Class.POLYHEDRON)
     found[geometry.solid_count :] = Class.REGION
+    if geometry.polynomials is not None:
+        found[geometry.polynomials.solid] = Class.POLYNOMIAL
     return found
 
 

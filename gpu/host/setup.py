@@ -33,6 +33,7 @@ from halfstep.host.forms import (
     scaled_error,
 )
 from halfstep.host.geometry import Geometry
+from halfstep.host.polynomials import AtEye, OnRays, on_rays
 
 # An interval starts at a multiple of 2^-START_BITS of its own length.
 START_BITS = 4
@@ -89,6 +90,7 @@ class Setup:
     plane_b: Floats  # (N, 3)
     plane_host_error: Floats  # (N,), error of c and b made by this set-up
     copies: Copies | None  # of groups; they are the last of the scene's solids
+    polynomials: OnRays | None  # of the solids that have one of any degree
 
     @property
     def count(self) -> int:
@@ -145,6 +147,11 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         facts.inside[row] = at_eye & groups.eye_inside
         facts.sure[row] = ~(at_eye & unsure)
         facts.nearest[row] = np.where(at_eye, groups.nearest, 0.0)
+    algebraic = _polynomials(geometry, ix, view, center, sight, np.stack([low, high[ix]]))
+    at_eye = np.empty(0, np.int64) if algebraic is None else algebraic.row
+    at_eye = at_eye[starts_at_eye[at_eye]]
+    if len(at_eye):
+        _see_polynomials(facts, at_eye, geometry, ix, sight)
 
     return Setup(
         view=view,
@@ -180,6 +187,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         plane_b=flat.b.T,
         plane_host_error=flat.error,
         copies=groups,
+        polynomials=algebraic,
     )
 
 
@@ -296,6 +304,40 @@ def _eye(geometry: Geometry, ix: Ints, sight: Sight) -> _Eye:
         sure=(~has_quadric | (np.abs(value) > error)) & (height_sure | ~inside),
         nearest=np.minimum(np.where(has_quadric, nearest, np.inf), nearest_flat),
     )
+
+
+def _polynomials(
+    geometry: Geometry, ix: Ints, view: View, center: Ints, sight: Sight, depth: Floats
+) -> OnRays | None:
+    """Polynomials of the visible solids along their rays; None where the scene has none."""
+    known = geometry.polynomials
+    if known is None:
+        return None
+    row = np.flatnonzero(np.isin(ix, known.solid))
+    middle = center.take(row, axis=-1)
+    right, down, _ = view.camera_from_world
+    directions = view.directions(*middle)
+    tangent = np.stack([directions @ right, directions @ down])
+    own = known.at(np.searchsorted(known.solid, ix[row]))
+    within = depth.take(row, axis=-1)
+    return on_rays(own, row, sight.at(row), within, tangent, view.camera_from_world, view.pixel)
+
+
+def _see_polynomials(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:
+    """Add what polynomials are at the eye to what half-spaces are, in rows whose rays start there.
+
+    Nobody is inside of a sheet.
+    """
+    known = geometry.polynomials
+    assert known is not None
+    own = known.at(np.searchsorted(known.solid, ix[row]))
+    seen = sight.at(row)
+    at_eye = AtEye(own, seen)
+    far = float((seen.middle + seen.half).max(initial=0.0))
+    facts.inside[row] &= ~at_eye.outside & ~own.is_sheet
+    facts.outside_quadric[row] = at_eye.outside
+    facts.sure[row] &= at_eye.sure
+    facts.nearest[row] = np.minimum(facts.nearest[row], at_eye.nearest(far))
 
 
 def _heights(rows: Floats, rays: Floats) -> tuple[Floats, Floats]:

@@ -66,6 +66,7 @@ _NAMES = {
     11: "quadrics of regions",
     12: "appearances of regions",
     13: "programs of regions",
+    14: "polynomials",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -240,6 +241,8 @@ class Device(Turns):
         }
         if lists.regions is not None:
             contents |= dict(enumerate(lists.regions.arrays, start=9))
+        if packed.polynomials is not None:
+            contents[14] = packed.polynomials.records
         try:
             with device_errors(self.adapter):
                 pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at

@@ -38,6 +38,7 @@ def needs_of(
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
         levels=0 if regions is None else _enough(regions.levels),
+        degree=0 if packed.polynomials is None else packed.polynomials.degree,
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
 

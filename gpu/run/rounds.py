@@ -11,6 +11,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Ints
 from halfstep.contract.classes import Class
+from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
@@ -29,6 +30,11 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
         rounds += planes * np.where(is_patch, 2, 2 * steps + 7)
         if "error" in needs.outputs:  # the other method certifies in the loop that clips
             rounds += planes
+    # One walk through cells and one finish, twice for the exit, and the bounds that are tried.
+    walks = 2 if "exit" in needs.outputs else 1
+    tried = (BOUNDS + 1) * ("error" in needs.outputs)
+    of_polynomial = packed.classes == Class.POLYNOMIAL
+    rounds[of_polynomial] += (walks * (CLOCKS + 1 + steps) + tried)[of_polynomial]
     return np.asarray(rounds + 1)
 
 

@@ -81,6 +81,8 @@ class Band:
             assert regions is not None
             region, rest = (regions.records[member],), (regions,)
             row = int(region[0]["solid"])
+        elif klass == Class.POLYNOMIAL:
+            rest = (self._packed.polynomials,)
         solid = self._packed.solids[row]
         x = i - solid["center_x"]
         y = j + np.int32(self._first_row) - solid["center_y"]

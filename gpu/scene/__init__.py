@@ -4,6 +4,7 @@ A scene is built by `load` (a file or a bundled name), `Scene.from_dict` (a mapp
 `as_scene` chooses, or `Scene` (tables); `with_overrides` makes a changed copy.
 """
 
+from halfstep.scene.algebraic import Algebraic, Implicit, Torus
 from halfstep.scene.changes import CameraLike, Overrides, still, with_animation, with_overrides
 from halfstep.scene.copies import Copies, Layout, Within
 from halfstep.scene.functions import Function, Names
@@ -41,6 +42,7 @@ __all__ = [
     "SOLID_KINDS",
     "SURFACE_KINDS",
     "Accuracy",
+    "Algebraic",
     "Ambient",
     "Animation",
     "Bounds",
@@ -59,6 +61,7 @@ __all__ = [
     "HyperboloidOneSheet",
     "HyperboloidTwoSheets",
     "Image",
+    "Implicit",
     "Lattice",
     "Layout",
     "Light",
@@ -78,6 +81,7 @@ __all__ = [
     "SolidKey",
     "Sphere",
     "Surface",
+    "Torus",
     "Volume",
     "Within",
     "as_scene",

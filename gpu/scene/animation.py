@@ -102,9 +102,10 @@ def _state(keys: _Keys, time: float) -> dict[str, Any]:
 
 def _tracks(keys: _Keys) -> Iterator[tuple[str, _Numbers, list[_Numbers]]]:
     """Of everything that some of the keys say: its name, their times and its values."""
-    names = [name for name in type(keys[0]).model_fields if name != "at"] if keys else []
+    names = dict.fromkeys(name for key in keys for name, _ in key if name != "at")
     for name in names:
-        said = [(key.at, getattr(key, name)) for key in keys if getattr(key, name) is not None]
+        every = [(key.at, getattr(key, name, None)) for key in keys]
+        said = [(at, value) for at, value in every if value is not None]
         if said:
             times, values = zip(*said, strict=True)
             yield name, times, [each if isinstance(each, tuple) else (each,) for each in values]

@@ -7,11 +7,14 @@ import numpy as np
 from pydantic import ValidationError
 
 from halfstep.errors import SceneError
+from halfstep.scene.algebraic import Implicit
+from halfstep.scene.bases import BaseSolid
 from halfstep.scene.faults import Fault, Loc, line, show
 from halfstep.scene.groups import Fragment, Place
 from halfstep.scene.keys import Animation, SolidKey
+from halfstep.scene.limits import accuracy_faults
 from halfstep.scene.model import Scene
-from halfstep.scene.solids import NO_PATCH, BaseSolid, PlanePatch, box_cuts_area
+from halfstep.scene.solids import NO_PATCH, PlanePatch, box_cuts_area
 from halfstep.scene.tables import ACCURACY_KEYS, Camera
 from halfstep.scene.values import Table, described, plain
 
@@ -87,9 +90,17 @@ def with_overrides(
         if new:
             replace(key, {**_kept(table, new), **new}, options)
 
+    changed = scene.model_copy(update=changes)
+    faults = faults or _unfit(changed, given)
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
-    return scene.model_copy(update=changes)
+    return changed
+
+
+def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
+    """What of an accuracy the solids of a scene cannot have, by the options that are ``given``."""
+    found = accuracy_faults(scene.solids, scene.accuracy)
+    return [(loc[1:] if loc[1] in given else loc, text) for loc, text in found]
 
 
 def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:
@@ -163,6 +174,11 @@ def still(
             normal = solid.world_from_local()[:, 2]
             if not box_cuts_area(solid.bounds, np.array(solid.origin), normal):
                 faults.append((("solid", index, "bounds"), NO_PATCH))
+        if isinstance(solid, Implicit) and solid is not scene.solids[index]:
+            try:
+                solid.polynomial()
+            except ValueError as error:
+                faults.append((("solid", index, "formula"), str(error)))
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
     changes: dict[str, Any] = {"camera": view, "animation": None, "solids": solids}
@@ -195,7 +211,11 @@ def _at_rest(
 ) -> tuple[Moving, ...]:
     found: list[Moving] = []
     for each in moving:
-        changes = {**place(each.keyframes), "keyframes": ()} if each.keyframes else {}
+        changes: dict[str, Any] = {}
+        if each.keyframes:
+            state = place(each.keyframes)
+            changes = each.at_rest(state) if isinstance(each, Implicit) else {**state}
+            changes["keyframes"] = ()
         found.append(cast("Moving", each.model_copy(update=changes)) if changes else each)
     return tuple(found)
 

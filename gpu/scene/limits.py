@@ -1,20 +1,46 @@
-"""How much a valid scene may hold of surfaces, nested formulas and copies."""
+"""What a valid scene may hold: of surfaces, formulas and copies so many, and what fits together."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
+from halfstep.scene.bases import BaseSolid
 from halfstep.scene.copies import Layout
-from halfstep.scene.faults import Fault, Loc
+from halfstep.scene.faults import Fault, Loc, show
 from halfstep.scene.formula import MAX_LEVELS
 from halfstep.scene.functions import function_count
 from halfstep.scene.groups import Fragment
 from halfstep.scene.lattices import MAX_PLACES
 from halfstep.scene.region import Complement, Literal, Region
+from halfstep.scene.tables import Accuracy
 
 MAX_SURFACES = 4096
 # Of one cell, with those of the parts and cells that it names.
 MAX_LITERALS = 1 << 16
+
+
+# Halvings after which places on a ray no longer are exact in float32, as cells of polynomials need.
+MOST_STEPS_OF_CELLS = 22
+
+
+def accuracy_faults(solids: Sequence[BaseSolid], accuracy: Accuracy) -> list[Fault]:
+    """What of ``[accuracy]`` solids cannot have that polynomials bound."""
+    found = [solid for solid in solids if solid.is_algebraic]
+    if not found:
+        return []
+    kinds = {"torus": "a torus", "implicit": "a formula"}
+    names = " and ".join(sorted({kinds[str(getattr(solid, "kind", ""))] for solid in found}))
+    faults: list[Fault] = []
+    if accuracy.number_format != "float32":
+        text = f"{show(accuracy.number_format)} cannot draw {names} yet; use float32"
+        faults.append((("accuracy", "number_format"), text))
+    if accuracy.method != "visible":
+        text = f"{show(accuracy.method)} cannot tell the roots of {names} apart; use visible"
+        faults.append((("accuracy", "method"), text))
+    if accuracy.steps is not None and accuracy.steps > MOST_STEPS_OF_CELLS:
+        text = f"{accuracy.steps} is not <= {MOST_STEPS_OF_CELLS}, the most with {names}"
+        faults.append((("accuracy", "steps"), text))
+    return faults
 
 
 def limit_faults(scene: Fragment) -> list[Fault]:

@@ -25,15 +25,16 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from halfstep.errors import SceneError
+from halfstep.scene.bases import BaseSolid
 from halfstep.scene.copies import Layout
 from halfstep.scene.faults import Fault, fault, line, show
 from halfstep.scene.gathering import with_what_is_named
 from halfstep.scene.groups import Cell, Fragment
 from halfstep.scene.keys import Animation
-from halfstep.scene.limits import limit_faults
+from halfstep.scene.limits import accuracy_faults, limit_faults
 from halfstep.scene.names import get, name_faults
 from halfstep.scene.placement import unit
-from halfstep.scene.solids import BaseSolid, Solid
+from halfstep.scene.solids import Solid
 from halfstep.scene.tables import Accuracy, Ambient, Camera, Image, Light, Material, Volume
 from halfstep.scene.values import Sequence, Table, described, plain, validation_error
 from halfstep.scene.writing import text_of
@@ -92,6 +93,7 @@ class Scene(Fragment, _Tables):
     def _agrees(self, info: ValidationInfo) -> Self:
         if info.context is not _OF_A_FILE:
             faults = self.other_faults(self) or limit_faults(self)
+            faults += accuracy_faults(self.solids, self.accuracy)
             if faults:
                 raise validation_error("Scene", faults)
         return self
@@ -137,7 +139,7 @@ class Scene(Fragment, _Tables):
         # Columns of formulas are those of the file, which the scene itself does not keep.
         faults += cls.other_faults(mapping)
         if scene is not None and not faults:
-            faults += limit_faults(scene)
+            faults += limit_faults(scene) + accuracy_faults(scene.solids, scene.accuracy)
         if scene is None or faults:
             raise SceneError(*dict.fromkeys(line(source, loc, text) for loc, text in faults))
         scene._name = Path(source).stem  # noqa: SLF001 - its own class

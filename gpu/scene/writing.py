@@ -42,6 +42,7 @@ def _values(table: Table) -> dict[str, Any]:
         always = field.is_required() or name in ("format", "kind")
         if value is not None and (always or value != field.get_default(call_default_factory=True)):
             found[field.alias or name] = value
+    found |= table.model_extra or {}
     return {key: found[key] for key in sorted(found, key=lambda key: key not in _FIRST)}
 
 

@@ -1,30 +1,40 @@
-"""WGSL files as a shader needs them: two marks in comments, and loops that are left at their end.
+"""WGSL files as a shader needs them: marks in comments, and loops that are left at their end.
 
-A file as it lies is WGSL, the text for a block of one quad. Both marks are comments:
+A file as it lies is WGSL, the text for a block of one quad. The marks are comments:
 
 - ``//? fact`` at the end of a line keeps the line only where the fact holds. ``!fact`` asks that it
   does not, and ``&`` joins facts that must all hold. On a line that opens a bracket, the mark
   decides on all lines up to the one that closes it.
 - ``// each quad`` above a statement repeats the statement for each quad of a block, with the number
   of the quad for the 0 at the end of names, as in ``root_0``.
+- ``// written out`` above a ``for`` writes its body for each number, in brackets, in place of the
+  loop. Its bounds are numbers, constants of the shader, and counters of such loops around it.
 
-The quads are written out because arrays that a loop indexes cost a compiler more and the device
-most.
+Quads and loops are written out because arrays that a loop indexes cost a compiler more and the
+device most.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 
 EACH_QUAD = "// each quad"
+WRITTEN_OUT = "// written out"
 _MARKED = re.compile(r"(.*?)\s*//\? (.+)")
+_TERM = re.compile(r"([+-]?) ?(\w+) ?")
 _FOR = re.compile(r"( *)for \(var (\w+) = ([^;]+); \2 < ([^;]+); \2\+\+\) \{")
 
 
-def expand(text: str, facts: Collection[str], quads: int) -> str:
-    """``text`` without what ``facts`` leave out, for a block of ``quads`` quads."""
-    lines = _ended_late(_repeated(_kept(text.splitlines(), facts), quads))
+def expand(
+    text: str, facts: Collection[str], quads: int, constants: Mapping[str, int] | None = None
+) -> str:
+    """``text`` without what ``facts`` leave out, for a block of ``quads`` quads.
+
+    Bounds of loops that are written out may have the names of ``constants``.
+    """
+    kept = _written_out(_kept(text.splitlines(), facts), constants or {})
+    lines = _ended_late(_repeated(kept, quads))
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -64,6 +74,37 @@ def _kept(lines: list[str], facts: Collection[str]) -> list[str]:
             if kept and kept[-1].strip() == EACH_QUAD:
                 kept.pop()
     return kept
+
+
+def _written_out(lines: list[str], constants: Mapping[str, int]) -> list[str]:
+    """The lines with the loops written out that are to be."""
+    found: list[str] = []
+    rest = iter(lines)
+    for line in rest:
+        if line.strip() != WRITTEN_OUT:
+            found.append(line)
+            continue
+        match = _FOR.fullmatch(next(rest))
+        assert match is not None
+        indent, counter, first, end = match.groups()
+        body: list[str] = []
+        depth = 1
+        while depth:
+            body.append(next(rest))
+            depth += _depth(body[-1])
+        for number in range(_number(first, constants), _number(end, constants)):
+            own = [re.sub(rf"\b{counter}\b", f"{number}u", each) for each in body]
+            found += [f"{indent}{{", *_written_out(own, constants)]
+    return found
+
+
+def _number(text: str, constants: Mapping[str, int]) -> int:
+    """A sum of numbers and constants."""
+    total = 0
+    for sign, word in _TERM.findall(text):
+        value = constants[word] if word in constants else int(word.rstrip("u"))
+        total += -value if sign == "-" else value
+    return total
 
 
 def _repeated(lines: list[str], quads: int) -> Iterator[str]:

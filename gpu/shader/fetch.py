@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import (
     APPEARANCE,
     CURVED,
     FLAT,
     HALF_SPACE,
+    POLYNOMIAL,
     REGION,
     SOLID,
     TILE_WORDS,
     Record,
 )
+from halfstep.contract.powers import term_count
 from halfstep.contract.program import GROUP
 from halfstep.shader.needs import Needs
 
@@ -47,6 +50,9 @@ def fetches(needs: Needs) -> str:
             for array, record in REGION_RECORDS.items()
         ]
         functions += [_words_at(needs), _anywhere(needs)]
+    if Class.POLYNOMIAL in needs.classes:
+        record = POLYNOMIAL.counted(TERMS=term_count(needs.degree))
+        functions.append(_record_at(needs, record, "polynomials", "polynomial"))
     return "\n".join(functions)
 
 
@@ -136,7 +142,7 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
         type_, size = _scalar(needs.format, field.type), 1
         if type_ == "i64":
             size = 2
-        values = [scalar(type_, place + size * k) for k in range(field.count)]
+        values = [scalar(type_, place + size * k) for k in range(int(field.count))]
         if field.count == 1:
             members += f"    {values[0]},\n"
         else:

@@ -17,6 +17,8 @@ OUTPUT_BYTES = {"image": 3, "tag": 1}
 MOST_TAGS = 255
 # Bytes of what is bound as uniform memory, where a device has so many: WebGPU asks for no less.
 UNIFORM_BYTES = 1 << 16
+# Above this, code for polynomials is too long to be there for each quad.
+MOST_DEGREE_OF_BLOCKS = 4
 # Above this, shading takes far longer than fetching, and blocks of one quad leave more rounds.
 MOST_LIGHT_ROUNDS = 1 << 12
 
@@ -46,6 +48,7 @@ class Needs:
     uniform: bool = False
     surfaces: int = 0  # the most of a region, or a little more
     levels: int = 0  # the most that a region's program opens at once, or a little more
+    degree: int = 0  # the highest of a polynomial of the scene
     conveyor: str = "conveyor"  # the stage that finds where roots are
 
     @cached_property
@@ -97,9 +100,12 @@ class Needs:
         """
         shades_long = self.light_rounds > MOST_LIGHT_ROUNDS
         is_long = self.method == "article" or "error" in self.outputs or self.has_regions
+        walks = Class.POLYNOMIAL in self.classes
+        is_long |= walks and self.degree > MOST_DEGREE_OF_BLOCKS
         if is_long or shades_long:
             return 1
-        return 4 if self.together > 1 and len(self.classes) <= 1 else 2
+        shares_most = self.together > 1 and len(self.classes) <= 1 and not walks
+        return 4 if shares_most else 2
 
     @property
     def light_rounds(self) -> int:

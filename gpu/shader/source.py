@@ -26,7 +26,9 @@ import functools
 from collections.abc import Iterator
 
 from halfstep.contract import program
+from halfstep.contract.classes import Class
 from halfstep.contract.layout import LANES, TILE
+from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
 from halfstep.shader.expand import expand
@@ -87,7 +89,7 @@ def _definitions(needs: Needs) -> list[Definition]:
 
 def _expanded(needs: Needs, name: str) -> str:
     """The text of a stage as a shader needs it."""
-    return expand(stage(name), needs.facts, needs.quads)
+    return expand(stage(name), needs.facts, needs.quads, {"DEGREE": needs.degree})
 
 
 def _visits(needs: Needs) -> Iterator[str]:
@@ -112,6 +114,10 @@ def constants(needs: Needs) -> str:
         "SURFACES": needs.surfaces,
         "CROSSINGS": needs.surfaces * (3 if "error" in needs.facts else 1),
         "LEVELS": needs.levels,
+        "DEGREE": needs.degree,
+        "TERMS": term_count(needs.degree),
+        "CLOCKS": CLOCKS,
+        "BOUNDS": BOUNDS,
         **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
@@ -138,6 +144,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[8] = "uniform"
     if needs.surfaces:  # bound for all shaders of a frame, if some of them read it or not
         types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
+    if needs.degree:  # likewise
+        types[10 + len(REGION_RECORDS)] = "read-only-storage"
     return types
 
 
@@ -177,4 +185,8 @@ def bindings(needs: Needs) -> str:
             f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;"
             for number, (name, type_) in enumerate((arrays | {"programs": "u32"}).items(), start=9)
         ]
+    if Class.POLYNOMIAL in needs.classes:
+        polynomial = "Polynomial" if needs.together == 1 else "vec4<u64>"
+        binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
+        lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
     return "\n".join(lines) + "\n"

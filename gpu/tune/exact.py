@@ -18,6 +18,7 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import FLOAT32
 from halfstep.contract.layout import HALF_SPACE, SOLID, Flag
 from halfstep.contract.stages import VISITS
+from halfstep.errors import UsageError
 from halfstep.host.camera import View
 from halfstep.host.forms import NEGLIGIBLE
 from halfstep.host.geometry import Geometry
@@ -60,7 +61,9 @@ def exact(scene: Scene) -> Exact:
 
     Raises:
         SceneError: an unbounded scene without a volume.
+        UsageError: the scene has tori or formulas.
     """
+    check_known(scene)
     solids = Solids.of(scene)
     constants = frame_setup(scene, solids=solids)
     view = constants.view
@@ -74,6 +77,16 @@ def exact(scene: Scene) -> Exact:
         for window in _windows(constants.rectangle[row]):
             _visit(answer, rounding, solids.geometry, constants, records, row, window)
     return answer
+
+
+def check_known(scene: Scene) -> None:
+    """See that there is an exact answer for the solids of a scene.
+
+    Raises:
+        UsageError: it has tori or formulas.
+    """
+    if any(solid.is_algebraic for solid in scene.solids):
+        raise UsageError(f"{scene.name}: tune knows no exact answer for tori and formulas")
 
 
 def _windows(rectangle: Ints) -> Iterator[tuple[slice, slice]]:

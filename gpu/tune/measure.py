@@ -25,7 +25,7 @@ from halfstep.frames.frame import Frame, Info
 from halfstep.frames.renderer import WARM_UP, Renderer
 from halfstep.host.steps import format_for
 from halfstep.scene import Accuracy, Scene, with_overrides
-from halfstep.tune.exact import Exact, exact
+from halfstep.tune.exact import Exact, check_known, exact
 from halfstep.version import __version__
 
 STEPS = range(4, 25)
@@ -193,6 +193,7 @@ def tune(
     """
     if repeats < 1:
         raise UsageError(f"repeats: {repeats} is not >= 1")
+    check_known(scene)  # before the number formats and methods that it does not have either
     scene = with_overrides(
         scene, size=size, samples=1, tolerance_pixels=tolerance_pixels, tolerance=tolerance
     )

@@ -1,0 +1,261 @@
+"""Polynomials on the rays of a frame: the base-plane form of any degree, float64, on the host.
+
+The point of a ray is affine in (1, x, y), and both parts of that in u, so F, of degree d, is a
+polynomial of degree d in u whose coefficients are polynomials of degree d in the pixel offset.
+Over a frustum this is the form of M. Reimers and J. Seland, "Ray casting algebraic surfaces using
+the frustum form", Computer Graphics Forum 27 (2008); here u runs over the solid's own interval.
+
+A polynomial is kept about the middle of its box, in units of half the box, with coefficients that
+were exact before they were rounded to float64. Solids come last in every array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.contract.powers import places
+from halfstep.host.forms import Sight, power_of_two, scaled_error
+from halfstep.scene import Algebraic, Solid, algebra
+
+# Roundings of float64 that a term meets on its way into a coefficient on the ray, for each degree.
+ROUNDINGS = 32 * 2.0**-53
+# A term below this, next to 1, counts as rounding.
+SMALLEST_TERM = 2.0**-60
+# F is expanded about a multiple of 2 to minus this.
+MIDDLE_BITS = 6
+# Of a search for a depth.
+MOST_HALVINGS = 60
+# Least degree for which shaders are written.
+LEAST_DEGREE = 3
+
+
+@dataclass(frozen=True)
+class Polynomials:
+    """The Q solids of a scene that are bounded by polynomials."""
+
+    solid: Ints  # (Q,), rows in ``Geometry``
+    degree: int  # d, the highest of the scene
+    own_degree: Ints  # (Q,)
+    coefficients: Floats  # (d + 1, d + 1, d + 1, Q), of x^i y^j z^k
+    center: Floats  # (3, Q), middle of the box, local
+    size: Floats  # (3, Q), half of it
+    is_sheet: Bools  # (Q,)
+
+    def at(self, places: Ints) -> Polynomials:
+        """Those at ``places``."""
+        return Polynomials(
+            self.solid[places],
+            self.degree,
+            self.own_degree[places],
+            self.coefficients.take(places, axis=-1),
+            self.center.take(places, axis=-1),
+            self.size.take(places, axis=-1),
+            self.is_sheet[places],
+        )
+
+    def normalized(self, rays: Floats) -> Floats:
+        """Points and directions (4, 3, Q) of a `Sight` in the coordinates of the polynomials."""
+        found = rays / self.size
+        found[0] -= self.center / self.size
+        return found
+
+
+@dataclass(frozen=True)
+class OnRays:
+    """Polynomials of P visible solids along the rays of a frame."""
+
+    row: Ints  # (P,), rows in ``Setup``
+    degree: int  # the highest of the scene
+    own_degree: Ints  # (P,)
+    middle: Floats  # (P,), u about which F is expanded: powers are those of u less this
+    terms: Floats  # (P, T), as ``contract.powers`` orders them
+    host_error: Floats  # (P,), error of F made by this set-up
+    scale: Floats  # (P,), of pixel offsets: with it they are at most 1
+    frame: Floats  # (P, 3, 3), right, down and forward, world
+    tangents: Floats  # (P, 3), of the middle pixel to the right and down; of one offset
+    stretch: Floats  # (P, 2), width of one offset over half the interval: in the middle, per u
+    is_sheet: Bools  # (P,)
+
+
+def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
+    """Stack the polynomials of ``solids``; None where there is none."""
+    found = [(ix, solid) for ix, solid in enumerate(solids) if isinstance(solid, Algebraic)]
+    if not found:
+        return None
+    degree = max(LEAST_DEGREE, *(solid.degree() for _, solid in found))
+    coefficients = np.zeros((degree + 1, degree + 1, degree + 1, len(found)))
+    center, size = np.empty((2, 3, len(found)))
+    for q, (_, solid) in enumerate(found):
+        low, high = map(np.array, solid.box())
+        center[:, q], size[:, q] = (low + high) / 2, (high - low) / 2
+        axes = tuple(
+            algebra.added(
+                algebra.constant(Fraction(center[axis, q])),
+                algebra.coordinate(axis),
+                Fraction(size[axis, q]),
+            )
+            for axis in range(3)
+        )
+        terms = algebra.substituted(solid.polynomial(), axes)
+        # Beyond the range of floats nothing of it may be: all are scaled exactly.
+        largest = max(map(abs, terms.values()), default=Fraction(1))
+        for exponents, value in terms.items():
+            coefficients[(*exponents, q)] = value / largest
+    return Polynomials(
+        np.array([ix for ix, _ in found]),
+        degree,
+        np.array([solid.degree() for _, solid in found]),
+        coefficients,
+        center,
+        size,
+        np.array([solid.is_sheet() for _, solid in found]),
+    )
+
+
+def on_rays(
+    known: Polynomials,
+    row: Ints,
+    sight: Sight,
+    depth: Floats,
+    tangent: Floats,
+    camera_from_world: Floats,
+    pixel: float,
+) -> OnRays:
+    """Polynomials along rays.
+
+    Args:
+        known: (P,).
+        row: (P,), of each in ``Setup``.
+        sight: how they are seen, (P,).
+        depth: (2, P), least and greatest of each solid.
+        tangent: (2, P), of the pixels where x = y = 0, to the right and down.
+        camera_from_world: (3, 3), rows right, down and forward.
+        pixel: width of a pixel at depth 1.
+    """
+    half = sight.half
+    # A place with few bits: what is left of u when it is taken away has no more than u.
+    place = ((depth[0] + depth[1]) / 2 - sight.middle) / half
+    place = np.rint(place * 2.0**MIDDLE_BITS) * 2.0**-MIDDLE_BITS
+    middle = sight.middle + place * half
+    rays = known.normalized(sight.rays)
+    reach = 1.0 / power_of_two(np.maximum(sight.offsets.max(axis=0), 1.0))
+    points = np.empty((2, 3, 3, len(row)))  # [1, u][1, x, y][axis]
+    points[:, :] = rays[1:]
+    points[:, 1:] *= reach
+    points[1] *= half
+    points[0] *= middle
+    points[0, 0] += rays[0]
+
+    # What counts is F between the ends of the solid.
+    along = (depth[1] - depth[0]) / (2 * half) + 2.0**-MIDDLE_BITS
+    forms = _restricted(known.coefficients, points)
+    size = np.abs(points[0]).sum(axis=0) + along * np.abs(points[1]).sum(axis=0)
+    magnitude = _value(np.abs(known.coefficients), size)
+    error = ROUNDINGS * (known.degree + 2) * magnitude
+    off = (sight.error / (known.size * size)).max(axis=0)
+    error += known.degree * magnitude * off * (1 + off) ** known.degree
+    weight = along ** np.arange(known.degree + 1)[:, None, None, None]
+    scale = power_of_two(np.abs(forms * weight).sum(axis=(0, 1, 2)))
+    forms *= scale
+    small = np.abs(forms * weight) < SMALLEST_TERM
+    error = scaled_error(error, scale) + SMALLEST_TERM * small.sum(axis=(0, 1, 2))
+    forms[small] = 0.0
+
+    step = pixel * reach
+    return OnRays(
+        row=row,
+        degree=known.degree,
+        own_degree=known.own_degree,
+        middle=place,
+        terms=forms[places(known.degree)].T,
+        host_error=error,
+        scale=1.0 / reach,
+        frame=np.broadcast_to(camera_from_world, (len(row), 3, 3)),
+        tangents=np.stack([*tangent, step], axis=-1),
+        stretch=np.stack([step * middle / half, step], axis=-1),
+        is_sheet=known.is_sheet,
+    )
+
+
+def _restricted(coefficients: Floats, points: Floats) -> Floats:
+    """F on rays as coefficients (d + 1, d + 1, d + 1, P) of u^j x^a y^b.
+
+    Args:
+        coefficients: (d + 1, d + 1, d + 1, P), of F.
+        points: (2, 3, 3, P), points of rays: [1, u][1, x, y][axis].
+    """
+    first, second, third = np.moveaxis(points, 2, 0)
+    degree = len(coefficients) - 1
+    shape = coefficients.shape
+    whole = np.zeros(shape)
+    for i in range(degree, -1, -1):
+        plane = np.zeros(shape)
+        for j in range(degree - i, -1, -1):
+            line = np.zeros(shape)
+            for k in range(degree - i - j, -1, -1):
+                line = _times(line, third)
+                line[0, 0, 0] += coefficients[i, j, k]
+            plane = _times(plane, second) + line
+        whole = _times(whole, first) + plane
+    return whole
+
+
+def _times(form: Floats, affine: Floats) -> Floats:
+    """A form times one that is affine in (1, x, y), in both parts of u; (2, 3, P)."""
+    product = np.zeros_like(form)
+    for in_u in (0, 1):
+        target, source = product[in_u:], form[: len(form) - in_u]
+        target += affine[in_u, 0] * source
+        target[:, 1:] += affine[in_u, 1] * source[:, :-1]
+        target[:, :, 1:] += affine[in_u, 2] * source[:, :, :-1]
+    return product
+
+
+def _value(coefficients: Floats, point: Floats) -> Floats:
+    """F (P,) at points (3, P)."""
+    degree = len(coefficients) - 1
+    powers = point ** np.arange(degree + 1)[:, None, None]
+    x, y, z = np.moveaxis(powers, 1, 0)
+    return np.asarray(np.einsum("ijkp,ip,jp,kp->p", coefficients, x, y, z))
+
+
+class AtEye:
+    """What is known of polynomials at the centre of projection, (P,)."""
+
+    def __init__(self, known: Polynomials, sight: Sight) -> None:
+        """``sight``: how they are seen, (P,)."""
+        self._known, self._rays = known, known.normalized(sight.rays)
+        eye = self._rays[0]
+        self._size = np.abs(eye)
+        self._sizes = np.abs(known.coefficients)
+        value = _value(known.coefficients, eye)
+        off = sight.error / known.size
+        error = ROUNDINGS * (known.degree + 2) * _value(self._sizes, self._size)
+        error += _value(self._sizes, self._size + off) - _value(self._sizes, self._size)
+        # The difference above cancels; each value is off by less than the first term.
+        error *= 2
+        self.outside: Bools = np.asarray(value > 0)
+        self.sure: Bools = np.asarray(np.abs(value) > error)
+        self._level = np.maximum(np.abs(value) - error, 0.0)
+        reach = np.concatenate([np.ones((1, *sight.offsets.shape[1:])), sight.offsets])
+        self._steepest = np.einsum("iap,ip->ap", np.abs(self._rays[1:]), reach)
+
+    def nearest(self, far: float) -> Floats:
+        """A lower bound (P,) of the depth, up to ``far``, at which any ray meets F = 0."""
+        least = _value(self._sizes, self._size)
+
+        def passes(depth: Floats) -> Bools:
+            reached = _value(self._sizes, self._size + depth * self._steepest)
+            return np.asarray(reached - least < self._level)
+
+        low, high = np.zeros(len(least)), np.full(len(least), far)
+        for _ in range(MOST_HALVINGS):
+            middle = (low + high) / 2
+            before = passes(middle)
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        return low

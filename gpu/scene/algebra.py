@@ -1,0 +1,129 @@
+"""Polynomials in x, y and z with exact coefficients, and formulas expanded to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+
+from halfstep.scene.expression import Node
+from halfstep.scene.faults import show
+
+# Of every part of a formula.
+MAX_DEGREE = 10
+
+Exponents = tuple[int, int, int]
+Polynomial = Mapping[Exponents, Fraction]  # without zeros
+
+
+class NotPolynomialError(ValueError):
+    """A formula is no polynomial.
+
+    Attributes:
+        column: index of the first character of what is none.
+    """
+
+    def __init__(self, text: str, column: int) -> None:
+        super().__init__(text)
+        self.column = column
+
+
+def constant(value: Fraction) -> Polynomial:
+    """A polynomial of degree 0."""
+    return {(0, 0, 0): value} if value else {}
+
+
+def coordinate(axis: int) -> Polynomial:
+    """x, y or z."""
+    exponents = [0, 0, 0]
+    exponents[axis] = 1
+    return {(exponents[0], exponents[1], exponents[2]): Fraction(1)}
+
+
+def degree(polynomial: Polynomial) -> int:
+    """Of the highest term; 0 where there is none."""
+    return max(map(sum, polynomial), default=0)
+
+
+def added(left: Polynomial, right: Polynomial, times: Fraction = Fraction(1)) -> Polynomial:
+    """left + times right."""
+    terms = dict(left)
+    for exponents, coefficient in right.items():
+        terms[exponents] = terms.get(exponents, Fraction(0)) + times * coefficient
+    return {exponents: value for exponents, value in terms.items() if value}
+
+
+def multiplied(left: Polynomial, right: Polynomial) -> Polynomial:
+    """left right."""
+    terms: dict[Exponents, Fraction] = {}
+    for (i, j, k), first in left.items():
+        for (p, q, r), second in right.items():
+            exponents = i + p, j + q, k + r
+            terms[exponents] = terms.get(exponents, Fraction(0)) + first * second
+    return {exponents: value for exponents, value in terms.items() if value}
+
+
+def power(base: Polynomial, exponent: int) -> Polynomial:
+    """base^exponent, exponent >= 0."""
+    result = constant(Fraction(1))
+    for _ in range(exponent):
+        result = multiplied(result, base)
+    return result
+
+
+def substituted(polynomial: Polynomial, axes: tuple[Polynomial, ...]) -> Polynomial:
+    """The polynomial with polynomials in place of x, y and z."""
+    highest = degree(polynomial)
+    powers = [[power(axis, exponent) for exponent in range(highest + 1)] for axis in axes]
+    result: Polynomial = {}
+    for (i, j, k), coefficient in polynomial.items():
+        term = multiplied(multiplied(powers[0][i], powers[1][j]), powers[2][k])
+        result = added(result, term, coefficient)
+    return result
+
+
+def expanded(node: Node) -> Polynomial:
+    """The polynomial that a formula is.
+
+    Raises:
+        NotPolynomialError: it is none, or a part of it has too high a degree.
+    """
+    known: dict[int, Polynomial] = {}
+
+    def visit(node: Node) -> Polynomial:
+        if id(node) not in known:
+            known[id(node)] = _expanded(node, visit)
+        return known[id(node)]
+
+    return visit(node)
+
+
+def _expanded(node: Node, visit: Callable[[Node], Polynomial]) -> Polynomial:
+    if node.kind == "number":
+        return constant(Fraction(node.value))
+    if node.kind == "coordinate":
+        return coordinate(int(node.value))
+    parts = [visit(operand) for operand in node.operands]
+    match node.kind:
+        case "+":
+            return added(parts[0], parts[1])
+        case "-":
+            return added(parts[0], parts[1], Fraction(-1))
+        case "*":
+            _check_degree(node, degree(parts[0]) + degree(parts[1]))
+            return multiplied(parts[0], parts[1])
+        case "/" if node.operands[1].kind == "number":
+            return added({}, parts[0], 1 / Fraction(node.operands[1].value))
+        case "/":
+            raise NotPolynomialError("division by what is no number", node.column)
+        case "^":
+            exponent = node.operands[1]
+            if exponent.kind != "number" or exponent.value.denominator != 1 or exponent.value < 0:
+                raise NotPolynomialError("an exponent that is no whole number", node.column)
+            _check_degree(node, degree(parts[0]) * int(exponent.value))
+            return power(parts[0], int(exponent.value))
+    raise NotPolynomialError(f"the function {show(node.kind)}", node.column)
+
+
+def _check_degree(node: Node, found: int) -> None:
+    if found > MAX_DEGREE:
+        raise NotPolynomialError(f"degree {found} is not <= {MAX_DEGREE}", node.column)

@@ -1,0 +1,277 @@
+"""Solids of which F is a polynomial of any degree: the torus, and formulas."""
+
+import functools
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from halfstep.scene import algebra
+from halfstep.scene.algebra import NotPolynomialError, Polynomial
+from halfstep.scene.bases import CutSolid
+from halfstep.scene.expression import name_fault, parsed
+from halfstep.scene.faults import SMALLEST_LENGTH, Fault, fault, show
+from halfstep.scene.formula import fault_at
+from halfstep.scene.keys import SolidKey, are_in_order
+from halfstep.scene.values import (
+    MAX_HALF_SPACES,
+    Array,
+    Coordinate,
+    HalfSpace,
+    Length,
+    Point,
+    Sequence,
+    Table,
+    Vector,
+    check_some,
+    validation_error,
+)
+
+
+class Algebraic(CutSolid, ABC):
+    """A solid F <= 0 of which F is a polynomial."""
+
+    is_algebraic: ClassVar[bool] = True
+
+    @abstractmethod
+    def polynomial(self) -> Polynomial:
+        """F in local coordinates, with exact coefficients."""
+
+    @abstractmethod
+    def degree(self) -> int:
+        """The highest that F has with any values of its numbers."""
+
+    @abstractmethod
+    def box(self) -> tuple[Vector, Vector]:
+        """Least and greatest local coordinates of what contains it."""
+
+    def is_sheet(self) -> bool:
+        """Whether F = 0 is shown, from both sides, in place of a solid."""
+        return False
+
+
+Pair = tuple[float, float]
+
+
+def _pair(value: Any) -> Any:
+    """Both radii of a tube; one number stands for two."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return value, value
+    if isinstance(value, list | tuple) and len(value) == 2:
+        return tuple(value)
+    raise fault(f"{show(value)} is neither a number nor an array of 2 numbers")
+
+
+Radii = Annotated[
+    tuple[Length, Length],
+    BeforeValidator(_pair, json_schema_input_type=Length | tuple[Length, Length]),
+]
+# Corners of the polygons around a torus: they are 1 % wider.
+_CORNERS = 24
+
+
+class Torus(Algebraic):
+    """((√(x² + y²) - major)/across)² + (z/along)² <= 1, minor one number or (across, along)."""
+
+    kind: Literal["torus"] = "torus"
+    major: Length
+    minor: Radii
+
+    @field_validator("minor")
+    @classmethod
+    def _does_not_cross_itself(cls, minor: Pair, info: ValidationInfo) -> Pair:
+        major = info.data.get("major")
+        if major is not None and minor[0] > major:
+            raise fault(
+                f"{show(minor[0])} is not <= major = {show(major)}: a torus that crosses itself "
+                "cannot be drawn yet"
+            )
+        return minor
+
+    def polynomial(self) -> Polynomial:
+        """(x² + y² + (across/along)² z² + major² - across²)² - 4 major² (x² + y²)."""
+        major, across, along = map(Fraction, (self.major, *self.minor))
+        x, y, z = (algebra.power(algebra.coordinate(axis), 2) for axis in range(3))
+        around = algebra.added(x, y)
+        tube = algebra.added(around, z, (across / along) ** 2)
+        tube = algebra.added(tube, algebra.constant(major**2 - across**2))
+        return algebra.added(algebra.power(tube, 2), around, -4 * major**2)
+
+    def degree(self) -> int:
+        """Four."""
+        return 4
+
+    def box(self) -> tuple[Vector, Vector]:
+        """As wide as both radii, as high as the tube."""
+        across, along = self.minor
+        far = self.major + across
+        return (-far, -far, -along), (far, far, along)
+
+    def corners(self) -> Array:
+        """Of the polygons below and above it."""
+        angle = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
+        across, along = self.minor
+        far = (self.major + across) / math.cos(math.pi / _CORNERS)
+        ring = np.stack([far * np.cos(angle), far * np.sin(angle), np.full(_CORNERS, along)], -1)
+        return np.concatenate([ring, ring * [1.0, 1.0, -1.0]])
+
+
+class FormulaBounds(Table):
+    """The local box that bounds an implicit solid."""
+
+    min: Point
+    max: Point
+
+    @field_validator("max")
+    @classmethod
+    def _is_above_min(cls, high: Vector, info: ValidationInfo) -> Vector:
+        low = info.data.get("min", (-math.inf,) * 3)
+        for axis in range(3):
+            if not high[axis] - low[axis] >= SMALLEST_LENGTH:
+                raise fault(f"{show(high)} is not > min = {show(low)} in {'xyz'[axis]}")
+        return high
+
+
+class ImplicitKey(SolidKey):
+    """Where an implicit solid is at a time of the animation, and values of its parameters.
+
+    These stand beside the other keys: ``{ at = 0.5, a = 2.0 }``.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Coordinate]
+
+    @field_validator("rotation_degrees")
+    @classmethod
+    def _says_something(cls, angles: Vector | None, _: ValidationInfo) -> Vector | None:
+        return angles  # what it says may be a parameter
+
+    @model_validator(mode="after")
+    def _says_anything(self) -> Self:
+        if not self.model_extra:
+            check_some(origin=self.origin, rotation_degrees=self.rotation_degrees, parameter=None)
+        return self
+
+
+class Implicit(Algebraic):
+    """What a formula of x, y and z makes <= 0 in a box, which cuts it.
+
+    Attributes:
+        parameters: values of names in the formula.
+        formula: as `expression` reads it.
+        bounds: in local coordinates.
+        sheet: whether formula = 0 itself is shown, from both sides.
+    """
+
+    kind: Literal["implicit"] = "implicit"
+    keyframes: Annotated[Sequence[ImplicitKey], AfterValidator(are_in_order)] = Field(
+        default=(), alias="key"
+    )
+    parameters: Mapping[str, Coordinate] = Field(default_factory=dict)
+    formula: str
+    bounds: FormulaBounds
+    sheet: bool = False
+
+    @field_validator("parameters")
+    @classmethod
+    def _have_names(
+        cls, parameters: Mapping[str, float], info: ValidationInfo
+    ) -> Mapping[str, float]:
+        faults: list[Fault] = [
+            ((name,), text) for name in parameters if (text := name_fault(name)) is not None
+        ]
+        for index, key in enumerate(info.data.get("keyframes", ())):
+            unknown = key.model_extra.keys() - parameters.keys()
+            faults += [((name,), f"missing; key[{index}] has it") for name in sorted(unknown)]
+        if faults:
+            raise validation_error("parameters", faults)
+        return parameters
+
+    @field_validator("formula")
+    @classmethod
+    def _is_polynomial(cls, formula: str, info: ValidationInfo) -> str:
+        if "parameters" in info.data:
+            try:
+                _expanded(formula, info.data["parameters"])
+            except ValueError as error:
+                raise fault(str(error)) from None
+        return formula
+
+    @field_validator("sheet")
+    @classmethod
+    def _are_few_enough_with_bounds(cls, sheet: bool, info: ValidationInfo) -> bool:
+        ends = sum(info.data.get(key) is not None for key in ("z_min", "z_max"))
+        total = 6 + ends + len(info.data.get("cut", ()))
+        if total > MAX_HALF_SPACES:
+            raise fault(f"{total} half-spaces with those of the bounds is not <= {MAX_HALF_SPACES}")
+        return sheet
+
+    def at_rest(self, state: Mapping[str, Any]) -> dict[str, Any]:
+        """What keys say, with values of parameters among the others of the solid."""
+        parameters = {**self.parameters}
+        parameters |= {name: value for name, value in state.items() if name in parameters}
+        others = {name: value for name, value in state.items() if name not in parameters}
+        return {**others, "parameters": parameters}
+
+    def polynomial(self) -> Polynomial:
+        """The formula's."""
+        return _expanded(self.formula, self.parameters)
+
+    def degree(self) -> int:
+        """That of the formula with parameters of which no terms cancel."""
+        generic = {name: k + 1 / (math.pi + k) for k, name in enumerate(self.parameters, start=2)}
+        return algebra.degree(_expanded(self.formula, generic))
+
+    def box(self) -> tuple[Vector, Vector]:
+        """Its bounds."""
+        return self.bounds.min, self.bounds.max
+
+    def is_sheet(self) -> bool:
+        """As the scene says."""
+        return self.sheet
+
+    def corners(self) -> Array:
+        """All eight of the bounds."""
+        box = np.array([self.bounds.min, self.bounds.max])
+        return box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]].T
+
+    def _rows(self) -> Iterable[HalfSpace]:
+        for axis, (low, high) in enumerate(zip(*self.box(), strict=True)):
+            x, y, z = np.eye(3)[axis].tolist()
+            yield -x, -y, -z, -low
+            yield x, y, z, high
+        yield from super()._rows()
+
+
+@functools.lru_cache(maxsize=256)
+def _expansion(formula: str, parameters: tuple[tuple[str, float], ...]) -> Polynomial:
+    values = {name: Fraction(value) for name, value in parameters}
+    try:
+        found = algebra.expanded(parsed(formula, values))
+    except NotPolynomialError as error:
+        what = f"{error}: only polynomials can be drawn yet"
+        raise ValueError(fault_at(formula, error.column, what)) from None
+    if not algebra.degree(found):
+        raise ValueError("it is the same everywhere, which is no surface")
+    return found
+
+
+def _expanded(formula: str, parameters: Mapping[str, float]) -> Polynomial:
+    """The polynomial that a formula is.
+
+    Raises:
+        ValueError: it is none, or no formula; with the column.
+    """
+    return _expansion(formula, tuple(parameters.items()))

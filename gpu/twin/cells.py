@@ -1,0 +1,178 @@
+"""Twin of ``cells.wgsl``: the first root of a polynomial, cell by cell and then by halvings.
+
+The interval of a solid has 2^n leaves, numbered from 0; a cell is 2^e of them that begin at a
+multiple of 2^e.  Cells are tried from the near end, so their state is two integers.  In each the
+polynomial is known about the middle, F(m + s h) = Σ T_j s^j, to E.  A cell is
+
+* passed, if F > 0 all over it: the parabola of the first three terms exceeds the others and E;
+* single, if F < 0 at its end and F is monotone or bends one way all over it.  F > 0 at its
+  beginning, as all cells before were passed, so it has exactly one root;
+* else it is halved.  A leaf that can be neither is left: with a hit where F <= 0 at its end.  So is
+  a cell in which F changes by less than E: all that is smaller looks alike.
+
+A cell with a root is halved by the sign of F in its middle until it is a leaf.  Cells and halvings
+together make n, as for all solids.  What was left and not certain makes the pixel doubtful.  The
+number of cells that a pixel may try is fixed; where it does not suffice the pixel is doubtful too.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.contract.powers import BOUNDS, CLOCKS
+from halfstep.twin.certify import UNBOUNDED
+from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.taylor import Curve, Powers, about, curve_error, curve_value, value_at
+
+# The middle of a cell that is cut off is rounded; so far it is beyond its ends.
+CLIPPING = np.float32(2.0**-23)
+
+
+class Judged(NamedTuple):
+    """What is known of F in a cell."""
+
+    passed: Bools  # it has no root
+    single: Bools  # it has one root
+    vague: Bools  # F changes by less than its error
+    last: F32  # F at the end
+
+
+class Cell(NamedTuple):
+    """A cell that is tried, or what was found."""
+
+    first: I32  # leaf
+    size: I32  # it has 2^size leaves
+    going: Bools  # there is more to try
+    met: Bools  # a root lies in it
+    sure: Bools  # nothing doubtful was left behind
+
+
+def judged_of(t: Powers, error: F32) -> Judged:
+    """What holds of F = Σ t_j s^j, |s| <= 1, which is off by at most ``error``."""
+    degree = len(t) - 1
+    rest, slope, bend = error, np.float32(degree) * error, error * np.float32(0.5 * degree)
+    bend = bend * np.float32(degree - 1)
+    last = (t[0] + t[1]) + t[2]
+    for j in range(3, degree + 1):
+        size = np.abs(t[j])
+        rest = rest + size
+        slope = slope + np.float32(j) * size
+        bend = bend + np.float32(0.5 * j * (j - 1)) * size
+        last = last + t[j]
+    size_1, size_2 = np.abs(t[1]), np.abs(t[2])
+    twice = size_2 + size_2
+    least = t[0] - rest
+    dips = (t[2] > 0) & (size_1 < twice)
+    above = (least > 0) & (np.float32(4) * t[2] * least > np.float32(1.000001) * size_1 * size_1)
+    return Judged(
+        passed=np.where(dips, above, (least - size_1) + t[2] > 0),
+        single=(last < -error) & ((size_1 > slope + twice) | (size_2 > bend)),
+        vague=(size_1 + size_2) + (rest - error) < error,
+        last=last,
+    )
+
+
+def cells_from(first: I32, going: Bools, steps: int) -> Cell:
+    """The largest cell that begins at a leaf."""
+    never = np.zeros(first.shape, bool)
+    size = largest_at(first, steps)
+    return Cell(first, size, going & (first < 1 << steps), never, ~never)
+
+
+def largest_at(first: I32, steps: int) -> I32:
+    """The size of the largest cell that may begin at a leaf."""
+    bits = np.bitwise_count((first & -first).view(np.uint32) - np.uint32(1))
+    return np.minimum(bits.astype(np.int32), np.int32(steps))
+
+
+def clocked(
+    curve: Curve, start: F32, stop: F32, old: Cell, steps: int, last_step: np.float32
+) -> Cell:
+    """The next cell between ``start`` and ``stop``, after one was tried."""
+    width = last_step + last_step
+    following = old.first + (np.int32(1) << old.size)
+    left = old.first.astype(np.float32) * width - np.float32(1)
+    right = following.astype(np.float32) * width - np.float32(1)
+    low, high = np.maximum(left, start), np.minimum(right, stop)
+    clipped = (low > left) | (high < right)
+    m = (low + high) * np.float32(0.5) - curve.middle
+    h = np.maximum((high - low) * np.float32(0.5), np.float32(0))
+    h = h + np.where(clipped, CLIPPING, np.float32(0))
+    error = curve_error(curve, np.abs(m) + h)
+    judged = judged_of(about(curve.powers, m, h), error)
+    passed = judged.passed | (high <= low)
+    leaf = old.size == 0
+    ends = leaf | judged.vague
+    met = ~passed & (judged.single | (ends & (judged.last <= 0)))
+    skips = passed | (ends & ~met)
+    sure = passed | judged.single | ~ends | (leaf & (judged.last < -error))
+    size = np.where(met, old.size, old.size - 1)
+    size = np.where(skips, largest_at(following, steps), size)
+    going = ~met & ~(skips & (right >= stop))
+    return Cell(
+        np.where(old.going & skips, following, old.first),
+        np.where(old.going, size, old.size),
+        old.going & going,
+        old.met | (old.going & met),
+        old.sure & (~old.going | sure),
+    )
+
+
+def walked(
+    curve: Curve, start: F32, stop: F32, begun: Cell, steps: int, last_step: np.float32
+) -> Cell:
+    """The cell with the first root of F between ``start`` and ``stop``."""
+    cell = begun
+    for _ in range(CLOCKS):
+        if not cell.going.any():
+            break
+        cell = clocked(curve, start, stop, cell, steps, last_step)
+    return cell._replace(sure=cell.sure & ~cell.going)
+
+
+def narrowed(
+    powers: Powers, middle: F32, start: F32, stop: F32, old: Cell, last_step: np.float32
+) -> Cell:
+    """The half of a cell in which a root lies of what has powers of u - middle; a leaf stays."""
+    some = old.size > 0
+    half = np.int32(1) << np.maximum(old.size - 1, np.int32(0))
+    u = (old.first + half).astype(np.float32) * (last_step + last_step) - np.float32(1)
+    on = some & (u < stop) & ((u < start) | (value_at(powers, u - middle) > 0))
+    return old._replace(
+        first=np.where(on, old.first + half, old.first),
+        size=np.where(some, old.size - 1, old.size),
+    )
+
+
+def position_in(cell: Cell, steps: int) -> I32:
+    """The middle of a leaf as a position: an odd number of last steps."""
+    return (cell.first + cell.first) + np.int32(1 - (1 << steps))
+
+
+def bound_in(
+    curve: Curve,
+    start: F32,
+    stop: F32,
+    cell: Cell,
+    position: I32,
+    last_step: np.float32,
+) -> F32:
+    """How far the only root of a cell is from a position at most."""
+    width = last_step + last_step
+    following = cell.first + (np.int32(1) << cell.size)
+    low = np.maximum(cell.first.astype(np.float32) * width - np.float32(1), start)
+    high = np.minimum(following.astype(np.float32) * width - np.float32(1), stop)
+    u = position.astype(np.float32) * last_step
+    off = np.abs(u - curve.middle)
+    reach = last_step
+    bound = np.full(u.shape, UNBOUNDED)
+    for _ in range(BOUNDS):
+        error = curve_error(curve, off + reach)
+        before = (u - reach <= low) | (curve_value(curve, u - reach) > error)
+        behind = (u + reach >= high) | (curve_value(curve, u + reach) < -error)
+        found = before & behind & (bound == UNBOUNDED)
+        bound = np.where(found, reach + (CLIPPING + CLIPPING), bound)
+        reach = reach * np.float32(4)
+    return bound

@@ -1,0 +1,152 @@
+"""Twin of ``taylor.wgsl``: a polynomial along rays, of any degree.
+
+Derivation of ``rounding``.  Let ε = 2^-24, d the degree, and A_j the sum of |term| |x|^a |y|^b of
+those with u^j.  A coefficient on the ray passes at most 2 d + 3 roundings: its own, and two
+for each power of y and of x.  About the middle m of a cell, every product with m is rounded, and
+so is every sum: a term of u^i reaches the coefficient of s^j after at most 2 i - j + 1 roundings,
+and j more for the power of h.  Sums of all coefficients pass d + 3 more.  Where |m| + h <= U these
+are roundings of terms that add up to no more than the sum of A_j U^j, so F is off by at most
+
+    E = ε (5 d + 7) Σ A_j U^j
+
+and what the set-up lacks; Horner's rule at a place passes less.  The record has that factor of the
+sum, a little larger, for the degree of its own solid.  A shader is written for the highest degree
+of its scene, and terms of 0 are not rounded.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.twin.lanes import F32, Bools
+
+# Coefficients of u^0, u^1 and so on, each for every pixel; in WGSL an array of the shader's length.
+Powers = list[F32]
+
+
+class Curve(NamedTuple):
+    """F on the rays of pixels."""
+
+    powers: Powers  # of u less the middle
+    sizes: Powers  # of their terms
+    middle: np.float32
+    rounding: np.float32  # error of F, of the sum of the sizes
+    host_error: np.float32  # error of F besides
+
+
+class Slopes(NamedTuple):
+    """Derivatives of F."""
+
+    x: F32
+    y: F32
+    u: F32
+
+
+def _degree(k: F32) -> int:
+    """Of a polynomial with the terms ``k``."""
+    degree = 0
+    while (degree + 1) * ((degree + 1) * (degree + 2) // 2) < len(k):
+        degree += 1
+    return degree
+
+
+def on_rays(k: F32, x: F32, y: F32) -> Powers:
+    """The polynomial with the terms ``k`` (T,) on the rays of pixels."""
+    degree = _degree(k)
+    row_terms = (degree + 1) * (degree + 2) // 2
+    powers = []
+    for j in range(degree + 1):
+        total = np.full(x.shape, k[j * row_terms])
+        for a in range(1, degree + 1):
+            row = k[j * row_terms + a * (a + 1) // 2]
+            for b in range(1, a + 1):
+                row = row * y + k[j * row_terms + a * (a + 1) // 2 + b]
+            total = total * x + row
+        powers.append(total)
+    return powers
+
+
+def sizes_on_rays(k: F32, x: F32, y: F32) -> Powers:
+    """Sums of the magnitudes of what ``on_rays`` sums."""
+    return on_rays(np.abs(k), np.abs(x), np.abs(y))
+
+
+def slopes_on_rays(k: F32, x: F32, y: F32, u: F32) -> Slopes:
+    """Derivatives of the polynomial at the places ``u``."""
+    degree = _degree(k)
+    row_terms = (degree + 1) * (degree + 2) // 2
+    value = in_x = in_y = in_u = np.zeros_like(u)
+    for j in range(degree, -1, -1):
+        total = np.full(x.shape, k[j * row_terms])
+        slope_x = slope_y = np.zeros_like(x)
+        for a in range(1, degree + 1):
+            row = k[j * row_terms + a * (a + 1) // 2]
+            slope_row = np.zeros_like(y)
+            for b in range(1, a + 1):
+                slope_row = slope_row * y + row
+                row = row * y + k[j * row_terms + a * (a + 1) // 2 + b]
+            slope_x = slope_x * x + total
+            slope_y = slope_y * x + slope_row
+            total = total * x + row
+        in_u = in_u * u + value
+        value = value * u + total
+        in_x = in_x * u + slope_x
+        in_y = in_y * u + slope_y
+    return Slopes(in_x, in_y, in_u)
+
+
+def value_at(p: Powers, u: F32) -> F32:
+    """F at the places ``u``."""
+    value = p[-1]
+    for power in p[-2::-1]:
+        value = value * u + power
+    return value
+
+
+def slope_at_most(sizes: Powers, u: F32) -> F32:
+    """No slope of F is larger up to the places ``u`` >= 0."""
+    degree = len(sizes) - 1
+    slope = np.float32(degree) * sizes[degree]
+    for j in range(degree - 1, 0, -1):
+        slope = slope * u + np.float32(j) * sizes[j]
+    return slope
+
+
+def about(p: Powers, m: F32, h: F32) -> Powers:
+    """F(m + s h) as a polynomial in s."""
+    degree = len(p) - 1
+    t = [*p]
+    for k in range(degree):
+        for j in range(degree - 1, k - 1, -1):
+            t[j] = t[j] + m * t[j + 1]
+    scale = h
+    for j in range(1, degree + 1):
+        t[j] = t[j] * scale
+        scale = scale * h
+    return t
+
+
+def curve_value(curve: Curve, u: F32) -> F32:
+    """F at the places ``u`` of the interval."""
+    return value_at(curve.powers, u - curve.middle)
+
+
+def curve_error(curve: Curve, reach: F32) -> F32:
+    """How far F may be off in places no further from the middle than ``reach``."""
+    return curve.rounding * value_at(curve.sizes, reach) + curve.host_error
+
+
+def opposite(some: Bools, curve: Curve) -> Curve:
+    """-F in some pixels."""
+    return curve._replace(powers=[np.where(some, -power, power) for power in curve.powers])
+
+
+def line_or(some: Bools, powers: Powers, c: F32, b: F32) -> Powers:
+    """The powers in some pixels, in the others those of c + b u."""
+    return [
+        np.where(some, powers[0], c),
+        np.where(some, powers[1], b),
+        *(np.where(some, power, np.float32(0)) for power in powers[2:]),
+    ]

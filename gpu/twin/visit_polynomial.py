@@ -1,0 +1,181 @@
+"""Twin of ``visit_polynomial.wgsl``: a solid that a polynomial bounds.
+
+What is certain.  The piece of a ray begins and ends where half-spaces do, so each end is known to a
+slack.  F is of one sign there if it exceeds its error by more than it can change within the slack.
+If it is of one sign at the beginning, what is seen is the half-space there or the first root behind
+it.  A root counts where it surely lies before the end; a miss where F is surely positive there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from halfstep.contract.polynomials import PackedPolynomials
+from halfstep.twin.algebraic import finished, line_place, line_slack, world_slope
+from halfstep.twin.cells import bound_in, cells_from, walked
+from halfstep.twin.certify import (
+    NO_CERTIFICATE,
+    UNBOUNDED,
+    Certificate,
+    bounded_clip,
+    bounded_from_the_eye,
+    bounded_interval,
+    line_bound,
+    surely_ordered,
+)
+from halfstep.twin.chosen import Chosen
+from halfstep.twin.lanes import I32
+from halfstep.twin.normal import NO_VECTOR, either, turned
+from halfstep.twin.piece import clip, from_the_eye, remains, whole_interval
+from halfstep.twin.sight import Seen, Sight
+from halfstep.twin.solid import (
+    eye_inside,
+    eye_outside,
+    eye_sure,
+    near_cut,
+    normal_of,
+    starts_at_eye,
+)
+from halfstep.twin.taylor import (
+    Curve,
+    curve_error,
+    curve_value,
+    on_rays,
+    opposite,
+    sizes_on_rays,
+    slope_at_most,
+    slopes_on_rays,
+)
+
+
+def visit_polynomial(
+    solid: np.void,
+    rest: PackedPolynomials,
+    x: I32,
+    y: I32,
+    chosen: Chosen,
+    facts: Collection[str],
+) -> Seen:
+    """What rays see of a solid: clip, walk through cells, halve."""
+    form = rest.records[int(solid["polynomial"])]
+    near_u, far_u = solid["near_u"], solid["far_u"]
+    steps, last_step = int(solid["steps"]), solid["last_step"]
+    at = chosen.offset(x, y)
+    like = x + 0 * y
+    piece = whole_interval(like, near_u, far_u)
+    ends = bounded_interval(like, near_u, far_u, near_cut(solid))
+    normal_in = normal_out = NO_VECTOR
+    for k in range(int(solid["plane_count"])):
+        half_space = rest.half_spaces[int(solid["plane_start"]) + k]
+        number = k + 1
+        line = chosen.forms.line_at(half_space["c"], half_space["b"], at)
+        piece = clip(piece, line, number)
+        if "error" in facts:
+            errors = chosen.forms.line_errors(
+                half_space["c"], half_space["b"], at, half_space["host_error"]
+            )
+            ends = bounded_clip(ends, line, errors, number)
+        if "normal" in facts:
+            normal_in = either(piece.id_in == number, normal_of(half_space), normal_in)
+            normal_out = either(piece.id_out == number, normal_of(half_space), normal_out)
+    if eye_inside(solid):
+        piece = from_the_eye(piece, near_u)
+        ends = bounded_from_the_eye(ends, near_u)
+
+    right, down = x.astype(np.float32) * form["scale"], y.astype(np.float32) * form["scale"]
+    right, down = right + 0 * down, down + 0 * right
+    curve = Curve(
+        on_rays(form["terms"], right, down),
+        sizes_on_rays(form["terms"], right, down),
+        form["middle"],
+        form["rounding"],
+        form["host_error"],
+    )
+    start, stop = line_place(piece.c_in, piece.b_in), line_place(piece.c_out, piece.b_out)
+
+    is_sheet = bool(form["sheet"])
+    first = curve_value(curve, start)
+    at_start = piece.id_in == 0
+    from_eye = at_start & starts_at_eye(solid)
+    outside = np.where(from_eye, eye_outside(solid), first > 0)
+    inside = ~outside & (is_sheet | (at_start & (eye_inside(solid) | near_cut(solid))))
+    on_entry = ~outside & ~inside & ~at_start
+    within = (form["left"] <= x) & (x <= form["right"])
+    within = within & ((form["top"] <= y) & (y <= form["bottom"]))
+    some = remains(piece) & within
+    seen = opposite(inside, curve)
+    cell = cells_from(np.zeros_like(like), some & ~on_entry, steps)
+    cell = walked(seen, start, stop, cell, steps, last_step)
+    on_exit = inside & ~cell.met & (piece.id_out > 0) & (not is_sheet)
+    position = finished(
+        seen,
+        start,
+        stop,
+        cell,
+        on_entry | on_exit,
+        np.where(on_entry, piece.c_in, -piece.c_out),
+        np.where(on_entry, piece.b_in, -piece.b_out),
+        steps,
+        last_step,
+    )
+    hit = some & (cell.met | on_entry | on_exit)
+    surface = np.where(on_entry, piece.id_in, np.where(on_exit, piece.id_out, 0))
+    left, exit_position = hit, position
+    if "exit" in facts:
+        stays = inside | is_sheet
+        behind = (position + np.int32(1 << steps)) >> np.int32(1)
+        behind = np.where(cell.met, behind + np.int32(1), np.int32(0))
+        leaving = opposite(~inside, curve)
+        last = cells_from(behind, hit & ~stays, steps)
+        last = walked(leaving, start, stop, last, steps, last_step)
+        exit_position = finished(
+            leaving,
+            start,
+            stop,
+            last,
+            hit & ~stays & (piece.id_out > 0),
+            -piece.c_out,
+            -piece.b_out,
+            steps,
+            last_step,
+        )
+        exit_position = np.where(stays, position, exit_position)
+        left = np.where(stays, hit, last.met | (piece.id_out > 0))
+    certificate = NO_CERTIFICATE
+    if "error" in facts:
+        start_off, stop_off = np.abs(start - curve.middle), np.abs(stop - curve.middle)
+        slope = slope_at_most(curve.sizes, np.maximum(start_off, stop_off))
+        start_slack = line_slack(piece.c_in, piece.b_in, ends.error_in, piece.id_in)
+        stop_slack = line_slack(piece.c_out, piece.b_out, ends.error_out, piece.id_out)
+        sure_start = np.abs(first) > curve_error(curve, start_off) + start_slack * slope
+        sure_start = np.where(from_eye, eye_sure(solid), sure_start)
+        ordered = surely_ordered(ends)
+        bound = bound_in(seen, start, stop, cell, position, last_step)
+        u = position.astype(np.float32) * last_step
+        before_end = (u + bound) + stop_slack < stop
+        sure_root = (bound < UNBOUNDED) & (before_end | (stop_slack == 0))
+        past = curve_value(seen, stop) > curve_error(curve, stop_off) + stop_slack * slope
+        sure_miss = (past | (stop_slack == 0)) & (ordered | ~on_exit)
+        certain = np.where(on_entry, ordered, cell.sure & np.where(cell.met, sure_root, sure_miss))
+        certain = certain & sure_start & (outside | inside | on_entry)
+        known = (ends.empty & ~remains(piece)) | (ends.sure & ((ordered & ~some) | certain))
+        plane_in = line_bound(piece.c_in, piece.b_in, ends.error_in, last_step)
+        plane_out = line_bound(piece.c_out, piece.b_out, ends.error_out, last_step)
+        certificate = Certificate(
+            known | ~within,
+            hit,
+            surface,
+            inside,
+            np.where(on_entry, plane_in, np.where(on_exit, plane_out, bound)),
+        )
+    sight = Sight(hit, surface, position, left, exit_position)
+    slope_vector = NO_VECTOR
+    if "normal" in facts:
+        u = position.astype(np.float32) * last_step - curve.middle
+        bend = world_slope(form, right, down, u, slopes_on_rays(form["terms"], right, down, u))
+        bend = turned(inside & is_sheet, bend)
+        curved = hit & (surface == 0)
+        slope_vector = either(curved, bend, either(on_entry, normal_in, normal_out))
+    return Seen(sight, slope_vector, certificate)

@@ -1,0 +1,11 @@
+"""Bundled scenes by what can draw them."""
+
+from __future__ import annotations
+
+from halfstep.scene import bundled_scenes, load
+
+
+def drawn_by_all() -> list[str]:
+    """Those that every number format and method can draw: no torus, no formula."""
+    names = bundled_scenes()
+    return [name for name in names if not any(s.is_algebraic for s in load(name).solids)]

@@ -1,0 +1,136 @@
+"""What ``error`` promises of tori and formulas, over many rays: a program of its own.
+
+    python -m tests.polynomial_soundness --pairs 10000000
+
+It draws scenes of one solid: all surfaces of `tests.algebraic_surfaces`, and tori of R/r from 1.01
+to 1000 at scales from 1e-3 to 1e6, placed and turned, cut in a third of all scenes. Cameras look
+from outside, from within the bounds, from a surface, and through a narrow field of view at an
+outline. The twin renders each with 8 to 20 halvings, and `tests.polynomial_oracle` judges every
+certain pixel. Exit 1 if one is wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+import halfstep
+from halfstep.scene import Scene
+from tests.algebraic_surfaces import SURFACES, AlgebraicSurface, solid_of, torus_of
+from tests.polynomial_oracle import Count, PolynomialOracle
+
+SIZE = (48, 36)
+OUTPUTS = ("solid", "surface", "depth", "error")
+# By family: where the camera is.
+PLACES = ("outside", "within", "outline", "on a surface")
+
+
+def random_solid(rng: np.random.Generator, name: str) -> tuple[dict[str, Any], AlgebraicSurface]:
+    """A solid by the name of a surface or ``torus``, placed and perhaps cut."""
+    if name == "torus":
+        scale = 10.0 ** rng.uniform(-3, 6)
+        ratio = 1.01 * 10.0 ** (rng.random() * np.log10(1000 / 1.01))
+        solid, surface = torus_of(scale, scale / ratio)
+        size = scale
+    else:
+        solid, surface = solid_of(name), SURFACES[name]
+        size = surface.reach
+    solid["origin"] = list(rng.normal(size=3) * size * rng.choice([0, 1, 100]))
+    solid["rotation_degrees"] = list(rng.uniform(-180, 180, 3))
+    if rng.random() < 1 / 3:
+        normal = rng.normal(size=3)
+        solid["cut"] = [[*normal, float(rng.uniform(-0.3, 0.6) * size * np.linalg.norm(normal))]]
+    return solid, surface
+
+
+def random_scene(rng: np.random.Generator, name: str, place: str) -> tuple[Scene, AlgebraicSurface]:
+    """A scene of one solid, seen from a place."""
+    solid, surface = random_solid(rng, name)
+    size = solid["major"] if name == "torus" else surface.reach
+    origin = np.array(solid["origin"])
+    away = rng.normal(size=3)
+    away /= np.linalg.norm(away)
+    center = origin + away * size * 10.0 ** rng.uniform(0.4, 2)
+    look = origin + rng.normal(size=3) * size * 0.2
+    fov = float(np.degrees(3 * size / np.linalg.norm(center - origin)).clip(0.5, 60))
+    if place == "within":
+        center = origin + away * size * rng.uniform(0.05, 1.0)
+        look, fov = center + rng.normal(size=3) * size, float(rng.uniform(20, 100))
+    camera = {"center": center, "look_at": look, "fov_degrees": fov}
+    table = {
+        "format": 1,
+        "camera": camera,
+        "image": {"width": SIZE[0], "height": SIZE[1]},
+        "accuracy": {"steps": int(rng.integers(8, 21))},
+        "solid": [solid],
+    }
+    scene = Scene.from_dict(table)
+    if place in ("outline", "on a surface"):
+        frame = halfstep.render(scene, outputs=("solid", "position"), backend="numpy")
+        hit = frame.solid >= 0
+        edge = hit & ~(np.roll(hit, 1, 0) & np.roll(hit, -1, 0) & np.roll(hit, 1, 1))
+        rows, columns = np.nonzero(edge if place == "outline" else hit)
+        if len(rows):
+            at = rng.integers(len(rows))
+            point = frame.position[rows[at], columns[at]]
+            if place == "outline":
+                camera |= {"look_at": point, "fov_degrees": fov * 10.0 ** rng.uniform(-4, -1)}
+            elif np.linalg.norm(point - center) > 0:
+                camera |= {"center": point, "look_at": point + rng.normal(size=3) * size}
+                camera["fov_degrees"] = 60.0
+            scene = Scene.from_dict(table)
+    return scene, surface
+
+
+def judged(
+    rng: np.random.Generator, names: list[str], pairs: int, say: bool
+) -> dict[tuple[str, str], Count]:
+    """Counts by surface and place."""
+    counts = {(name, place): Count() for name in names for place in PLACES}
+    total, begin = 0, time.perf_counter()
+    while total < pairs:
+        for (name, place), count in counts.items():
+            scene, surface = random_scene(rng, name, place)
+            frame = halfstep.render(scene, outputs=OUTPUTS, backend="numpy")
+            label = f"{name} {place} n {scene.accuracy.steps}"
+            before = count.pixels, len(count.wrong)
+            PolynomialOracle(scene, surface.function).judge(frame, count, label)
+            total += count.pixels - before[0]
+            if say and len(count.wrong) > before[1]:
+                print(count.wrong[-1], scene.to_toml(), sep="\n", flush=True)  # noqa: T201
+            if total >= pairs:
+                break
+        if say:
+            spent = time.perf_counter() - begin
+            wrong = sum(len(count.wrong) for count in counts.values())
+            print(f"{total:,} rays, {wrong} wrong, {spent:.0f} s", flush=True)  # noqa: T201
+    return counts
+
+
+def main() -> int:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pairs", type=int, default=10_000_000)
+    parser.add_argument("--seed", type=int, default=1998)
+    parser.add_argument("--surfaces", help="names, with commas between them")
+    options = parser.parse_args()
+    names = options.surfaces.split(",") if options.surfaces else [*SURFACES, *["torus"]]
+    counts = judged(np.random.default_rng(options.seed), names, options.pairs, say=True)
+    for name in names:
+        for place in PLACES:
+            print(f"{name}, {place}: {counts[name, place]}")  # noqa: T201
+    for place in PLACES:
+        own = [count for (_, other), count in counts.items() if other == place]
+        rays, hits, sure = (
+            sum(getattr(count, key) for count in own) for key in ("pixels", "hits", "certain_hits")
+        )
+        print(f"{place}: {rays:,} rays, {hits:,} hits, {100 * sure / max(hits, 1):.2f} % certain")  # noqa: T201
+    return int(any(count.wrong for count in counts.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

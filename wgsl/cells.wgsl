@@ -1,0 +1,175 @@
+// The first root of a polynomial: cell by cell from the near end, then by halvings.
+//
+// The interval has 2^n leaves; a cell is 2^size of them.  What makes a cell pass, and what makes it
+// hold one root, is derived in gpu/twin/cells.py.  A pixel may try so many CLOCKS.
+
+// The middle of a cell that is cut off is rounded; so far it is beyond its ends.
+const CLIPPING: f32 = 0x1p-23f;
+// What is known of F in a cell.
+struct Judged {
+  passed: b4,  // it has no root
+  single: b4,  // it has one root
+  vague: b4,  // F changes by less than its error
+  last: f4,  // F at the end
+}
+
+// A cell that is tried, or what was found.
+struct Cell {
+  first: i4,  // leaf
+  size: i4,  // it has 2^size leaves
+  going: b4,  // there is more to try
+  met: b4,  // a root lies in it
+  sure: b4,  // nothing doubtful was left behind
+}
+
+// What holds of F = Σ t_j s^j, |s| <= 1, which is off by at most `error`.
+fn judged_of(t: array<f4, POWERS>, error: f4) -> Judged {
+  var rest = error;
+  var slope = f32(DEGREE) * error;
+  var bend = (error * (0.5 * f32(DEGREE))) * f32(DEGREE - 1u);
+  var last = (t[0] + t[1]) + t[2];
+  // written out
+  for (var j = 3u; j < DEGREE + 1u; j++) {
+    let size = abs(t[j]);
+    rest = rest + size;
+    slope = slope + f32(j) * size;
+    bend = bend + (0.5 * f32(j * (j - 1u))) * size;
+    last = last + t[j];
+  }
+  let size_1 = abs(t[1]);
+  let size_2 = abs(t[2]);
+  let twice = size_2 + size_2;
+  let least = t[0] - rest;
+  let dips = (t[2] > f4(0.0)) & (size_1 < twice);
+  let above = (least > f4(0.0)) & ((4.0 * t[2]) * least > (1.000001 * size_1) * size_1);
+  return Judged(
+    select((least - size_1) + t[2] > f4(0.0), above, dips),
+    (last < -error) & ((size_1 > slope + twice) | (size_2 > bend)),
+    (size_1 + size_2) + (rest - error) < error,
+    last,
+  );
+}
+
+// The size of the largest cell that may begin at a leaf.
+fn largest_at(first: i4, steps: u32) -> i4 {
+  return i4(min(countTrailingZeros(u4(first)), u4(steps)));
+}
+
+// The largest cell that begins at a leaf.
+fn cells_from(first: i4, going: b4, steps: u32) -> Cell {
+  return Cell(
+    first,
+    largest_at(first, steps),
+    going & (first < i4(1i << steps)),
+    b4(false),
+    b4(true),
+  );
+}
+
+// The next cell between `start` and `stop`, after one was tried.
+fn clocked(
+  curve: Curve,
+  start: f4,
+  stop: f4,
+  old: Cell,
+  steps: u32,
+  last_step: f32,
+) -> Cell {
+  let width = last_step + last_step;
+  let following = old.first + (i4(1) << u4(old.size));
+  let left = f4(old.first) * width - 1.0;
+  let right = f4(following) * width - 1.0;
+  let low = max(left, start);
+  let high = min(right, stop);
+  let clipped = (low > left) | (high < right);
+  let m = (low + high) * 0.5 - curve.middle;
+  let h = max((high - low) * 0.5, f4(0.0)) + select(f4(0.0), f4(CLIPPING), clipped);
+  let error = curve_error(curve, abs(m) + h);
+  let judged = judged_of(about(curve.powers, m, h), error);
+  let passed = judged.passed | (high <= low);
+  let leaf = old.size == i4(0);
+  let ends = leaf | judged.vague;
+  let met = !passed & (judged.single | (ends & (judged.last <= f4(0.0))));
+  let skips = passed | (ends & !met);
+  let sure = passed | judged.single | !ends | (leaf & (judged.last < -error));
+  let size = select(
+    select(old.size - 1, old.size, met), largest_at(following, steps), skips
+  );
+  let going = !met & !(skips & (right >= stop));
+  return Cell(
+    select(old.first, following, old.going & skips),
+    select(old.size, size, old.going),
+    old.going & going,
+    old.met | (old.going & met),
+    old.sure & (!old.going | sure),
+  );
+}
+
+// The cell with the first root of F between `start` and `stop`.
+fn walked(curve: Curve, start: f4, stop: f4, begun: Cell, steps: u32, last_step: f32) -> Cell {
+  var cell = begun;
+  for (var clock = 0u; clock < CLOCKS; clock++) {
+    if !any(cell.going) {
+      break;
+    }
+    cell = clocked(curve, start, stop, cell, steps, last_step);
+  }
+  cell.sure = cell.sure & !cell.going;
+  return cell;
+}
+
+// The half of a cell in which a root lies of what has powers of u - middle; a leaf stays.
+fn narrowed(
+  powers: array<f4, POWERS>,
+  middle: f4,
+  start: f4,
+  stop: f4,
+  old: Cell,
+  last_step: f32,
+) -> Cell {
+  let some = old.size > i4(0);
+  let half = i4(1) << u4(max(old.size - 1, i4(0)));
+  let u = f4(old.first + half) * (last_step + last_step) - 1.0;
+  let on = some & (u < stop) & ((u < start) | (value_at(powers, u - middle) > f4(0.0)));
+  return Cell(
+    select(old.first, old.first + half, on),
+    select(old.size, old.size - 1, some),
+    old.going,
+    old.met,
+    old.sure,
+  );
+}
+
+// The middle of a leaf as a position: an odd number of last steps.
+fn position_in(cell: Cell, steps: u32) -> i4 {
+  return (cell.first + cell.first) + i4(1 - (1i << steps));
+}
+
+// How far the only root of a cell is from a position at most: so many BOUNDS are tried, each four
+// times the one before.
+fn bound_in(
+  curve: Curve,
+  start: f4,
+  stop: f4,
+  cell: Cell,
+  position: i4,
+  last_step: f32,
+) -> f4 {
+  let width = last_step + last_step;
+  let following = cell.first + (i4(1) << u4(cell.size));
+  let low = max(f4(cell.first) * width - 1.0, start);
+  let high = min(f4(following) * width - 1.0, stop);
+  let u = f4(position) * last_step;
+  let off = abs(u - curve.middle);
+  var reach = last_step;
+  var bound = f4(UNBOUNDED);
+  for (var k = 0u; k < BOUNDS; k++) {
+    let error = curve_error(curve, off + reach);
+    let before = (u - reach <= low) | (curve_value(curve, u - reach) > error);
+    let behind = (u + reach >= high) | (curve_value(curve, u + reach) < -error);
+    let found = before & behind & (bound == f4(UNBOUNDED));
+    bound = select(bound, f4(reach + (CLIPPING + CLIPPING)), found);
+    reach = reach * 4.0;
+  }
+  return bound;
+}

@@ -1,0 +1,168 @@
+// A polynomial along rays, of any degree.
+//
+// DEGREE is the highest of the scene.  How far F may be off is derived in gpu/twin/taylor.py.
+
+const POWERS: u32 = DEGREE + 1u;
+// Terms with one power of u, and all.
+const ROW_TERMS: u32 = (DEGREE + 1u) * (DEGREE + 2u) / 2u;
+
+// F on the rays of pixels.
+struct Curve {
+  powers: array<f4, POWERS>,  // of u less the middle
+  sizes: array<f4, POWERS>,  // of their terms
+  middle: f32,
+  rounding: f32,  // error of F, of the sum of the sizes
+  host_error: f32,  // error of F besides
+}
+
+// Derivatives of F.
+struct Slopes {
+  x: f4,
+  y: f4,
+  u: f4,
+}
+
+// The polynomial with the terms k on the rays of pixels.
+fn on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
+  var powers: array<f4, POWERS>;
+  // written out
+  for (var j = 0u; j < DEGREE + 1u; j++) {
+    var total = f4(k[j * ROW_TERMS]);
+    // written out
+    for (var a = 1u; a < DEGREE + 1u; a++) {
+      var row = k[j * ROW_TERMS + a * (a + 1u) / 2u];
+      // written out
+      for (var b = 1u; b < a + 1u; b++) {
+        row = row * y + k[j * ROW_TERMS + a * (a + 1u) / 2u + b];
+      }
+      total = total * x + row;
+    }
+    powers[j] = total;
+  }
+  return powers;
+}
+
+// Sums of the magnitudes of what `on_rays` sums.
+fn sizes_on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
+  let size_x = abs(x);
+  let size_y = abs(y);
+  var sizes: array<f4, POWERS>;
+  // written out
+  for (var j = 0u; j < DEGREE + 1u; j++) {
+    var total = f4(abs(k[j * ROW_TERMS]));
+    // written out
+    for (var a = 1u; a < DEGREE + 1u; a++) {
+      var row = abs(k[j * ROW_TERMS + a * (a + 1u) / 2u]);
+      // written out
+      for (var b = 1u; b < a + 1u; b++) {
+        row = row * size_y + abs(k[j * ROW_TERMS + a * (a + 1u) / 2u + b]);
+      }
+      total = total * size_x + row;
+    }
+    sizes[j] = total;
+  }
+  return sizes;
+}
+
+// Derivatives of the polynomial at the places u.
+fn slopes_on_rays(k: array<f32, TERMS>, x: f4, y: f32, u: f4) -> Slopes {
+  var value = f4(0.0);
+  var in_x = f4(0.0);
+  var in_y = f4(0.0);
+  var in_u = f4(0.0);
+  // written out
+  for (var j = 0u; j < DEGREE + 1u; j++) {
+    var total = f4(k[(DEGREE - j) * ROW_TERMS]);
+    var slope_x = f4(0.0);
+    var slope_y = f4(0.0);
+    // written out
+    for (var a = 1u; a < DEGREE + 1u; a++) {
+      var row = k[(DEGREE - j) * ROW_TERMS + a * (a + 1u) / 2u];
+      var slope_row = 0.0;
+      // written out
+      for (var b = 1u; b < a + 1u; b++) {
+        slope_row = slope_row * y + row;
+        row = row * y + k[(DEGREE - j) * ROW_TERMS + a * (a + 1u) / 2u + b];
+      }
+      slope_x = slope_x * x + total;
+      slope_y = slope_y * x + slope_row;
+      total = total * x + row;
+    }
+    in_u = in_u * u + value;
+    value = value * u + total;
+    in_x = in_x * u + slope_x;
+    in_y = in_y * u + slope_y;
+  }
+  return Slopes(in_x, in_y, in_u);
+}
+
+// F at the places u.
+fn value_at(p: array<f4, POWERS>, u: f4) -> f4 {
+  var value = p[DEGREE];
+  // written out
+  for (var j = 0u; j < DEGREE; j++) {
+    value = value * u + p[DEGREE - 1u - j];
+  }
+  return value;
+}
+
+// No slope of F is larger up to the places u >= 0.
+fn slope_at_most(sizes: array<f4, POWERS>, u: f4) -> f4 {
+  var slope = f32(DEGREE) * sizes[DEGREE];
+  // written out
+  for (var j = 1u; j < DEGREE; j++) {
+    slope = slope * u + f32(DEGREE - j) * sizes[DEGREE - j];
+  }
+  return slope;
+}
+
+// F(m + s h) as a polynomial in s.
+fn about(p: array<f4, POWERS>, m: f4, h: f4) -> array<f4, POWERS> {
+  var t = p;
+  // written out
+  for (var k = 0u; k < DEGREE; k++) {
+    // written out
+    for (var j = k; j < DEGREE; j++) {
+      t[DEGREE + k - 1u - j] = t[DEGREE + k - 1u - j] + m * t[DEGREE + k - j];
+    }
+  }
+  var scale = h;
+  // written out
+  for (var j = 1u; j < DEGREE + 1u; j++) {
+    t[j] = t[j] * scale;
+    scale = scale * h;
+  }
+  return t;
+}
+
+// F at the places u of the interval.
+fn curve_value(curve: Curve, u: f4) -> f4 {
+  return value_at(curve.powers, u - curve.middle);
+}
+
+// How far F may be off in places no further from the middle than `reach`.
+fn curve_error(curve: Curve, reach: f4) -> f4 {
+  return curve.rounding * value_at(curve.sizes, reach) + curve.host_error;
+}
+
+// -F in some pixels.
+fn opposite(some: b4, curve: Curve) -> Curve {
+  var turned = curve;
+  // written out
+  for (var j = 0u; j < DEGREE + 1u; j++) {
+    turned.powers[j] = select(curve.powers[j], -curve.powers[j], some);
+  }
+  return turned;
+}
+
+// The powers in some pixels, in the others those of c + b u.
+fn line_or(some: b4, powers: array<f4, POWERS>, c: f4, b: f4) -> array<f4, POWERS> {
+  var chosen: array<f4, POWERS>;
+  chosen[0] = select(c, powers[0], some);
+  chosen[1] = select(b, powers[1], some);
+  // written out
+  for (var j = 2u; j < DEGREE + 1u; j++) {
+    chosen[j] = select(f4(0.0), powers[j], some);
+  }
+  return chosen;
+}
