@@ -165,7 +165,7 @@ def test_code_of_a_number_format_is_there_for_it_alone(klass: Class, number_form
 def test_no_built_in_leaves_the_device_a_choice() -> None:
     """Bits do not hang on the order of a dot product, a contracted mix or a power."""
     exact = {"abs", "any", "bitcast", "ceil", "clamp", "countLeadingZeros", "max", "min", "select"}
-    moved = {"subgroupBroadcast"}
+    moved = {"subgroupAny", "subgroupBroadcast"}
     # Correctly rounded where bits are promised, as the canary sees.
     rounded = {"sqrt"}
     types = {"array", "f32", "i32", "i64", "u32", "u64", "vec2", "vec3", "vec4"}
@@ -263,6 +263,8 @@ WIDE = {
     "store_bytes_two": frozenset({"image", "tag"}),
     "store_bytes_four": frozenset({"image", "tag"}),
 }
+# Files that need another file in place of the usual one.
+WITH = {"near_key_short": {"keys_short"}}
 EXACT = {"polynomial_exact", "forms_exact", "halve_incremental"}
 
 
@@ -282,7 +284,9 @@ def as_it_lies(name: str) -> str:
         if (method, klass) in VISITS:
             file = VISITS[method, klass].file
             texts.append(stage(file).replace(f"fn {file}(", f"fn visit_{klass.name.lower()}("))
-    texts += [stage(file) for file in files_of(form, {name}) if file != name]
+    texts += [
+        stage(file) for file in files_of(form, {name} | WITH.get(name, set())) if file != name
+    ]
     own = f"{bindings(need)}const MAX_LINES: u32 = 8u;\n{stage(name)}"
     own_names = {item.name for item in definitions(own)}
     items = (item for text in texts for item in definitions(text))

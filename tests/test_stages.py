@@ -325,6 +325,7 @@ FAULTS = [
     ("crossings.in_cells", "!= outside", "== outside"),
     ("walk.literal_at", "q < ends.high", "q <= ends.high"),
     ("walk.later", "second.until > first.until", "second.until >= first.until"),
+    ("walk.either_held", "yes.until", "no.until"),
     ("certify_region.spread", "run.g", "run.c"),
     ("certify_region.shifted_form", "moved(form.c, by)", "form.c"),
     ("certify_region.is_vague", "by >", "by <"),

@@ -20,10 +20,10 @@ fn paint_of(solid: Solid) -> Paint {
   return Paint(color, f4(solid.specular), u4(solid.shininess));
 }
 
-// Whether pixels, in column i and row j, are in the rectangle of a region.
-fn is_within(region: Region, i: i4, j: i32) -> b4 {
-  let column = (i >= i4(region.left)) & (i <= i4(region.right));
-  return column & b4((j >= region.top) & (j <= region.bottom));
+// Whether pixels, in column x and row y of the picture, are in the rectangle of a region.
+fn is_within(region: Region, x: i4, y: i32) -> b4 {
+  let column = (x >= i4(region.left)) & (x <= i4(region.right));
+  return column & b4((y >= region.top) & (y <= region.bottom));
 }
 
 // The position in the middle of the cell that ends at a grid point: u = position 2^-n.

@@ -29,10 +29,10 @@ def paint_of(solid: np.void) -> Paint:
     return Paint(color, np.asarray(solid["specular"]), np.asarray(solid["shininess"]))
 
 
-def is_within(region: np.void, i: I32, j: I32) -> Bools:
-    """Whether pixels, in column i and row j, are in the rectangle of a region."""
-    column = (i >= region["left"]) & (i <= region["right"])
-    return np.asarray(column & ((j >= region["top"]) & (j <= region["bottom"])))
+def is_within(region: np.void, x: I32, y: I32) -> Bools:
+    """Whether pixels, in column x and row y of the picture, are in the rectangle of a region."""
+    column = (x >= region["left"]) & (x <= region["right"])
+    return np.asarray(column & ((y >= region["top"]) & (y <= region["bottom"])))
 
 
 def position_before(q: I32, steps: int) -> I32:
