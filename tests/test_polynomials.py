@@ -13,7 +13,7 @@ from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
-from halfstep.run.needs import needs_of
+from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.animation import scene_at
 from halfstep.shader.needs import Needs
@@ -249,7 +249,7 @@ def test_a_fault_in_the_visit_is_seen(
 
 def test_neither_cameras_nor_numbers_of_a_formula_ask_for_another_shader() -> None:
     def needs(scene: Scene) -> Needs:
-        return needs_of(prepare(scene), "visible", frozenset({"image"}))
+        return needs_of_frame(prepare(scene), "visible", frozenset({"image"}))
 
     table = {
         "kind": "implicit",

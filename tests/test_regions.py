@@ -179,9 +179,7 @@ def test_a_surface_through_the_eye_casts_no_doubt_on_what_is_beyond() -> None:
         plane[3, 3] = -normal @ eye
         matrices = np.append(matrices, plane[None], axis=0)
         side = Literal(len(matrices) - 1, positive=bool(rng.integers(2)))
-        cells = [Union((cell, Intersection((cell, side)))) for cell in cells[:-1]] + [
-            Intersection((cells[-1], side))
-        ]
+        cells = [*cells[:-1], Intersection((cells[-1], side))]
         if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
             continue
         scene = scene_of(matrices, cells, camera, accuracy={"steps": 14})

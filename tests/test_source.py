@@ -16,9 +16,8 @@ from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.stages import FACTS, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.outputs import OUTPUTS, device_outputs
-from halfstep.host.excerpts import lists_of
 from halfstep.host.prepare import prepare
-from halfstep.run.needs import needs_of
+from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
 from halfstep.shader.expand import marks
 from halfstep.shader.fetch import fetches
@@ -87,9 +86,7 @@ def device(adapter: Adapter) -> Iterator[Any]:
 
 def needs(scene: Scene, outputs: frozenset[str] = ALL) -> Needs:
     small = with_overrides(scene, size=SIZE, steps=12)
-    packed = prepare(small)
-    regions = lists_of(packed, 0, small.image.height, leaving="exit" in outputs).regions
-    return needs_of(packed, regions, scene.accuracy.method, outputs)
+    return needs_of_frame(prepare(small), scene.accuracy.method, outputs)
 
 
 def code(text: str) -> str:

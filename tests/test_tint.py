@@ -14,7 +14,7 @@ import pytest
 
 from halfstep.frames.outputs import device_outputs
 from halfstep.host.prepare import prepare
-from halfstep.run.needs import needs_of
+from halfstep.run.needs import needs_of_frame
 from halfstep.scene import bundled_scenes, load, with_overrides
 from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS
 from halfstep.shader.source import compose
@@ -44,7 +44,7 @@ def composed() -> Iterator[str]:
             scene = with_overrides(load(name), size=SIZE, steps=12, method=method)
             prepared = prepare(scene)
             for outputs in (everything, device_outputs({"image"})):
-                yield compose(needs_of(prepared, method, outputs))
+                yield compose(needs_of_frame(prepared, method, outputs))
 
 
 def faults(texts: list[str]) -> list[str | None]:

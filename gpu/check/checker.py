@@ -26,9 +26,8 @@ from halfstep.device.canary import Fingerprint, fingerprint
 from halfstep.frames.outputs import OUTPUTS, device_outputs
 from halfstep.frames.passes import Prepared
 from halfstep.frames.renderer import Renderer
-from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import frame_record
-from halfstep.run.needs import needs_of
+from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import MAX_LINES, compose_stages, stage_files
 from halfstep.testing.census import Census, MismatchError
@@ -187,8 +186,7 @@ class Checker:
     ) -> Iterator[tuple[str, Census]]:
         """The stage functions of the shader that were called, each with its census."""
         scene, packed = prepared.scene, prepared.packed
-        lists = lists_of(packed, 0, scene.image.height, leaving=True)
-        needs = needs_of(packed, lists.regions, scene.accuracy.method, device_outputs(OUTPUTS))
+        needs = needs_of_frame(packed, scene.accuracy.method, device_outputs(OUTPUTS))
         shader = Module("the shader", compose_stages(needs))
         too_many = packed.most_half_spaces > MAX_LINES
         bindings = {

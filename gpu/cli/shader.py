@@ -30,19 +30,16 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print it; the exit code."""
     from halfstep.frames.outputs import check_outputs, device_outputs
-    from halfstep.host.excerpts import lists_of
     from halfstep.host.prepare import prepare
     from halfstep.models import load
     from halfstep.run.framebuffer import written_for
-    from halfstep.run.needs import needs_of
+    from halfstep.run.needs import needs_of_frame
     from halfstep.scene import with_overrides
     from halfstep.shader.source import compose
 
     scene = with_overrides(load(arguments.scene), **overrides(arguments))
     outputs = device_outputs(check_outputs(arguments.outputs))
     packed = prepare(scene)
-    written = written_for(outputs, packed)
-    lists = lists_of(packed, 0, scene.image.height, leaving="exit" in written)
-    needs = needs_of(packed, lists.regions, scene.accuracy.method, written)
+    needs = needs_of_frame(packed, scene.accuracy.method, written_for(outputs, packed))
     print_text(compose(needs).rstrip())
     return 0

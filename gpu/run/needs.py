@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from halfstep.contract.regions import PackedRegions
+from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
 
@@ -41,6 +42,12 @@ def needs_of(
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
+
+
+def needs_of_frame(packed: Packed, method: str, outputs: frozenset[str]) -> Needs:
+    """What the shader of a whole frame must hold; arguments are those of `needs_of`."""
+    lists = lists_of(packed, 0, packed.setup.view.height, leaving="exit" in outputs)
+    return needs_of(packed, lists.regions, method, outputs)
 
 
 def _enough(count: int) -> int:
