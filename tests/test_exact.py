@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.errors import UsageError
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
 from halfstep.host.prepare import prepare
-from halfstep.errors import UsageError
 from halfstep.scene import Scene, Volume, bundled_scenes, with_overrides
 from halfstep.tune import exact as module
 from halfstep.tune.exact import crossing, exact
