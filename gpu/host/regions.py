@@ -17,12 +17,20 @@ from numpy.typing import NDArray
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.boxes import box_of
-from halfstep.host.formulas import Formula, Senses, decided, literals, normal_form, truth
+from halfstep.host.formulas import (
+    Formula,
+    Senses,
+    decided,
+    joined,
+    literals,
+    normal_form,
+    truth,
+)
 from halfstep.host.thin import least_distance
 from halfstep.scene import Material, Scene
 from halfstep.scene.copies import Copies, Layout
 from halfstep.scene.groups import Cell, Fragment, Group
-from halfstep.scene.region import Intersection, Region
+from halfstep.scene.region import Intersection, Literal, Region, Union
 
 # Surfaces coincide if their coefficients, in units of the group's box, agree to this.
 COINCIDENT = 2.0**-34
@@ -254,7 +262,7 @@ def regions_of(scene: Scene) -> Regions | None:
         kept, own = _cut_copies(copies, whole, shown)
         parts.append((plain[key], copies.number[kept], copies.maps[kept]))
         for ix, program in own:
-            parts.append((len(found), copies.number[[ix]], copies.maps[[ix]]))
+            parts.append((len(found), copies.number[ix], copies.maps[ix]))
             found.append(Owned(program, group, first_cell))
     if faults:
         raise SceneError(*faults)
@@ -335,48 +343,93 @@ def _matrices_of(group: Fragment) -> Floats:
 
 def _cut_copies(
     copies: Copies, whole: Program, shown: Bools
-) -> tuple[Ints, list[tuple[int, Program]]]:
+) -> tuple[Ints, list[tuple[Ints, Program]]]:
     """Which copies regions around them leave whole, and the programs of those that they cut.
 
-    The others are cut away.
+    Copies that are cut alike, as those in a lattice are, share a program. The others are cut away.
     """
     state = np.ones(len(copies.number), np.int8)
-    around: list[tuple[Region, Floats, NDArray[np.int8]]] = []
+    box = whole.middle + whole.box
+    given: list[tuple[Region, Floats]] = []
     for within in copies.within:
         matrices = _matrices_of(within.group)
         maps = np.zeros((len(within.maps), 4, 4))
         maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
-        own = np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)
-        signs = _signs(own, whole.middle, whole.box)
-        around.append((within.region, own, signs))
-        state = np.minimum(state, truth(within.region, signs))
+        given.append((within.region, np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)))
+        box = _left(box, *given[-1])
+    # A side that makes a face of the box is not decided by it, so that no two decide one another.
+    around = [(region, own, _signs(own, box)) for region, own in given]
+    for region, _, signs in around:
+        state = np.minimum(state, truth(region, signs))
     own_functions, own_regions = _matrices_of(copies.group), copies.group.names().regions
-    programs: list[tuple[int, Program]] = []
+    alike: dict[object, list[int]] = {}
     for ix in np.flatnonzero(state == 0).tolist():
+        alike.setdefault(_cut_of(around, ix), []).append(ix)
+    programs: list[tuple[Ints, Program]] = []
+    for members in alike.values():
         functions, regions = [own_functions], list(own_regions)
         for region, own, signs in around:
-            first = sum(map(len, functions))
+            first, ix = sum(map(len, functions)), members[0]
             plain = Senses(range(first, first + len(own[ix])), [False] * len(own[ix]))
-            local = Senses(range(len(own[ix])), [False] * len(own[ix]))
-            left = decided(normal_form(region, local), signs[:, ix].tolist())
-            cut = normal_form(left, plain)
+            cut = normal_form(_undecided(region, signs[:, ix]), plain)
             regions = [Intersection((cell, cut)) for cell in regions]
             functions.append(own[ix])
-        program = compiled(np.concatenate(functions), regions, shown, whole.middle + whole.box)
+        program = compiled(np.concatenate(functions), regions, shown, box)
         if program is not None:
-            programs.append((ix, program))
+            programs.append((np.array(members), program))
     return np.flatnonzero(state == 1), programs
 
 
-def _signs(matrices: Floats, middle: Floats, box: Floats) -> NDArray[np.int8]:
+def _cut_of(around: Sequence[tuple[Region, Floats, NDArray[np.int8]]], ix: int) -> object:
+    """What is equal of copies that regions cut alike: what they decide not, and its surfaces."""
+    found: list[object] = []
+    for region, own, signs in around:
+        left = _undecided(region, signs[:, ix])
+        used = sorted({literal.surface for literal in literals(left)})
+        matrices = own[ix][used]
+        size = np.abs(matrices).max(axis=(1, 2), keepdims=True, initial=1e-300)
+        found += [left, np.rint(matrices / size / (COINCIDENT / 4)).tobytes()]
+    return tuple(found)
+
+
+def _undecided(region: Region, signs: NDArray[np.int8]) -> Region:
+    """What signs (S,) leave of a region."""
+    plain = Senses(range(len(signs)), [False] * len(signs))
+    return decided(normal_form(region, plain), signs.tolist())
+
+
+def _left(box: Floats, region: Region, own: Floats) -> Floats:
+    """A box (2, 3) of what a region leaves of one in all copies (N, S, 4, 4), or a larger one."""
+    if not len(own):
+        return box
+    plain = Senses(range(own.shape[1]), [False] * own.shape[1])
+    differs = (own != own[:1]).any(axis=(0, 2, 3))
+    inside = box_of(_without(normal_form(region, plain), differs), own[0])
+    if inside is None:
+        return box
+    low, high = np.maximum(box[0], inside[0]), np.minimum(box[1], inside[1])
+    return box if (low > high).any() else np.array([low, high])
+
+
+def _without(region: Region, surfaces: Bools) -> Region:
+    """A region in normal form, and more: all sides of some surfaces hold."""
+    if isinstance(region, Literal):
+        return Intersection(()) if surfaces[region.surface] else region
+    assert isinstance(region, Intersection | Union)
+    return joined(type(region), [_without(part, surfaces) for part in region.of])
+
+
+def _signs(matrices: Floats, box: Floats) -> NDArray[np.int8]:
     """Signs (S, N) of functions (N, S, 4, 4) that they have all over a box, 0 where unknown."""
-    if not np.isfinite(box).all():
-        return np.zeros(matrices.shape[1::-1], np.int8)
-    center, half = middle + box.mean(axis=0), np.ptp(box, axis=0) / 2
-    point = np.append(center, 1.0)
+    finite = np.isfinite(box).all(axis=0)
+    ends = np.where(finite, box, 0.0)
+    half = np.ptp(ends, axis=0) / 2
+    point = np.append(ends.mean(axis=0), 1.0)
     value = np.einsum("i,nsij,j->sn", point, matrices, point)
     slope = np.abs(2 * np.einsum("nsij,j->nsi", matrices[:, :, :3], point)) @ half
     bend = np.einsum("i,nsij,j->sn", half, np.abs(matrices[:, :, :3, :3]), half)
     size = np.einsum("i,nsij,j->sn", np.abs(point), np.abs(matrices), np.abs(point))
     reach = slope.T + bend + COINCIDENT * size
+    # Along an axis where the box has no end a function must not change.
+    reach[(matrices[:, :, :3][:, :, ~finite] != 0).any(axis=(2, 3)).T] = np.inf
     return (value > reach).astype(np.int8) - (value < -reach)
