@@ -221,7 +221,8 @@ RULES: list[tuple[dict[str, Any], str]] = [
     ),
     (
         changed(animation={"key": [{"at": 0}]}),
-        "animation.key[0]: has none of center, look_at, fov_degrees; one must be given",
+        "animation.key[0]: has none of center, look_at, fov_degrees, orthographic_height; one must "
+        "be given",
     ),
     (
         changed(animation={"key": [{"at": at, "fov_degrees": 40} for at in (0, 0.5, 0.5, 1)]}),

@@ -233,7 +233,8 @@ def _combinations() -> Iterator[Needs]:
     for classes, form in product(visible, FORMATS):
         yield replace(NEEDS, classes=classes, format=form, outputs=wanted, short_keys=True)
     for lights, point_lights, bits in product((0, 1, 3), (False, True), (0, 6)):
-        yield replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
+        lit = replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
+        yield from (lit, replace(lit, parallel=True))
 
 
 def test_every_combination_compiles(device: Any) -> None:

@@ -265,6 +265,7 @@ FAULTS = [
     ("finish.finish", "> u4(0u)", ">= u4(0u)"),
     ("finish.finish", "-direction.y", "direction.y"),
     ("finish.finish", "nearest.depth", "f4(1.0)"),
+    ("finish.finish", "ray.x + point.x", "point.x"),
     ("nearest.count_key", "+ carry", ""),
     ("nearest.count_key", "shift >= 32u", "shift > 32u"),
     ("nearest.before", "surface < other_surface", "surface <= other_surface"),

@@ -10,7 +10,7 @@ const FLAG_EYE_SURE: u32 = 16u;
 
 // What all pixels of a band share.
 struct Frame {
-  @align(32) first_ray: vec4<f32>,  // world direction through pixel (0, 0), per unit depth
+  @align(32) first_ray: vec4<f32>,  // world direction through pixel (0, 0), or its start
   right: vec4<f32>,  // its change from one pixel to the next on the right
   down: vec4<f32>,  // its change from one row to the next
   ambient: vec4<f32>,  // linear RGB
@@ -18,6 +18,7 @@ struct Frame {
   first_row: i32,  // first picture row of the band
   row_quads: u32,  // groups of four pixels in a row of the band
   plane_quads: u32,  // the same in the whole band
+  forward: vec4<f32>,  // direction of all rays that start in different places
 }
 
 // A visible solid: F = A u² + G u + C over its own interval of depth, u from -1 to 1.

@@ -106,7 +106,7 @@ FRAME = Record(
     "Frame",
     "What all pixels of a band share.",
     (
-        Field("first_ray", "vec4<f32>", 1, "world direction through pixel (0, 0), per unit depth"),
+        Field("first_ray", "vec4<f32>", 1, "world direction through pixel (0, 0), or its start"),
         Field("right", "vec4<f32>", 1, "its change from one pixel to the next on the right"),
         Field("down", "vec4<f32>", 1, "its change from one row to the next"),
         Field("ambient", "vec4<f32>", 1, "linear RGB"),
@@ -114,6 +114,7 @@ FRAME = Record(
         Field("first_row", "i32", 1, "first picture row of the band"),
         Field("row_quads", "u32", 1, "groups of four pixels in a row of the band"),
         Field("plane_quads", "u32", 1, "the same in the whole band"),
+        Field("forward", "vec4<f32>", 1, "direction of all rays that start in different places"),
     ),
 )
 

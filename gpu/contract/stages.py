@@ -111,6 +111,7 @@ FACTS = {
     "color": "colours are needed, for themselves or for an image",
     "gloss": "colours are needed, and a material shines",
     "point_lights": "colours are needed, and a light has a place",
+    "parallel": "colours are needed, and rays are parallel",
     "error": "it is asked how far a depth may be off",
     "curved": "the solid has a quadric",
     "flat": "the solid is a polyhedron",

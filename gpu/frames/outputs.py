@@ -98,8 +98,7 @@ def _depth_exit(band: Band) -> Floats:
 def _position(band: Band) -> Floats:
     view = band.packed.setup.view
     j, i = np.mgrid[: band.number.shape[0], : band.number.shape[1]]
-    directions = view.directions(i, j + band.first_row)
-    return np.ascontiguousarray(view.eye + band.depth[..., None] * directions)
+    return np.ascontiguousarray(view.points(i, j + band.first_row, band.depth))
 
 
 def _error(band: Band) -> Floats:

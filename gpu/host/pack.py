@@ -318,6 +318,8 @@ def _value(u: Floats, number_format: Format) -> Floats:
 def _lights(scene: Scene, setup: Setup) -> Records:
     lights = scene.effective_lights()
     records = np.zeros(len(lights), _LIGHT)
+    # How far parallel rays may be from the middle of the picture.
+    aside = setup.view.pixel * (setup.view.width + setup.view.height) if setup.view.parallel else 0
     for light, vector, color in zip(lights, records["vector"], records["color"], strict=True):
         if light.direction is not None:
             direction = np.array(light.direction)
@@ -325,7 +327,7 @@ def _lights(scene: Scene, setup: Setup) -> Records:
         else:
             place = np.array(light.position) - setup.view.eye
             # Where the greatest length is about 1, squares are neither subnormal nor infinite.
-            vector[3] = 2.0 ** -np.ceil(np.log2(max(np.abs(place).max(), setup.far)))
+            vector[3] = 2.0 ** -np.ceil(np.log2(max(np.abs(place).max(), setup.far, aside)))
             vector[:3] = place * vector[3]
         color[:3] = light.color
     return records
@@ -336,7 +338,12 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
     view = setup.view
     right, down, _ = view.camera_from_world
     record = np.zeros(1, _FRAME)
-    record["first_ray"][0, :3] = _clear(view.directions(np.array(0), np.array(0)))
+    corner = np.array(0), np.array(0)
+    if view.parallel:
+        record["forward"][0, :3] = _clear(view.directions(*corner))
+        record["first_ray"][0, :3] = _clear(view.starts(*corner))
+    else:
+        record["first_ray"][0, :3] = _clear(view.directions(*corner))
     record["right"][0, :3] = view.pixel * _clear(right)
     record["down"][0, :3] = view.pixel * _clear(down)
     record["ambient"][0, :3] = scene.ambient.color

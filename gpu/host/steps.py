@@ -53,7 +53,9 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | No
             tolerance = np.full(setup.count, accuracy.tolerance)
         else:
             assert accuracy.tolerance_pixels is not None  # validation leaves exactly one of three
-            tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * setup.nearest
+            # Parallel rays a pixel apart are so at any depth.
+            nearest = np.ones(setup.count) if setup.view.parallel else setup.nearest
+            tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * nearest
         share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
         wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
         short = wanted > most

@@ -28,6 +28,7 @@ def needs_of(
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
         levels=0 if regions is None else _enough(regions.levels),
+        parallel=packed.setup.view.parallel,
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
 

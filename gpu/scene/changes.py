@@ -1,6 +1,6 @@
 """Scenes with something in place of what they say."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypedDict, TypeVar, Unpack, cast
 
 import numpy as np
@@ -12,7 +12,7 @@ from halfstep.scene.groups import Fragment, Place
 from halfstep.scene.keys import Animation, SolidKey
 from halfstep.scene.model import Scene
 from halfstep.scene.solids import NO_PATCH, BaseSolid, PlanePatch, box_cuts_area
-from halfstep.scene.tables import ACCURACY_KEYS, Camera
+from halfstep.scene.tables import ACCURACY_KEYS, VIEW_KEYS, Camera
 from halfstep.scene.values import Table, described, plain
 
 Moving = TypeVar("Moving", bound=BaseSolid | Place)
@@ -75,7 +75,8 @@ def with_overrides(
                 faults.append((loc, text))
 
     if isinstance(camera, Mapping):
-        replace("camera", {**scene.camera.model_dump(), **_given(camera)}, {})
+        new = _given(camera)
+        replace("camera", {**_kept(scene.camera, new, VIEW_KEYS), **new}, {})
     elif camera is not None:
         replace("camera", camera, {})
 
@@ -85,7 +86,7 @@ def with_overrides(
     for key, table in (("image", scene.image), ("accuracy", scene.accuracy)):
         new = {name: given[name] for name in given if name in type(table).model_fields}
         if new:
-            replace(key, {**_kept(table, new), **new}, options)
+            replace(key, {**_kept(table, new, ACCURACY_KEYS), **new}, options)
 
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
@@ -107,12 +108,12 @@ def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:
     return given, options
 
 
-def _kept(table: Table, new: Mapping[str, object]) -> dict[str, Any]:
-    """What a table has beside new keys, of which one of accuracy replaces another."""
+def _kept(table: Table, new: Mapping[str, object], one_of: Collection[str]) -> dict[str, Any]:
+    """What a table has beside new keys, of which one of some replaces another."""
     kept = table.model_dump(exclude_none=True)
-    if new.keys().isdisjoint(ACCURACY_KEYS):
+    if new.keys().isdisjoint(one_of):
         return kept
-    return {name: kept[name] for name in kept if name not in ACCURACY_KEYS}
+    return {name: kept[name] for name in kept if name not in one_of}
 
 
 def with_animation(scene: Scene, *, frames: int | None = None, fps: float | None = None) -> Scene:

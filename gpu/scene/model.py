@@ -20,6 +20,7 @@ from pydantic import (
     PrivateAttr,
     ValidationError,
     ValidationInfo,
+    field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -34,7 +35,16 @@ from halfstep.scene.limits import limit_faults
 from halfstep.scene.names import get, name_faults
 from halfstep.scene.placement import unit
 from halfstep.scene.solids import BaseSolid, Solid
-from halfstep.scene.tables import Accuracy, Ambient, Camera, Image, Light, Material, Volume
+from halfstep.scene.tables import (
+    VIEW_KEYS,
+    Accuracy,
+    Ambient,
+    Camera,
+    Image,
+    Light,
+    Material,
+    Volume,
+)
 from halfstep.scene.values import Sequence, Table, described, plain, validation_error
 from halfstep.scene.writing import text_of
 
@@ -45,6 +55,7 @@ _SHOWN = ("solid", "cell", "place", "lattice")
 _OF_A_FILE: Mapping[str, object] = {}
 # Keys that the digest of a scene without them does not know.
 _NEW_KEYS = ("surface", "part", "cell", "group", "place", "lattice")
+_NEW_CAMERA_KEYS = {"orthographic_height"}
 # As many as fit uniform memory, of which WebGPU asks a device for 64 KiB.
 MAX_LIGHTS = 2048
 _TURNTABLE = Animation(orbit_degrees=360.0)
@@ -72,6 +83,24 @@ class _Tables(Table):
     )
     materials: Sequence[Material] = Field(default=(), alias="material")
     solids: Sequence[Solid] = Field(default=(), alias="solid")
+
+    @field_validator("animation")
+    @classmethod
+    def _moves_this_camera(
+        cls, animation: Animation | None, info: ValidationInfo
+    ) -> Animation | None:
+        camera = info.data.get("camera")
+        if animation is None or camera is None:
+            return animation
+        own, other = VIEW_KEYS if camera.orthographic_height is None else VIEW_KEYS[::-1]
+        faults = [
+            (("key", index, other), f"is of another camera than one with {own}")
+            for index, key in enumerate(animation.keyframes)
+            if getattr(key, other) is not None
+        ]
+        if faults:
+            raise validation_error("animation", faults)
+        return animation
 
 
 class Scene(Fragment, _Tables):
@@ -160,7 +189,12 @@ class Scene(Fragment, _Tables):
 
     def sha256_with(self, solids_sha256: str) -> str:
         """`sha256`, given that of the solids: scenes that differ in their cameras share it."""
-        content = self.model_dump(by_alias=True, exclude={"solids"})
+        new: dict[str, Any] = {"solids": True}
+        if self.camera.orthographic_height is None:
+            new["camera"] = _NEW_CAMERA_KEYS
+        if self.animation is not None and self.camera.orthographic_height is None:
+            new["animation"] = {"keyframes": {"__all__": _NEW_CAMERA_KEYS}}
+        content = self.model_dump(by_alias=True, exclude=new)
         content = {key: each for key, each in content.items() if each or key not in _NEW_KEYS}
         return _digest({**content, "solid": solids_sha256})
 

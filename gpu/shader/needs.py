@@ -43,6 +43,7 @@ class Needs:
     surfaces: int = 0  # the most of a region, or a little more
     levels: int = 0  # the most that a region's program opens at once, or a little more
     conveyor: str = "conveyor"  # the stage that finds where roots are
+    parallel: bool = False  # rays are
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -56,6 +57,7 @@ class Needs:
             wanted |= {"exit", "leaving"}
         if self.outputs & {"image", "color", "normal"}:
             wanted.add("normal")
+            wanted |= {"parallel"} if self.parallel else set()
         if self.outputs & {"image", "color"}:
             wanted.add("color")
             wanted |= {"gloss"} if self.shininess_bits else set()
