@@ -306,13 +306,13 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (
         one(SPHERE, sphere=1),
         'solid[0].sphere: unknown key; allowed are "name", "origin", "axis", '
-        '"rotation_degrees", "material", "color", "key", "z_min", "z_max", "cut", "kind", '
-        '"radius"',
+        '"rotation_degrees", "material", "color", "key", "casts_shadow", "z_min", "z_max", '
+        '"cut", "kind", "radius"',
     ),
     (
         one(BOX, z_min=0),
         'solid[0].z_min: unknown key; allowed are "name", "origin", "axis", '
-        '"rotation_degrees", "material", "color", "key", "kind", "size"',
+        '"rotation_degrees", "material", "color", "key", "casts_shadow", "kind", "size"',
     ),
     (
         one(SPHERE, axis=[0, 0, 1], rotation_degrees=[0, 0, 1]),
@@ -719,7 +719,7 @@ def test_a_bad_override(options: dict[str, Any], fault: str) -> None:
 
 
 def test_every_option_is_a_key_of_a_table() -> None:
-    keys = Image.model_fields.keys() | Accuracy.model_fields.keys() | {"size"}
+    keys = Image.model_fields.keys() | Accuracy.model_fields.keys() | {"size", "shadows"}
     assert Overrides.__annotations__.keys() <= keys
 
 

@@ -24,7 +24,9 @@ fn finish(nearest: Nearest, i: i4, j: i32) -> Shown {
     f4(frame.background.y),
     f4(frame.background.z),
   );
-  let lit = shade(normal, direction, point, material);  //? color
+  var dark = u4(0u);  //? color
+  dark = nearest.dark;  //? color & shadows
+  let lit = shade(normal, direction, point, material, dark);  //? color
   return Shown(
     either(some, normal, NO_VECTOR),  //? store_normal
     either(some, lit, background),  //? color

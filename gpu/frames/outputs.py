@@ -124,6 +124,11 @@ def _error(band: Band) -> Floats:
     return np.where(clear, np.where(band.hit, error, 0.0), np.inf)
 
 
+def _shadow(band: Band) -> Array:
+    none = np.zeros(band.number.shape, np.uint32)
+    return none if band.packed.shadows is None else band.planes["shadow"]
+
+
 def _steps(band: Band) -> Lookup:
     steps, numbers = steps_by_solid(band.packed), band.packed.surfaces.numbers
     return Lookup(lambda number: np.asarray(steps[numbers.rows(number)]), band.number)
@@ -314,6 +319,16 @@ _ROWS = (
         of=lambda band: Lookup(band.packed.surfaces.numbers.materials, band.number),
         levels=Levels.NUMBER_FROM_1,
         channels=("material",),
+    ),
+    Output(
+        name="shadow",
+        type=np.uint32,
+        meaning="bit k is set where the k-th light with shadows does not reach",
+        miss="0",
+        sources=("shadow",),
+        of=_shadow,
+        levels=Levels.NUMBER,
+        channels=("shadow",),
     ),
 )
 # By name, in the order of a frame.

@@ -24,7 +24,7 @@ class Bounds:
 
 
 def bounds(geometry: Geometry, view: View) -> Bounds:
-    """Bounds of every solid of ``geometry`` in ``view``."""
+    """Bounds of every solid of ``geometry`` in ``view``, whose axes need not be of unit length."""
     # camera_from_local; a solid without a hull keeps infinite bounds.
     axes = np.einsum("ij,jlk->ilk", view.camera_from_world, geometry.world_from_local)
     away = geometry.origin - view.eye[:, None]

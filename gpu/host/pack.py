@@ -15,11 +15,13 @@ from halfstep.contract.formats import Format
 from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
 from halfstep.contract.regions import PackedRegions
+from halfstep.contract.shadows import PackedShadows
 from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, fixed_point_scale
 from halfstep.host.geometry import Geometry
 from halfstep.host.numbers import Numbers, numbers_of
 from halfstep.host.pack_regions import Appearances, appearances, pack_regions
+from halfstep.host.pack_shadows import ShadowTables
 from halfstep.host.regions import NO_MATERIAL
 from halfstep.host.setup import START_BITS, Setup
 from halfstep.host.steps import Steps, format_for
@@ -95,6 +97,7 @@ class Packed:
     solid_count: int  # of the scene
     surface_count: int  # of the scene
     regions: PackedRegions | None  # what copies of groups have besides
+    shadows: PackedShadows | None = None  # what hides lights, if any have shadows
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -136,7 +139,14 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     )
 
 
-def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: Steps) -> Packed:
+def pack(
+    scene: Scene,
+    geometry: Geometry,
+    tables: Surfaces,
+    setup: Setup,
+    steps: Steps,
+    shadows: ShadowTables | None = None,
+) -> Packed:
     """Records of the frame ``setup`` with ``steps`` halvings for each solid."""
     count = steps.count
     classes, outside = _classes(tables, setup), tables.outside_class
@@ -149,6 +159,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     keys = _keys(setup, count)
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
+    solids = solids.take(order)  # a fancy index copies member by member
     return Packed(
         setup=setup,
         surfaces=tables,
@@ -156,7 +167,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         order=order,
         classes=classes[order],
         format=number_format,
-        solids=solids.take(order),  # a fancy index copies member by member
+        solids=solids,
         half_spaces=_half_spaces(tables, setup, number_format, offsets),
         key_bits=keys.bits,
         lights=_lights(scene, setup),
@@ -168,6 +179,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         regions=None
         if tables.appearances is None
         else pack_regions(setup, tables.appearances, count, number_format),
+        shadows=None if shadows is None else shadows.packed(setup, solids, number_format),
     )
 
 
@@ -316,7 +328,8 @@ def _value(u: Floats, number_format: Format) -> Floats:
 
 
 def _lights(scene: Scene, setup: Setup) -> Records:
-    lights = scene.effective_lights()
+    # Those with shadows come first, in the order of their bits.
+    lights = sorted(scene.effective_lights(), key=lambda light: not light.shadows)
     records = np.zeros(len(lights), _LIGHT)
     # How far parallel rays may be from the middle of the picture.
     aside = setup.view.pixel * (setup.view.width + setup.view.height) if setup.view.parallel else 0

@@ -15,7 +15,7 @@ def needs_of(
     uniform: bool = False,
 ) -> Needs:
     """What the shader of a frame must hold; ``uniform``: if its solids are few enough for it."""
-    regions = packed.regions
+    regions, shadows = packed.regions, packed.shadows
     return Needs(
         classes=packed.present,
         outputs=outputs,
@@ -28,6 +28,10 @@ def needs_of(
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
         levels=0 if regions is None else _enough(regions.levels),
+        shadows=0 if shadows is None else len(shadows.views),
+        far_lights=0 if shadows is None else shadows.far_lights,
+        hides=frozenset() if shadows is None else frozenset(kind for kind, _ in shadows.kinds),
+        encloses=shadows is not None and shadows.encloses,
         parallel=packed.setup.view.parallel,
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )

@@ -10,9 +10,10 @@ from halfstep.errors import SceneError
 from halfstep.scene.faults import Fault, Loc, line, show
 from halfstep.scene.groups import Fragment, Place
 from halfstep.scene.keys import Animation, SolidKey
+from halfstep.scene.limits import shadow_faults
 from halfstep.scene.model import Scene
 from halfstep.scene.solids import NO_PATCH, BaseSolid, PlanePatch, box_cuts_area
-from halfstep.scene.tables import ACCURACY_KEYS, VIEW_KEYS, Camera
+from halfstep.scene.tables import ACCURACY_KEYS, VIEW_KEYS, Camera, Light
 from halfstep.scene.values import Table, described, plain
 
 Moving = TypeVar("Moving", bound=BaseSolid | Place)
@@ -24,8 +25,8 @@ CameraLike = Camera | Mapping[str, object]
 class Overrides(TypedDict, total=False):
     """Options that replace what a scene says, wherever one is rendered; None is not given.
 
-    But for ``size`` each has the name of the key that it replaces in the scene's ``[image]`` or
-    ``[accuracy]``.
+    But for ``size`` and ``shadows`` each has the name of the key that it replaces in the scene's
+    ``[image]`` or ``[accuracy]``.
     """
 
     size: tuple[int, int] | None  # (width, height) in pixels
@@ -37,6 +38,7 @@ class Overrides(TypedDict, total=False):
     number_format: str | None  # "float32" or "fixed32"
     # "visible", the joint logic first, or "article", the paper's own sequences.
     method: str | None
+    shadows: bool | None  # of all lights of the scene
 
 
 def with_overrides(
@@ -88,9 +90,22 @@ def with_overrides(
         if new:
             replace(key, {**_kept(table, new, ACCURACY_KEYS), **new}, options)
 
+    lights, found = _lights(scene, given.get("shadows"))
+    faults += found
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
-    return scene.model_copy(update=changes)
+    return scene.model_copy(update={**changes, "lights": lights})
+
+
+def _lights(scene: Scene, shadows: object) -> tuple[tuple[Light, ...], list[Fault]]:
+    """The lights of a scene, all with shadows or without, and what is wrong with that."""
+    if shadows is None:
+        return scene.lights, []
+    if not isinstance(shadows, bool):
+        return scene.lights, [(("shadows",), f"{show(shadows)} is not true or false")]
+    lights = tuple(light.model_copy(update={"shadows": shadows}) for light in scene.lights)
+    found = shadow_faults(scene, [shadows] * len(lights))
+    return lights, [(("shadows",), text) for text in dict.fromkeys(text for _, text in found)]
 
 
 def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:

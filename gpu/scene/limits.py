@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from halfstep.scene.copies import Layout
 from halfstep.scene.faults import Fault, Loc
@@ -13,6 +13,8 @@ from halfstep.scene.lattices import MAX_PLACES
 from halfstep.scene.region import Complement, Literal, Region
 
 MAX_SURFACES = 4096
+# Lights with shadows, of which the output `shadow` has a bit each.
+MAX_SHADOWS = 32
 # Of one cell, with those of the parts and cells that it names.
 MAX_LITERALS = 1 << 16
 
@@ -24,6 +26,26 @@ def limit_faults(scene: Fragment) -> list[Fault]:
     if count > MAX_PLACES:
         faults.append(((), f"{count} copies of groups is not <= {MAX_PLACES}"))
     return faults
+
+
+def shadow_faults(scene: Fragment, has_shadows: Sequence[bool]) -> list[Fault]:
+    """What of a scene has, or casts, shadows that are not drawn; ``has_shadows`` of its lights."""
+    lights = [index for index, shadows in enumerate(has_shadows) if shadows]
+    faults: list[Fault] = []
+    if len(lights) > MAX_SHADOWS:
+        faults.append((("light",), f"{len(lights)} with shadows is not <= {MAX_SHADOWS}"))
+    if lights and (scene.cells or scene.places or scene.lattices):
+        text = "true: shadows are drawn of solids alone, and the scene has cells"
+        faults += [(("light", index, "shadows"), text) for index in lights]
+    return [*faults, *_of_parts(scene, ())]
+
+
+def _of_parts(fragment: Fragment, loc: Loc) -> Iterator[Fault]:
+    for index, part in enumerate(fragment.parts):
+        if not part.casts_shadow:
+            yield (*loc, "part", index, "casts_shadow"), "false: a part casts none of its own"
+    for index, group in enumerate(fragment.groups):
+        yield from _of_parts(group, (*loc, "group", index))
 
 
 def _of_group(fragment: Fragment, loc: Loc) -> Iterator[Fault]:

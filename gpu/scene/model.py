@@ -31,7 +31,7 @@ from halfstep.scene.faults import Fault, fault, line, show
 from halfstep.scene.gathering import with_what_is_named
 from halfstep.scene.groups import Cell, Fragment
 from halfstep.scene.keys import Animation
-from halfstep.scene.limits import limit_faults
+from halfstep.scene.limits import limit_faults, shadow_faults
 from halfstep.scene.names import get, name_faults
 from halfstep.scene.placement import unit
 from halfstep.scene.solids import BaseSolid, Solid
@@ -56,6 +56,8 @@ _OF_A_FILE: Mapping[str, object] = {}
 # Keys that the digest of a scene without them does not know.
 _NEW_KEYS = ("surface", "part", "cell", "group", "place", "lattice")
 _NEW_CAMERA_KEYS = {"orthographic_height"}
+_NEW_SOLID_KEYS = {"casts_shadow"}
+_NEW_LIGHT_KEYS = {"shadows"}
 # As many as fit uniform memory, of which WebGPU asks a device for 64 KiB.
 MAX_LIGHTS = 2048
 _TURNTABLE = Animation(orbit_degrees=360.0)
@@ -120,10 +122,13 @@ class Scene(Fragment, _Tables):
     @model_validator(mode="after")
     def _agrees(self, info: ValidationInfo) -> Self:
         if info.context is not _OF_A_FILE:
-            faults = self.other_faults(self) or limit_faults(self)
+            faults = self.other_faults(self) or self._limit_faults()
             if faults:
                 raise validation_error("Scene", faults)
         return self
+
+    def _limit_faults(self) -> list[Fault]:
+        return [*limit_faults(self), *shadow_faults(self, [each.shadows for each in self.lights])]
 
     @classmethod
     def other_faults(cls, given: object) -> list[Fault]:
@@ -166,7 +171,7 @@ class Scene(Fragment, _Tables):
         # Columns of formulas are those of the file, which the scene itself does not keep.
         faults += cls.other_faults(mapping)
         if scene is not None and not faults:
-            faults += limit_faults(scene)
+            faults += scene._limit_faults()  # noqa: SLF001 - its own class
         if scene is None or faults:
             raise SceneError(*dict.fromkeys(line(source, loc, text) for loc, text in faults))
         scene._name = Path(source).stem  # noqa: SLF001 - its own class
@@ -185,7 +190,9 @@ class Scene(Fragment, _Tables):
     @property
     def solids_sha256(self) -> str:
         """Hex digest of the solids alone, which is most of the work where they are many."""
-        return _digest(self.model_dump(by_alias=True, include={"solids"}))
+        new = set() if any(not each.casts_shadow for each in self.solids) else _NEW_SOLID_KEYS
+        left_out = {"solids": {"__all__": new}}
+        return _digest(self.model_dump(by_alias=True, include={"solids"}, exclude=left_out))
 
     def sha256_with(self, solids_sha256: str) -> str:
         """`sha256`, given that of the solids: scenes that differ in their cameras share it."""
@@ -194,7 +201,10 @@ class Scene(Fragment, _Tables):
             new["camera"] = _NEW_CAMERA_KEYS
         if self.animation is not None and self.camera.orthographic_height is None:
             new["animation"] = {"keyframes": {"__all__": _NEW_CAMERA_KEYS}}
+        if not any(light.shadows for light in self.lights):
+            new["lights"] = {"__all__": _NEW_LIGHT_KEYS}
         content = self.model_dump(by_alias=True, exclude=new)
+        _forget_shadows_of_parts(content)
         content = {key: each for key, each in content.items() if each or key not in _NEW_KEYS}
         return _digest({**content, "solid": solids_sha256})
 
@@ -222,6 +232,14 @@ class Scene(Fragment, _Tables):
     def to_toml(self) -> str:
         """The text of a scene file that loads to an equal scene; what is a default is left out."""
         return text_of(self)
+
+
+def _forget_shadows_of_parts(content: dict[str, Any]) -> None:
+    """Take out of a dump of a scene or group what no part may say."""
+    for part in content["part"]:
+        del part["casts_shadow"]
+    for group in content["group"]:
+        _forget_shadows_of_parts(group)
 
 
 def _digest(content: dict[str, Any]) -> str:

@@ -41,6 +41,7 @@ class BaseSolid(Placed, Named):
         is_patch: whether it is a part of a plane, which has no inside.
         is_ellipsoid: whether it is one, whatever rounding says of its matrix.
         bulges: whether between its ends it may be wider than a cone through their discs.
+        casts_shadow: whether it hides lights that have shadows.
     """
 
     is_flat: ClassVar[bool] = True
@@ -53,6 +54,8 @@ class BaseSolid(Placed, Named):
     keyframes: Annotated[Sequence[SolidKey], AfterValidator(are_in_order)] = Field(
         default=(), alias="key"
     )
+
+    casts_shadow: bool = True
 
     @field_validator("color")
     @classmethod

@@ -164,11 +164,16 @@ class Ambient(Table):
 
 
 class Light(Table):
-    """A light: far away in a direction (towards the light), or at a position; never both."""
+    """A light: far away in a direction (towards the light), or at a position; never both.
+
+    Attributes:
+        shadows: whether solids hide it from what lies behind them.
+    """
 
     direction: Direction | None = None
     position: Point | None = None
     color: Color = (1.0, 1.0, 1.0)
+    shadows: bool = False
 
     @field_validator("position")
     @classmethod

@@ -8,10 +8,19 @@ from functools import cached_property
 
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
+from halfstep.contract.shadows import Kind
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
 # of bytes, with how many a pixel has.
-OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "color": 3, "normal": 3, "error": 5}
+OUTPUT_WORDS = {
+    "surface": 1,
+    "key": 2,
+    "exit": 2,
+    "color": 3,
+    "normal": 3,
+    "error": 5,
+    "shadow": 1,
+}
 OUTPUT_BYTES = {"image": 3, "tag": 1}
 # A tag is the number of a surface, where a scene has no more than this.
 MOST_TAGS = 255
@@ -44,6 +53,10 @@ class Needs:
     levels: int = 0  # the most that a region's program opens at once, or a little more
     conveyor: str = "conveyor"  # the stage that finds where roots are
     parallel: bool = False  # rays are
+    shadows: int = 0  # lights that have them
+    far_lights: int = 0  # of these, such as have no place
+    hides: frozenset[Kind] = frozenset()  # kinds of solids before lights
+    encloses: bool = False  # a light may be inside a solid
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -62,6 +75,12 @@ class Needs:
             wanted.add("color")
             wanted |= {"gloss"} if self.shininess_bits else set()
             wanted |= {"point_lights"} if self.point_lights else set()
+        if self.shadows and self.outputs & {"image", "color", "shadow"}:
+            wanted.add("shadows")
+            wanted |= {"far_lights"} if self.far_lights else set()
+            wanted |= {"lamps"} if self.far_lights < self.shadows else set()
+            wanted |= {"encloses"} if self.encloses else set()
+            wanted |= {f"hides_{kind.name.lower()}" for kind in self.hides}
         if self.together > 1:
             wanted.add("broadcast")
         if self.has_regions:
@@ -95,7 +114,8 @@ class Needs:
         is_long = self.method == "article" or "error" in self.outputs or self.has_regions
         if is_long or shades_long:
             return 1
-        return 4 if self.together > 1 and len(self.classes) <= 1 else 2
+        is_alone = len(self.classes) <= 1 and "shadows" not in self.facts
+        return 4 if self.together > 1 and is_alone else 2
 
     @property
     def light_rounds(self) -> int:

@@ -24,19 +24,23 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from itertools import product
 
 from halfstep.contract import program
 from halfstep.contract.layout import LANES, TILE
 from halfstep.contract.srgb import SRGB_ENTRIES
-from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
+from halfstep.contract.stages import HIDES, STAGES, VISITS, Kind, files_of
 from halfstep.shader.expand import expand
-from halfstep.shader.fetch import FETCHED, REGION_RECORDS, fetches
+from halfstep.shader.fetch import FETCHED, REGION_RECORDS, SHADOW_RECORDS, fetches
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
 
 # Half-spaces that a function of the article method takes when it is run alone. More would take
 # long to compile: llvmpipe needs minutes for 128.
 MAX_LINES = 8
+
+# Where what hides lights is bound.
+SHADOW_BINDINGS = range(14, 14 + len(SHADOW_RECORDS))
 
 # What words of programs are made of.
 WORD = ("SLOT", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS")
@@ -79,6 +83,7 @@ def _definitions(needs: Needs) -> list[Definition]:
         *(_expanded(needs, name) for name in stages),
         fetches(needs),
         *_visits(needs),
+        *hides(needs),
         _expanded(needs, render),
     ]
     library = (item for text in texts for item in definitions(text))
@@ -98,6 +103,22 @@ def _visits(needs: Needs) -> Iterator[str]:
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
 
 
+def hides(needs: Needs) -> Iterator[str]:
+    """How solids of each kind before lights are tried, alone and in lists."""
+    for kind, lamp in product(sorted(needs.hides), ("far_lights", "lamps")):
+        if lamp not in needs.facts:
+            continue
+        known, name = HIDES[kind], kind.name.lower()
+        facts = needs.facts | known.facts
+        if lamp == "lamps":
+            facts, name = facts | {"lamp"}, f"{name}_lamp"
+        text = expand(stage(known.file), facts, needs.quads)
+        yield text.replace(f"fn {known.file}(", f"fn hide_{name}(")
+        text = expand(stage("hide_list"), facts, needs.quads)
+        text = text.replace("fn hide_list(", f"fn hide_list_{name}(")
+        yield text.replace(" hide(", f" hide_{name}(")
+
+
 def constants(needs: Needs) -> str:
     """What depends on the frame and the device; a shader takes those that it needs."""
     across = TILE // (LANES * needs.quads)
@@ -112,6 +133,9 @@ def constants(needs: Needs) -> str:
         "SURFACES": needs.surfaces,
         "CROSSINGS": needs.surfaces * (3 if "error" in needs.facts else 1),
         "LEVELS": needs.levels,
+        "CLASSES": len(needs.classes),
+        "SHADOWS": needs.shadows,
+        "FAR_LIGHTS": needs.far_lights,
         **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
@@ -138,6 +162,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[8] = "uniform"
     if needs.surfaces:  # bound for all shaders of a frame, if some of them read it or not
         types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
+    if "shadows" in needs.facts:
+        types |= dict.fromkeys(SHADOW_BINDINGS, "read-only-storage")
     return types
 
 
@@ -177,4 +203,8 @@ def bindings(needs: Needs) -> str:
             f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;"
             for number, (name, type_) in enumerate((arrays | {"programs": "u32"}).items(), start=9)
         ]
+    if "shadows" in needs.facts:
+        for number, (name, record) in zip(SHADOW_BINDINGS, SHADOW_RECORDS.items(), strict=True):
+            type_ = record.name if needs.together == 1 else "vec4<u64>"
+            lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
     return "\n".join(lines) + "\n"

@@ -45,6 +45,7 @@ def finish(
         if {"point_lights", "parallel"} <= set(facts):
             point = Vector(*(start + along for start, along in zip(ray, point, strict=True)))
         background = Vector(*(np.asarray(frame["background"][axis]) for axis in range(3)))
-        lit = shade(normal, direction, point, material, frame["ambient"], lights)
+        dark = nearest.dark if "shadows" in facts else np.zeros(i.shape, np.uint32)
+        lit = shade(normal, direction, point, material, dark, frame["ambient"], lights)
         shown = shown._replace(color=either(some, lit, background))
     return shown
