@@ -182,13 +182,13 @@ class Judge:
     def _cosine(self, i: NDArray[np.intp], j: NDArray[np.intp], depth: Floats) -> Floats:
         cosine = np.zeros(i.shape)
         eye = view(self.scene.camera, self.size)
-        direction = eye.directions(i, j)
-        for n, (ray, s) in enumerate(zip(direction, depth, strict=True)):
+        starts, directions = eye.starts(i, j), eye.directions(i, j)
+        for n, (start, ray, s) in enumerate(zip(starts, directions, depth, strict=True)):
             solid = self.scene.solids[self.truth.solid[j[n], i[n]]]
             if not isinstance(solid, QuadricSolid):
                 continue
             # About the eye first: the solid may be far from the world's origin.
-            point = ((eye.eye - solid.origin) + s * ray) @ solid.world_from_local()
+            point = ((eye.eye - solid.origin) + start + s * ray) @ solid.world_from_local()
             gradient = (solid.quadric() @ [*point, 1.0])[:3] @ solid.world_from_local().T
             size = np.linalg.norm(gradient) * np.linalg.norm(ray)
             cosine[n] = abs(gradient @ ray) / size if size > 0 else 0.0

@@ -432,24 +432,34 @@ class _View:
         self.forward = _unit(_sum(_vector(camera.look_at), _scaled(self.eye, -1)))
         self.right = _unit(_cross(self.forward, _vector(camera.up)))
         self.down = _cross(self.forward, self.right)
-        self.pitch = 2 * MP.tan(MP.radians(MP.mpf(camera.fov_degrees)) / 2) / self.height
+        # Of parallel rays the distance of pixels is the same at any depth.
+        self.parallel = camera.orthographic_height is not None
+        if self.parallel:
+            self.pitch = MP.mpf(camera.orthographic_height) / self.height
+        else:
+            self.pitch = 2 * MP.tan(MP.radians(MP.mpf(camera.fov_degrees)) / 2) / self.height
 
     def in_camera(self, point: Vector) -> Vector:
         """Right, down and depth of a world point."""
         offset = _sum(point, _scaled(self.eye, -1))
         return [_dot(axis, offset) for axis in (self.right, self.down, self.forward)]
 
-    def pixel_steps(self, i: int, j: int) -> tuple[Vector, Vector, Vector]:
-        """World direction per unit depth of pixel (i, j), and its changes per column and row."""
+    def ray_steps(self, i: int, j: int, depth: Exact) -> tuple[list[Vector], list[Vector]]:
+        """Where the ray of pixel (i, j) is at a depth, from the eye, and its direction per depth.
+
+        Each with its changes per column and row.
+        """
         per_column = _scaled(self.right, self.pitch)
         per_row = _scaled(self.down, self.pitch)
         across = MP.mpf(2 * i + 1 - self.width) / 2
         along = MP.mpf(2 * j + 1 - self.height) / 2
-        return (
-            _sum(self.forward, _scaled(per_column, across), _scaled(per_row, along)),
-            per_column,
-            per_row,
-        )
+        aside = _sum(_scaled(per_column, across), _scaled(per_row, along))
+        if self.parallel:
+            none = _vector((0, 0, 0))
+            start = _sum(aside, _scaled(self.forward, depth))
+            return [start, per_column, per_row], [self.forward, none, none]
+        directions = [_sum(self.forward, aside), per_column, per_row]
+        return [_scaled(step, depth) for step in directions], directions
 
 
 def _base_planes(
@@ -626,18 +636,18 @@ class _Body:
         self._start = near - middle
         self._end = far - middle
         # At the eye a ray that starts on a plane starts inside, and shows its exit.
-        self._near_is_base_plane = near > 0
+        self._near_is_base_plane = near > 0 or view.parallel
         self._screen_box = screen_box
 
         # The pixel nearest the solid's origin: offsets from it are small where it is seen. The
         # centre of pixel i is i + 1/2 from the edge of the picture.
         self._column, self._row = (
-            int(min(max(MP.nint(side / (depth * view.pitch) + (count - 1) / 2), 0), count - 1))
-            if depth > 0
+            int(min(max(MP.nint(side / width + (count - 1) / 2), 0), count - 1))
+            if (width := view.pitch * (1 if view.parallel else depth)) > 0
             else count // 2
             for side, count in ((right, view.width), (down, view.height))
         )
-        directions = view.pixel_steps(self._column, self._row)
+        points, directions = view.ray_steps(self._column, self._row, middle)
         offset = _sum(view.eye, _scaled(origin, -1))
         rotation = _rotation(solid)
         columns = [[row[axis] for row in rotation] for axis in range(3)]
@@ -647,12 +657,10 @@ class _Body:
 
         # p + w s is the ray in the solid's own coordinates; each is a triple 1, x, y.
         w = [local(direction) for direction in directions]
-        p = [_scaled(step, middle) for step in w]
-        p[0] = local(_sum(offset, _scaled(directions[0], middle)))
+        p = [local(_sum(offset, points[0])), local(points[1]), local(points[2])]
         self._is_patch = solid.kind == "plane"
         if solid.kind == "plane":
-            world = [_scaled(step, middle) for step in directions]
-            world[0] = _sum(view.eye, world[0])
+            world = [_sum(view.eye, points[0]), points[1], points[2]]
             self._planes = [_plane(_vector((0, 0, 1, 0)), p, w)]
             normal = columns[2]
             for axis, (low, high) in enumerate(
@@ -663,7 +671,7 @@ class _Body:
                     continue
                 for sign, bound in ((-1, -low), (1, high)):
                     row = [MP.mpf(sign) if axis == k else MP.mpf(0) for k in range(3)]
-                    self._planes.append(_plane([*row, MP.mpf(bound)], world, list(directions)))
+                    self._planes.append(_plane([*row, MP.mpf(bound)], world, directions))
         else:
             self._planes = [_plane(row, p, w) for row in _half_spaces(solid)]
         quadric = _quadric(solid)
@@ -1174,6 +1182,8 @@ def _screen_box(
         for corner in product(*zip(box[0] - slack, box[1] + slack, strict=True))
     ]
     right, down, depth = np.array(corners).T
+    if view.parallel:
+        depth = np.ones_like(depth)
     if depth.min() <= 0:
         return None
     pitch = float(view.pitch)

@@ -56,17 +56,19 @@ def truth(
     Args:
         matrices: (S, 4, 4), F = [p 1] M [p 1].
         cells: regions over these functions, the earlier one first.
-        eye: (3,).
+        eye: (3,), or where each ray starts, (R, 3).
         directions: (R, 3), per unit of depth.
         near: depth where rays start.
         far: depth where they end.
     """
-    start, along = np.append(eye, 1.0).astype(np.longdouble), directions.astype(np.longdouble)
+    start = np.broadcast_to(eye, directions.shape).astype(np.longdouble)
+    start = np.column_stack([start, np.ones(len(start), np.longdouble)])
+    along = directions.astype(np.longdouble)
     along = np.column_stack([along, np.zeros(len(along), np.longdouble)])
     wide = matrices.astype(np.longdouble)
     a = np.array([((along @ m) * along).sum(axis=1) for m in wide])
-    b = np.array([2 * ((along @ m) @ start) for m in wide])
-    c = np.array([start @ m @ start for m in wide])[:, None]
+    b = np.array([2 * ((along @ m) * start).sum(axis=1) for m in wide])
+    c = np.array([((start @ m) * start).sum(axis=1) for m in wide])
     with np.errstate(all="ignore"):
         root = np.sqrt(b * b - 4 * a * c)
         q = -(b + np.where(b >= 0, root, -root)) / 2

@@ -146,6 +146,7 @@ def test_what_is_not_given_comes_from_the_scene(
         "number_format": None,
         "method": None,
         "samples": None,
+        "shadows": None,
         "outputs": ("image",),
         "backend": "auto",
         "adapter": None,
@@ -159,7 +160,7 @@ def test_what_is_not_given_comes_from_the_scene(
 def test_every_option_is_passed_on(scene_file: Path, tmp_path: Path, fake_render: Fake) -> None:
     calls = fake_render(frame)
     options = "--size 320x200 --steps 20 --format fixed32 --method article --samples 2"
-    options += " --backend gpu --adapter llvmpipe"
+    options += " --backend gpu --adapter llvmpipe --no-shadows"
     output = str(tmp_path / "out.png")
     assert main(["render", str(scene_file), "--output", output, *options.split()]) == 0
     [call] = calls
@@ -172,6 +173,7 @@ def test_every_option_is_passed_on(scene_file: Path, tmp_path: Path, fake_render
         "number_format": "fixed32",
         "method": "article",
         "samples": 2,
+        "shadows": False,
         "outputs": ("image",),
         "backend": "gpu",
         "adapter": "llvmpipe",

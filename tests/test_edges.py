@@ -126,6 +126,7 @@ def _projected(scene: Scene, points: Floats) -> Floats:
     camera, solid = scene.camera, scene.solids[0]
     world = points @ solid.world_from_local().T + solid.origin
     x, y, z = _axes(camera) @ (world - camera.center).T
+    assert camera.fov_degrees is not None
     pixel = 2 * np.tan(np.radians(camera.fov_degrees) / 2) / SIZE[1]
     places = np.array([x, y]) / z / pixel + (np.array(SIZE)[:, None] - 1) / 2
     return np.array([places.min(axis=1), places.max(axis=1)])

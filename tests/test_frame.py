@@ -41,6 +41,7 @@ CONTRACT: dict[str, tuple[tuple[int, ...], type, float | None]] = {
     "place": ((), np.int32, -1),
     "cell": ((), np.int32, -1),
     "material": ((), np.int32, -1),
+    "shadow": ((), np.uint32, 0),
 }
 # Twice what `STEPS` halvings of the deepest solid of the gallery leave, along the ray.
 DISTANCE = 3e-4

@@ -16,9 +16,9 @@ from halfstep.shader.library import stage
 
 # WGSL types of coefficients and values.
 TYPES = {
-    FLOAT32: {"Coefficient": "f32", "Value": "f32"},
-    FLOAT32_EXACT: {"Coefficient": "i64", "Value": "f32"},
-    FIXED32: {"Coefficient": "i64", "Value": "i32"},
+    FLOAT32: {"Coefficient": "f32", "Value": "f32", "Length": "f32"},
+    FLOAT32_EXACT: {"Coefficient": "i64", "Value": "f32", "Length": "f32"},
+    FIXED32: {"Coefficient": "i64", "Value": "i32", "Length": "i64"},
 }
 # Terms of a polynomial, as the records here have them.
 TERMS = 40

@@ -639,6 +639,7 @@ def test_a_plot_says_how_a_model_is_seen(tmp_path: Path) -> None:
     camera = scene.camera
     assert [*camera.center, *camera.look_at, *camera.up] == [20, 0, 9, 0, 0, 1, 0, 1, 0]
     # The angle across is 60°, and 2 rows stand for 3 columns.
+    assert camera.fov_degrees is not None
     across = np.tan(np.radians(camera.fov_degrees) / 2) * 3 / 2
     assert across == pytest.approx(np.tan(np.radians(30)))
     assert (scene.image.width, scene.image.height) == (30, 20)

@@ -194,7 +194,7 @@ def test_all_options_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
 def test_all_kinds_are_listed_with_their_parameters() -> None:
     common = {
         "kind", "name", "origin", "axis", "rotation_degrees", "material", "color", "key",
-        "z_min", "z_max", "cut",
+        "z_min", "z_max", "cut", "casts_shadow",
     }  # fmt: skip
     expected = {}
     for model in SOLID_KINDS:
@@ -311,7 +311,7 @@ def test_tables_are_those_that_the_code_prints(page: str) -> None:
 
 def test_all_overrides_are_listed() -> None:
     text = " ".join(text_of(README).split())
-    [listed] = re.findall(r"`render` and `Renderer` take (.*?); all others come", text)
+    [listed] = re.findall(r"`render` and `Renderer` take (.*?); the rest comes", text)
     own = {"outputs", "backend", "adapter", "camera"}
     assert set(quoted(listed)) - own == set(Overrides.__annotations__)
 

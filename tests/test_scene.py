@@ -225,7 +225,8 @@ RULES: list[tuple[dict[str, Any], str]] = [
     ),
     (
         changed(animation={"key": [{"at": 0}]}),
-        "animation.key[0]: has none of center, look_at, fov_degrees; one must be given",
+        "animation.key[0]: has none of center, look_at, fov_degrees, orthographic_height; one must "
+        "be given",
     ),
     (
         changed(animation={"key": [{"at": at, "fov_degrees": 40} for at in (0, 0.5, 0.5, 1)]}),
@@ -309,13 +310,13 @@ RULES: list[tuple[dict[str, Any], str]] = [
     (
         one(SPHERE, sphere=1),
         'solid[0].sphere: unknown key; allowed are "name", "origin", "axis", '
-        '"rotation_degrees", "material", "color", "key", "z_min", "z_max", "cut", "kind", '
-        '"radius"',
+        '"rotation_degrees", "material", "color", "key", "casts_shadow", "z_min", "z_max", '
+        '"cut", "kind", "radius"',
     ),
     (
         one(BOX, z_min=0),
         'solid[0].z_min: unknown key; allowed are "name", "origin", "axis", '
-        '"rotation_degrees", "material", "color", "key", "kind", "size"',
+        '"rotation_degrees", "material", "color", "key", "casts_shadow", "kind", "size"',
     ),
     (
         one(SPHERE, axis=[0, 0, 1], rotation_degrees=[0, 0, 1]),
@@ -722,7 +723,7 @@ def test_a_bad_override(options: dict[str, Any], fault: str) -> None:
 
 
 def test_every_option_is_a_key_of_a_table() -> None:
-    keys = Image.model_fields.keys() | Accuracy.model_fields.keys() | {"size"}
+    keys = Image.model_fields.keys() | Accuracy.model_fields.keys() | {"size", "shadows"}
     assert Overrides.__annotations__.keys() <= keys
 
 

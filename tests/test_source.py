@@ -13,6 +13,7 @@ import pytest
 
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
+from halfstep.contract.shadows import Kind
 from halfstep.contract.stages import FACTS, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.outputs import OUTPUTS, device_outputs
@@ -23,7 +24,7 @@ from halfstep.shader.expand import marks
 from halfstep.shader.fetch import fetches
 from halfstep.shader.library import definitions, joined, reached, stage
 from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs
-from halfstep.shader.source import bindings, compose, constants, stage_files
+from halfstep.shader.source import bindings, compose, constants, hides, stage_files
 from tests.bundled import drawn_by_all
 from tests.test_pack import SIZE
 
@@ -75,6 +76,9 @@ NEEDS = Needs(
     levels=4,
     degree=4,
 )
+
+
+SHADOWED = replace(NEEDS, shadows=2, far_lights=1, hides=frozenset(Kind), encloses=True)
 
 
 @pytest.fixture(scope="module")
@@ -161,8 +165,21 @@ def test_code_of_a_number_format_is_there_for_it_alone(klass: Class, number_form
 @pytest.mark.slow
 def test_no_built_in_leaves_the_device_a_choice() -> None:
     """Bits do not hang on the order of a dot product, a contracted mix or a power."""
-    exact = {"abs", "any", "bitcast", "ceil", "clamp", "countLeadingZeros", "max", "min", "select"}
-    moved = {"subgroupAny", "subgroupBroadcast"}
+    exact = {
+        "abs",
+        "any",
+        "bitcast",
+        "ceil",
+        "clamp",
+        "countLeadingZeros",
+        "countTrailingZeros",
+        "max",
+        "min",
+        "round",
+        "select",
+    }
+    moved = {"subgroupBroadcast", "subgroupBallot", "subgroupMin", "subgroupMax"}
+    moved |= {"subgroupAny"}
     # Correctly rounded where bits are promised, as the canary sees.
     rounded = {"sqrt"}
     types = {"array", "f32", "i32", "i64", "u32", "u64", "vec2", "vec3", "vec4"}
@@ -241,7 +258,12 @@ def _combinations() -> Iterator[Needs]:
     for classes, form in product(visible, (FLOAT32, FLOAT32_EXACT)):
         yield replace(NEEDS, classes=classes, format=form, outputs=wanted, short_keys=True)
     for lights, point_lights, bits in product((0, 1, 3), (False, True), (0, 6)):
-        yield replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
+        lit = replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
+        yield from (lit, replace(lit, parallel=True))
+    for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
+        yield replace(SHADOWED, format=form, far_lights=far, encloses=encloses)
+    for kind in Kind:
+        yield replace(SHADOWED, outputs=frozenset({"shadow", "tag"}), hides=frozenset({kind}))
 
 
 def test_every_combination_compiles(device: Any) -> None:
@@ -272,7 +294,7 @@ def as_it_lies(name: str) -> str:
     if name in WIDE:
         # Blocks of regions are of one quad.
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
-    need = replace(NEEDS, classes=classes, format=form)
+    need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], together=4)
     method = "article" if name == "visit_article" else "visible"
@@ -281,6 +303,7 @@ def as_it_lies(name: str) -> str:
         if (method, klass) in VISITS:
             file = VISITS[method, klass].file
             texts.append(stage(file).replace(f"fn {file}(", f"fn visit_{klass.name.lower()}("))
+    texts += [*hides(need), stage("hide_cut").replace("fn hide_cut(", "fn hide(")]
     texts += [
         stage(file) for file in files_of(form, {name} | WITH.get(name, set())) if file != name
     ]

@@ -19,7 +19,7 @@ from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.layout import Flag
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
 from halfstep.contract.srgb import SRGB_ENTRIES, srgb_quads, srgb_table
-from halfstep.contract.stages import FACTS, STAGES, VISITS, Kind, files_of
+from halfstep.contract.stages import FACTS, HIDES, STAGES, VISITS, Kind, files_of
 from halfstep.shader.library import stage
 from halfstep.shader.source import WORD
 from halfstep.testing import Kit, MismatchError, near_ties
@@ -57,6 +57,10 @@ DEGREE = 4
 LIT = ("ambient", "specular")
 SHADERS = ("shade", "finish")
 
+# Records of what hides lights, and files of functions that read them.
+SHADOWED = ("location.", "occluder.", "side.")
+SHADOWS = ("place", "beam", "beam_fixed", "shadow")
+
 # Values that make products, sums and roots coincide exactly.
 DYADIC = np.array([0, -0.0, 1, -1, 0.5, -0.5, 0.25, -0.25, 2, -2, 0.75, 2**-20, -(2**-20)])
 # No magnitude below this: the product of three stays normal, as `setup.NEGLIGIBLE` sees to.
@@ -66,9 +70,9 @@ WIDE_BITS, VALUE_BITS, BITS = 61, 29, {"a": 26, "g": 28, "u": 30, "near_u": 30, 
 
 # What differs between formats, and is tested in each; the rest is tested once.
 OF_FORMAT = {
-    FLOAT32: ("arithmetic", "polynomial", "forms", "halve"),
+    FLOAT32: ("arithmetic", "polynomial", "forms", "halve", "beam"),
     FLOAT32_EXACT: ("polynomial_exact", "forms_exact", "halve_incremental"),
-    FIXED32: ("arithmetic_fixed", "forms_fixed", "halve_fixed"),
+    FIXED32: ("arithmetic_fixed", "forms_fixed", "halve_fixed", "beam_fixed"),
 }
 ON_VALUES = tuple(stage.file for stage in STAGES if stage.kind is Kind.VALUES)
 ALIKE = tuple(stage.file for stage in STAGES if stage.kind is Kind.NUMBERS)
@@ -112,6 +116,7 @@ def _module(number_format: Format, *chosen: str) -> Module:
     shared = f"""
 const MAX_LINES: u32 = 8u;
 const LIGHTS: u32 = 2u;
+const SHADOWS: u32 = 1u;
 const SHININESS_BITS: u32 = 11u;
 const HALVINGS: Run = {number_format.run};
 const SEARCHES: Run = {number_format.run};
@@ -272,6 +277,7 @@ FAULTS = [
     ("finish.finish", "> u4(0u)", ">= u4(0u)"),
     ("finish.finish", "-direction.y", "direction.y"),
     ("finish.finish", "nearest.depth", "f4(1.0)"),
+    ("finish.finish", "ray.x + point.x", "point.x"),
     ("nearest.count_key", "+ carry", ""),
     ("nearest.count_key", "shift >= 32u", "shift > 32u"),
     ("nearest.before", "surface < other_surface", "surface <= other_surface"),
@@ -335,6 +341,44 @@ FAULTS = [
     ("certify_region.settled", "inside | outside", "inside & outside"),
     ("certify_region.certify_region", "between.point - shown.q", "shown.q - between.point"),
     ("region.paint_of", "solid.color[2]", "solid.color[1]"),
+    ("solid.other_side", "1u, 2u", "2u, 1u"),
+    ("beam_fixed.coordinate", "+ half)", ")"),
+    ("beam_fixed.affine", "* by_y", "* by_x"),
+    ("beam_fixed.point_at", "m[2], m[5], m[8]", "m[2], m[5], m[7]"),
+    ("beam.coordinate", "+ along", "- along"),
+    ("beam.affine", "* by_y", "* by_x"),
+    ("beam.point_at", "m[2], m[5], m[8]", "m[2], m[5], m[7]"),
+    ("place.is_own", "< u4", "<= u4"),
+    ("place.either_point", "other.y, chosen.y", "chosen.y, other.y"),
+    ("place.point_from", "i4(from_z)", "i4(from_y)"),
+    ("place.sheared", "30u", "29u"),
+    ("place.beam_of", "point.x, is_y", "point.z, is_y"),
+    ("beam.times", "a * b", "a + b"),
+    ("beam.far_ray", "f4(2.0)", "f4(3.0)"),
+    ("beam.lamp_ray", "h + h", "h"),
+    ("beam.second_order", "k[4]", "k[3]"),
+    ("beam.first_order", "k[2]", "k[1]"),
+    ("beam_fixed.in_radii", "134217728li", "0li"),
+    ("beam_fixed.times", "w4(b)", "w4(a)"),
+    ("beam_fixed.radii_of", ">> 1u", ">> 2u"),
+    ("beam_fixed.within", "-most", "most"),
+    ("beam_fixed.start_on", "BEFORE", "0li"),
+    ("beam_fixed.far_ray", "abs(y) <=", "abs(y) >"),
+    ("beam_fixed.lamp_ray", "size + size);", "size);"),
+    ("beam_fixed.second_order", "k[5]", "k[4]"),
+    ("beam_fixed.first_order", "k[2]", "k[1]"),
+    ("shadow.curve_along", "occluder.g, ray, ray.z", "occluder.g, ray, ray.t"),
+    ("shadow.far_curve", "occluder.g[2]", "occluder.g[1]"),
+    ("shadow.side_along", "side.b, ray, ray.z", "side.b, ray, ray.t"),
+    ("shadow.whole_ray", "ray.c_out", "ray.c_in"),
+    ("shadow.is_met", "!outside_at_exit", "outside_at_exit"),
+    ("shadow.rest_of", "+ form.g", "- form.g"),
+    ("shadow.starts_beyond", "> product", ">= product"),
+    ("shadow.ends_beyond", "> product", ">= product"),
+    ("shadow.is_met_again", "< v4(0)", "<= v4(0)"),
+    ("shadow.comes_out", "-form.g", "form.g"),
+    ("shadow.passed", "& behind", ""),
+    ("shadow.own_shadow", "turned == u4(1u)", "turned == u4(2u)"),
     ("region.is_within", "y <= region.bottom", "y < region.bottom"),
     ("region.position_before", "+ 1)", ")"),
     ("region.plane_normal", "plane.normal[2]", "plane.normal[1]"),
@@ -409,7 +453,8 @@ class Draw:
         if values is None:
             values = self._usual(name, leaf)
         # Pixels have places of their own; what else is one number or a record's is of a solid.
-        is_record = place.startswith(("solid.", "half_space.", "plane.", "look.", "form."))
+        records = ("solid.", "half_space.", "plane.", "look.", "form.", *SHADOWED)
+        is_record = place.startswith(records)
         own = name in ("y", "j") or (leaf.ndim > 1 and not is_record)
         return values if own else values[::BLOCK_ROWS][BLOCK]
 
@@ -443,6 +488,9 @@ class Draw:
         """Values of what means something by its name; None of what does not."""
         rng, shape, one = self._rng, leaf.shape, self._one
         cells = 1 << (STEPS if leaf.ndim == 1 else STEPS[:, None])
+        of_shadows = self._function.file in SHADOWS and self._of_shadows(place, name, leaf)
+        if isinstance(of_shadows, np.ndarray):
+            return of_shadows
         match name:
             case "steps":
                 return STEPS
@@ -529,6 +577,58 @@ class Draw:
                 return self._light(leaf)
             case _:
                 return None
+
+    def _of_shadows(self, place: str, name: str, leaf: Array) -> Array | None:
+        """The same of what is on the grid of the world, and before lights."""
+        rng, shape = self._rng, leaf.shape
+        match name:
+            case "axis":
+                return rng.integers(0, 3, shape)
+            case "sign":
+                return rng.choice([-1, 1], shape)
+            case "shear_x" | "shear_y" | "shear":
+                return rng.integers(-(2**30), 2**30, shape, endpoint=True)
+            case "u" if leaf.dtype == np.int64:
+                return rng.integers(-(2**20), 2**20, shape, endpoint=True)
+            case "level" if leaf.dtype == np.uint32:
+                return rng.integers(0, 30, shape)
+            case "unit":
+                return np.exp2(-rng.integers(0, 30, shape).astype(np.float64))
+            case "level" | "along" if leaf.dtype == np.int64:
+                return rng.integers(-(2**23), 2**23, shape)
+            case "level" | "along" if leaf.dtype == np.float32:
+                return rng.uniform(-512, 512, shape)
+            case "x" | "y" if leaf.dtype == np.float32 and place in "xy":
+                return rng.integers(-999, 999, shape)
+            case "shift":
+                return rng.integers(0, 25, shape)
+            case "factor":
+                return rng.integers(2**29, 2**30, shape)
+            case "factor_shift":
+                return rng.integers(20, 32, shape)
+            case "reach":
+                return rng.integers(0, 2**30, shape)
+            case "weight":
+                return np.exp2(rng.uniform(-30, 0, shape))
+            case "anchor" | "center" | "x" | "y" | "z" | "units" if leaf.dtype == np.int32 and (
+                self._function.file == "place" or place.startswith("occluder.")
+            ):
+                few = rng.integers(-9, 10, shape)
+                return np.where(rng.random(shape) < 0.1, few, rng.integers(-(2**29), 2**29, shape))
+            case "a" | "b" | "v" if place.startswith("beam."):
+                size = np.exp2(rng.uniform(0, 30, shape))
+                return np.rint(size * rng.choice([-1, 1], shape))
+            case "flags":
+                return rng.integers(0, 8, shape)
+            case "turned":
+                return rng.integers(0, 3, shape)
+            case "first" | "count" | "surface":
+                return rng.integers(0, 5, shape)
+            case "most":
+                return np.abs(self._usual(name, leaf))
+            case "v" if leaf.dtype == np.int64:
+                return rng.integers(-(2**30), 2**30, shape)
+        return None
 
     def _error(self, place: str, leaf: Array) -> Array:
         """Errors of at least one rounding; in integers a form has one, of 16 bits."""
@@ -642,7 +742,7 @@ def _argument(
             return _columns(given["frame"]["ambient"])
         case "lights":
             vectors, colors = (given["lights"][key] for key in ("vector", "color"))
-            return [Light(_columns(vectors[:, k]), _columns(colors[:, k])) for k in (0, 1)]
+            return [Light(_columns(vectors[:, k]), _columns(colors[:, k]), k < 1) for k in (0, 1)]
         case _:
             return _as_twin(given[name], hint)
 
@@ -707,7 +807,7 @@ def test_the_device_gives_the_bits_of_the_twin(
 def test_no_stage_is_left_out() -> None:
     tested = {file for files in FILES.values() for file in files}
     there = {path.stem for path in (Path(__file__).parents[1] / "wgsl").glob("*.wgsl")}
-    visits = {visit.file for visit in VISITS.values()}
+    visits = {visit.file for visit in (*VISITS.values(), *HIDES.values())}
     assert visits <= there
     joining = {
         name for item in STAGES if item.kind not in ALONE for name in (item.file, *item.others)
@@ -716,6 +816,7 @@ def test_no_stage_is_left_out() -> None:
     # What fetches the half-spaces, and what is no stage.
     assert there - tested - visits - joining == {
         "lines_fetched",
+        "hide_list",
         "canary",
         "canary_int64",
         "probe_rounds",

@@ -75,6 +75,7 @@ def test_a_row_is_the_frame_against_the_oracle(report: Report) -> None:
     right = same & (frame.solid >= 0)
     assert right.sum() > 500
     error = np.abs(frame.depth - truth.depth)[right]
+    assert scene.camera.fov_degrees is not None
     tangent = np.tan(np.radians(scene.camera.fov_degrees) / 2)
     width = 2 * tangent / SIZE[1] * truth.depth[right]
     assert measured.max_depth_error == pytest.approx(error.max(), rel=1e-6)

@@ -29,4 +29,10 @@ var<private> met_0: Met;  // of a region  //? regions
 // each quad
 var<private> paint_0: Paint;  // how the solid looks  //? regions & color
 // each quad
+var<private> turned_0: u4;  // 1 or 2 where the solid shows its other side  //? shadows
+// each quad
 var<private> nearest_0: Nearest;  // of all solids so far
+// each quad
+var<private> point_0: Point;  // the same on the grid of the world  //? shadows
+// each quad
+var<private> beam_0: Beam;  // and in the axes of a light  //? shadows

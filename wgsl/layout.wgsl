@@ -7,10 +7,13 @@ const FLAG_STARTS_AT_EYE: u32 = 2u;
 const FLAG_EYE_OUTSIDE_QUADRIC: u32 = 4u;
 const FLAG_NEAR_CUT: u32 = 8u;
 const FLAG_EYE_SURE: u32 = 16u;
+const SHADE_CASTS: u32 = 1u;
+const SHADE_AT_LAMP: u32 = 2u;
+const SHADE_ENCLOSES: u32 = 4u;
 
 // What all pixels of a band share.
 struct Frame {
-  @align(32) first_ray: vec4<f32>,  // world direction through pixel (0, 0), per unit depth
+  @align(32) first_ray: vec4<f32>,  // world direction through pixel (0, 0), or its start
   right: vec4<f32>,  // its change from one pixel to the next on the right
   down: vec4<f32>,  // its change from one row to the next
   ambient: vec4<f32>,  // linear RGB
@@ -18,6 +21,7 @@ struct Frame {
   first_row: i32,  // first picture row of the band
   row_quads: u32,  // groups of four pixels in a row of the band
   plane_quads: u32,  // the same in the whole band
+  forward: vec4<f32>,  // direction of all rays that start in different places
 }
 
 // A visible solid: F = A u² + G u + C over its own interval of depth, u from -1 to 1.
@@ -132,4 +136,66 @@ struct Polynomial {
   tangents: array<f32, 3>,  // of the ray at x = y = 0, right and down; of x or y = 1
   stretch: array<f32, 2>,  // width of x = 1 in halves of the interval: in the middle; per u
   terms: array<f32, TERMS>,  // as gpu/contract/powers.py orders them
+}
+
+// Where the points of a visible solid are on the grid of the world, before a shift.
+struct Location {
+  @align(32) level: array<Length, 9>,  // the point at u = 0, from the anchor: [1, x, y][axis]
+  along: array<Length, 9>,  // its change to u = 1: [1, x, y][axis]
+  anchor: array<i32, 3>,  // on the grid
+  shift: u32,  // integers have so many bits below a unit of the grid
+  center_x: i32,  // pixel where x = 0
+  center_y: i32,  // pixel where y = 0
+  steps: u32,  // n
+  last_step: f32,  // 2^-n
+  surface: u32,  // number of the solid's first surface in the scene, from 1
+  count: u32,  // how many surfaces it has
+}
+
+// A light with shadows: axes along its rays, or its place; and what may hide it.
+struct LightView {
+  @align(32) bit: u32,  // of the light in the output shadow
+  axis: u32,  // axis of the world that is most along its rays
+  sign: i32,  // 1 if that points to a light far away, or from a lamp, else -1
+  shear_x: i32,  // how far rays go along the next axis, in 2^-30
+  shear_y: i32,  // and along the one after that
+  origin: array<i32, 3>,  // where a lamp is on the grid
+  starts: array<u32, 4>,  // its first occluder of each kind, and the one behind its last
+}
+
+// A solid before a light: F and half-spaces along rays to the light.
+struct Occluder {
+  @align(32) a: array<Value, 6>,  // A as coefficients of tz, tx, ty, x², xy, y²; for A, t is z
+  g: array<Value, 6>,  // G
+  c: array<Value, 6>,  // C; for C, z is t
+  end: Value,  // radius over distance of the light: 1/v of the light
+  unit: f32,  // one over the radius, in units of the grid
+  level: u32,  // the radius is 2^level units
+  center: array<i32, 3>,  // on the grid, or in the axes of a light far away
+  axis: u32,  // of the world, most along rays to a lamp; as of LightView
+  sign: i32,  // the same
+  shear_x: i32,  // the same
+  shear_y: i32,  // the same
+  reach: i32,  // how far a lamp is along the axis, in units of the grid
+  weight: f32,  // 1/reach
+  factor: i32,  // the same as factor 2^-factor_shift, in 2^-28
+  factor_shift: u32,  // see factor
+  flags: u32,  // SHADE_… bits
+  surface: u32,  // number of its first surface in the scene, from 1
+  count: u32,  // how many surfaces it has
+  side_start: u32,  // its first half-space
+  side_count: u32,  // how many it has
+}
+
+// A half-space of an occluder along rays to a light: inside where c + b v <= 0.
+struct Side {
+  @align(32) c: array<Value, 3>,  // coefficients of t, x, y
+  b: array<Value, 3>,  // coefficients of z, x, y
+  lit: u32,  // 1 if the light is outside of it
+}
+
+// Where an occluder hides a light at most, in its axes; of a lamp, as the lamp sees it.
+struct Box {
+  @align(32) low: array<f32, 3>,  // least coordinates on the grid
+  high: array<f32, 3>,  // greatest
 }

@@ -1,6 +1,7 @@
 // Pixel index -> the projection ray, (2), per unit of depth.
 
-// World direction through the centres of pixels (i, j), relative to the eye at depth 1.
+// World direction through the centres of pixels (i, j), relative to the eye at depth 1; or where
+// parallel rays start.
 fn ray_direction(i: f4, j: f32) -> Vector {
   return Vector(
     (frame.first_ray.x + i * frame.right.x) + j * frame.down.x,

@@ -13,6 +13,7 @@ fn keep_block(solid: Solid) {
     slope_0,  //? normal
     certificate_0,  //? error
     paint_0,  //? regions & color
+    turned_0,  //? shadows
   );
 }
 
@@ -174,6 +175,14 @@ fn render(
       keep_block(solid);
     }
   }
+  {  //? shadows
+    let first = tile.starts[0];
+    let end = tile.starts[CLASSES];
+    for (var entry = first; entry < end; entry++) {
+      find_points(location_at(tile_solids[entry]), j);
+    }
+    find_shadows();
+  }
   // each quad
   let shown_0 = finish(nearest_0, i_0, j);  //? normal
   // each quad
@@ -195,6 +204,7 @@ fn render(
     store(PLANE_ERROR + 2u, at, nearest_0.doubt.high);  //? store_error
     store(PLANE_ERROR + 3u, at, nearest_0.doubt.low);  //? store_error
     store(PLANE_ERROR + 4u, at, bitcast<u4>(nearest_0.bound));  //? store_error
+    store(PLANE_SHADOW, at, nearest_0.dark);  //? store_shadow & shadows
   }
   store_image(  //? store_image
     place,

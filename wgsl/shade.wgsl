@@ -29,8 +29,9 @@ fn seen(light: f4) -> f4 {
 }
 
 // Linear colour of a point, seen along a direction; both are relative to the eye.  The normal is
-// turned towards the viewer, so that the inside of an opened solid is lit too.
-fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish) -> Vector {
+// turned towards the viewer, so that the inside of an opened solid is lit too.  Of the first
+// lights, which have shadows, `dark` has a bit where they do not reach the point.
+fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish, dark: u4) -> Vector {
   let away = dot_product(normal, direction) > f4(FAINT);
   let toward = scaled(normal, select(f4(1.0), f4(-1.0), away));
   let forward = normalized(direction);  //? gloss
@@ -45,7 +46,11 @@ fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish) -> Ve
       light.vector.z - light.vector.w * point.z,
     );
     to_light = normalized(or_else(from_point, toward));  //? point_lights
-    let lambert = max(dot_product(toward, to_light), f4(0.0));
+    var lambert = max(dot_product(toward, to_light), f4(0.0));
+    {  //? shadows
+      let is_dark = ((dark >> u4(min(ix, 31u))) & u4(1u)) == u4(1u);
+      lambert = select(lambert, f4(0.0), is_dark & b4(ix < SHADOWS));
+    }
     diffuse = Vector(
       diffuse.x + light.color.x * lambert,
       diffuse.y + light.color.y * lambert,

@@ -36,6 +36,12 @@ fn starts_inside(solid: Solid, piece: Piece) -> b4 {
   return b4(eye_inside(solid)) | (b4(near_cut(solid)) & (piece.id_in == i4(0)));
 }
 
+// Which side of a solid is seen: 0 is that from outside, 1 from inside, 2 from inside where the
+// near base plane opens it.
+fn other_side(solid: Solid, inside: b4) -> u4 {
+  return select(u4(0u), u4(select(1u, 2u, near_cut(solid))), inside);
+}
+
 // The unit normal of a half-space.
 fn normal_of(half_space: HalfSpace) -> Vector {
   return Vector(

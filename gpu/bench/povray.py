@@ -73,6 +73,7 @@ def text(scene: Scene, aspect: float) -> str:
     No shadows and no second ray, so that both programs compute the same picture.
     """
     camera, ambient = scene.camera, _vector(scene.ambient.color)
+    assert camera.fov_degrees is not None
     lines = [
         "#version 3.7;",
         "global_settings { assumed_gamma 1 max_trace_level 1 ambient_light rgb 1 }",

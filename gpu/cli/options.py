@@ -46,6 +46,11 @@ def add_rendering(command: argparse.ArgumentParser) -> None:
     add_accuracy(command, steps=True)
     add_conveyor(command)
     command.add_argument("--samples", metavar="K", type=int, help="KxK samples in each pixel")
+    command.add_argument(
+        "--shadows",
+        action=argparse.BooleanOptionalAction,
+        help="whether all lights have shadows, by default as the scene says",
+    )
 
 
 def add_output(

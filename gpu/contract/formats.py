@@ -31,6 +31,7 @@ class Format:
     polynomial: str
     forms: str
     halve: str
+    beam: str
     run: str  # roundings of the halvings, in certify.wgsl
     article_run: str  # and of the article's sequences
 
@@ -40,9 +41,14 @@ class Format:
         return self.coefficient is np.int64
 
     @property
+    def length(self) -> type[np.float32] | type[np.int64]:
+        """What parts of places on the grid of the world are."""
+        return np.int64 if self.value is np.int32 else np.float32
+
+    @property
     def stages(self) -> tuple[str, ...]:
         """The stage files of the format."""
-        return self.arithmetic, self.polynomial, self.forms, self.halve
+        return self.arithmetic, self.polynomial, self.forms, self.halve, self.beam
 
 
 FLOAT32 = Format(
@@ -55,6 +61,7 @@ FLOAT32 = Format(
     polynomial="polynomial",
     forms="forms",
     halve="halve",
+    beam="beam",
     run="DIRECT",
     article_run="DIRECT",
 )
@@ -76,6 +83,7 @@ FIXED32 = Format(
     polynomial="polynomial_exact",
     forms="forms_fixed",
     halve="halve_fixed",
+    beam="beam_fixed",
     run="INTEGER",
     article_run="INTEGER",
 )

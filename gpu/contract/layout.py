@@ -33,6 +33,14 @@ class Flag(IntFlag):
     EYE_SURE = 16  # rounding did not decide the facts about the eye
 
 
+class Shade(IntFlag):
+    """Facts about a solid before a light."""
+
+    CASTS = 1  # it hides the light
+    AT_LAMP = 2  # rays count from the lamp, which is near the solid or in it
+    ENCLOSES = 4  # the light may be inside the solid
+
+
 @dataclass(frozen=True)
 class Field:
     """A member of a record: a scalar or vector type, repeated ``count`` times if above 1.
@@ -71,6 +79,7 @@ class Record:
         numbers: dict[str, type[np.generic]] = {
             "Coefficient": number_format.coefficient,
             "Value": number_format.value,
+            "Length": number_format.length,
         }
         formats: list[np.dtype[np.generic] | tuple[np.dtype[np.generic], tuple[int, ...]]] = []
         offsets: list[int] = []
@@ -105,7 +114,7 @@ class Record:
         return "\n".join([*lines, "}"])
 
 
-# WGSL type -> (NumPy scalar, components); Coefficient and Value depend on the number format.
+# WGSL type -> (NumPy scalar, components); Coefficient, Value and Length depend on the format.
 _TYPES: dict[str, tuple[type[np.generic], int]] = {
     "f32": (np.float32, 1),
     "i32": (np.int32, 1),
@@ -117,7 +126,7 @@ FRAME = Record(
     "Frame",
     "What all pixels of a band share.",
     (
-        Field("first_ray", "vec4<f32>", 1, "world direction through pixel (0, 0), per unit depth"),
+        Field("first_ray", "vec4<f32>", 1, "world direction through pixel (0, 0), or its start"),
         Field("right", "vec4<f32>", 1, "its change from one pixel to the next on the right"),
         Field("down", "vec4<f32>", 1, "its change from one row to the next"),
         Field("ambient", "vec4<f32>", 1, "linear RGB"),
@@ -125,6 +134,7 @@ FRAME = Record(
         Field("first_row", "i32", 1, "first picture row of the band"),
         Field("row_quads", "u32", 1, "groups of four pixels in a row of the band"),
         Field("plane_quads", "u32", 1, "the same in the whole band"),
+        Field("forward", "vec4<f32>", 1, "direction of all rays that start in different places"),
     ),
 )
 
@@ -270,7 +280,99 @@ POLYNOMIAL = Record(
     ),
 )
 
-RECORDS = (FRAME, SOLID, HALF_SPACE, LIGHT, REGION, FLAT, CURVED, APPEARANCE, POLYNOMIAL)
+LOCATION = Record(
+    "Location",
+    "Where the points of a visible solid are on the grid of the world, before a shift.",
+    (
+        Field("level", "Length", 9, "the point at u = 0, from the anchor: [1, x, y][axis]"),
+        Field("along", "Length", 9, "its change to u = 1: [1, x, y][axis]"),
+        Field("anchor", "i32", 3, "on the grid"),
+        Field("shift", "u32", 1, "integers have so many bits below a unit of the grid"),
+        Field("center_x", "i32", 1, "pixel where x = 0"),
+        Field("center_y", "i32", 1, "pixel where y = 0"),
+        Field("steps", "u32", 1, "n"),
+        Field("last_step", "f32", 1, "2^-n"),
+        Field("surface", "u32", 1, "number of the solid's first surface in the scene, from 1"),
+        Field("count", "u32", 1, "how many surfaces it has"),
+    ),
+)
+
+LIGHT_VIEW = Record(
+    "LightView",
+    "A light with shadows: axes along its rays, or its place; and what may hide it.",
+    (
+        Field("bit", "u32", 1, "of the light in the output shadow"),
+        Field("axis", "u32", 1, "axis of the world that is most along its rays"),
+        Field("sign", "i32", 1, "1 if that points to a light far away, or from a lamp, else -1"),
+        Field("shear_x", "i32", 1, "how far rays go along the next axis, in 2^-30"),
+        Field("shear_y", "i32", 1, "and along the one after that"),
+        Field("origin", "i32", 3, "where a lamp is on the grid"),
+        Field("starts", "u32", 4, "its first occluder of each kind, and the one behind its last"),
+    ),
+)
+
+OCCLUDER = Record(
+    "Occluder",
+    "A solid before a light: F and half-spaces along rays to the light.",
+    (
+        Field("a", "Value", 6, "A as coefficients of tz, tx, ty, x², xy, y²; for A, t is z"),
+        Field("g", "Value", 6, "G"),
+        Field("c", "Value", 6, "C; for C, z is t"),
+        Field("end", "Value", 1, "radius over distance of the light: 1/v of the light"),
+        Field("unit", "f32", 1, "one over the radius, in units of the grid"),
+        Field("level", "u32", 1, "the radius is 2^level units"),
+        Field("center", "i32", 3, "on the grid, or in the axes of a light far away"),
+        Field("axis", "u32", 1, "of the world, most along rays to a lamp; as of LightView"),
+        Field("sign", "i32", 1, "the same"),
+        Field("shear_x", "i32", 1, "the same"),
+        Field("shear_y", "i32", 1, "the same"),
+        Field("reach", "i32", 1, "how far a lamp is along the axis, in units of the grid"),
+        Field("weight", "f32", 1, "1/reach"),
+        Field("factor", "i32", 1, "the same as factor 2^-factor_shift, in 2^-28"),
+        Field("factor_shift", "u32", 1, "see factor"),
+        Field("flags", "u32", 1, "SHADE_… bits"),
+        Field("surface", "u32", 1, "number of its first surface in the scene, from 1"),
+        Field("count", "u32", 1, "how many surfaces it has"),
+        Field("side_start", "u32", 1, "its first half-space"),
+        Field("side_count", "u32", 1, "how many it has"),
+    ),
+)
+
+SIDE = Record(
+    "Side",
+    "A half-space of an occluder along rays to a light: inside where c + b v <= 0.",
+    (
+        Field("c", "Value", 3, "coefficients of t, x, y"),
+        Field("b", "Value", 3, "coefficients of z, x, y"),
+        Field("lit", "u32", 1, "1 if the light is outside of it"),
+    ),
+)
+
+BOX = Record(
+    "Box",
+    "Where an occluder hides a light at most, in its axes; of a lamp, as the lamp sees it.",
+    (
+        Field("low", "f32", 3, "least coordinates on the grid"),
+        Field("high", "f32", 3, "greatest"),
+    ),
+)
+
+RECORDS = (
+    FRAME,
+    SOLID,
+    HALF_SPACE,
+    LIGHT,
+    REGION,
+    FLAT,
+    CURVED,
+    APPEARANCE,
+    POLYNOMIAL,
+    LOCATION,
+    LIGHT_VIEW,
+    OCCLUDER,
+    SIDE,
+    BOX,
+)
 
 
 def wgsl() -> str:
@@ -281,6 +383,7 @@ def wgsl() -> str:
     ]
     lines += [f"const TILE: u32 = {TILE}u;", f"const LANES: u32 = {LANES}u;"]
     lines += [f"const FLAG_{flag.name}: u32 = {flag.value}u;" for flag in Flag]
+    lines += [f"const SHADE_{shade.name}: u32 = {shade.value}u;" for shade in Shade]
     for record in RECORDS:
         lines += ["", record.wgsl()]
     return "\n".join(lines) + "\n"

@@ -10,6 +10,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
 
+from halfstep.contract import shadows
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
 
@@ -40,9 +41,12 @@ STAGES = (
     Stage(Kind.VALUES, "forms", ("forms_exact", "forms_fixed")),
     Stage(Kind.VALUES, "halve", ("halve_incremental", "halve_fixed")),
     Stage(Kind.NUMBERS, "layout"),
+    Stage(Kind.NUMBERS, "place"),
     Stage(Kind.VALUES, "piece"),
     Stage(Kind.VALUES, "root"),
     Stage(Kind.VALUES, "patch"),
+    Stage(Kind.VALUES, "beam", ("beam_fixed",)),
+    Stage(Kind.VALUES, "shadow"),
     Stage(Kind.VALUES, "lines_fetched", ("lines",)),
     Stage(Kind.VALUES, "article"),
     Stage(Kind.NUMBERS, "nearest"),
@@ -69,6 +73,7 @@ STAGES = (
     Stage(Kind.BLOCK, "levels", ("levels_deep",)),
     Stage(Kind.BLOCK, "walks"),
     Stage(Kind.BLOCK, "conveyor", ("closed",)),
+    Stage(Kind.BLOCK, "shadows"),
     Stage(Kind.DEVICE, "pack"),
     Stage(Kind.DEVICE, "wide"),
     Stage(Kind.DEVICE, "store_words", ("store_words_wide",)),
@@ -109,6 +114,13 @@ VISITS = {
     },
 }
 
+# How a solid before a light is tried, by kind. In a shader it has the name of its kind.
+HIDES = {
+    shadows.Kind.CURVED: _visit("hide_cut", "curved"),
+    shadows.Kind.FLAT: _visit("hide_cut", "flat"),
+    shadows.Kind.PATCH: _visit("hide_patch"),
+}
+
 # What the marks of WGSL files ask for. A twin asks the same.
 FACTS = {
     "exit": "it is asked where a ray leaves the solid that it hit",
@@ -117,6 +129,7 @@ FACTS = {
     "color": "colours are needed, for themselves or for an image",
     "gloss": "colours are needed, and a material shines",
     "point_lights": "colours are needed, and a light has a place",
+    "parallel": "colours are needed, and rays are parallel",
     "error": "it is asked how far a depth may be off",
     "curved": "the solid has a quadric",
     "flat": "the solid is a polyhedron",
@@ -124,11 +137,23 @@ FACTS = {
     "regions": "tiles may see a copy of a group of cells",
     "opened": "rays may start inside the solid",
     "broadcast": "invocations of a subgroup fetch records together",
+    "shadows": "lights have shadows, and these are needed, for themselves or for colours",
+    "far_lights": "the same of lights far away",
+    "lamps": "the same of lights that have a place",
+    "lamp": "the light that is hidden has a place",
+    "encloses": "a light with shadows may be inside a solid",
+    **{
+        f"hides_{kind.name.lower()}": f"a solid of {kind.name} is before a light"
+        for kind in shadows.Kind
+    },
     **{f"list_{klass.name.lower()}": f"tiles may see a solid of {klass.name}" for klass in Class},
     "store_words": "the device writes outputs of words",
     **{
         f"store_{name}": f"the device writes the output {name}"
-        for name in ("surface", "key", "exit", "color", "normal", "error", "image", "tag")
+        for name in (
+            *("surface", "key", "exit", "color", "normal", "error", "image", "tag"),
+            "shadow",
+        )
     },
 }
 

@@ -39,9 +39,9 @@ def picture(frame: Frame, name: str) -> Picture:
         case Levels.SRGB:
             return Picture(_srgb(array))
         case Levels.NUMBER:
-            return Picture(array.astype(np.uint16))
+            return Picture(_counted(name, array, 0))
         case Levels.NUMBER_FROM_1:
-            return Picture(_counted(name, array))
+            return Picture(_counted(name, array, 1))
         case Levels.UNIT:
             return Picture(_normal(array, frame.solid >= 0))
         case Levels.SPREAD:
@@ -55,11 +55,11 @@ def _srgb(linear: Array) -> NDArray[np.uint16]:
     return np.rint(MOST * encoded).astype(np.uint16)
 
 
-def _counted(name: str, array: Array) -> NDArray[np.uint16]:
-    most = int(array.max()) + 1
-    if most > MOST:
-        raise UsageError(f"{name}: {most - 1} does not fit in the 16 bits of a PNG file")
-    return (array + 1).astype(np.uint16)
+def _counted(name: str, array: Array, first: int) -> NDArray[np.uint16]:
+    most = int(array.max())
+    if most + first > MOST:
+        raise UsageError(f"{name}: {most} does not fit in the 16 bits of a PNG file")
+    return (array + first).astype(np.uint16)
 
 
 def _normal(array: Array, hit: Bools) -> NDArray[np.uint16]:

@@ -98,8 +98,7 @@ def _depth_exit(band: Band) -> Floats:
 def _position(band: Band) -> Floats:
     view = band.packed.setup.view
     j, i = np.mgrid[: band.number.shape[0], : band.number.shape[1]]
-    directions = view.directions(i, j + band.first_row)
-    return np.ascontiguousarray(view.eye + band.depth[..., None] * directions)
+    return np.ascontiguousarray(view.points(i, j + band.first_row, band.depth))
 
 
 def _error(band: Band) -> Floats:
@@ -123,6 +122,11 @@ def _error(band: Band) -> Floats:
     depth_ulp = 2.0**-51 * setup.far
     error = np.maximum(above, below) * setup.far + rounding[solid] + depth_ulp
     return np.where(clear, np.where(band.hit, error, 0.0), np.inf)
+
+
+def _shadow(band: Band) -> Array:
+    none = np.zeros(band.number.shape, np.uint32)
+    return none if band.packed.shadows is None else band.planes["shadow"]
 
 
 def _steps(band: Band) -> Lookup:
@@ -315,6 +319,16 @@ _ROWS = (
         of=lambda band: Lookup(band.packed.surfaces.numbers.materials, band.number),
         levels=Levels.NUMBER_FROM_1,
         channels=("material",),
+    ),
+    Output(
+        name="shadow",
+        type=np.uint32,
+        meaning="bit k is set where the k-th light with shadows does not reach",
+        miss="0",
+        sources=("shadow",),
+        of=_shadow,
+        levels=Levels.NUMBER,
+        channels=("shadow",),
     ),
 )
 # By name, in the order of a frame.

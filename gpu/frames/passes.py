@@ -68,6 +68,8 @@ def _bands(
     view, samples = one.packed.setup.view, one.samples
     wanted = ("color",) if samples > 1 else one.names
     outputs = device_outputs(wanted)
+    if one.packed.shadows is None:
+        outputs -= {"shadow"}
     # Whole pixels, and whole tiles of sub-pixels.
     unit = TILE * samples
     rows = max(backend.band_rows(view.width, outputs) // unit, 1) * unit

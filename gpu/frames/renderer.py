@@ -98,6 +98,7 @@ class Renderer:
             backend = open_backend(backend, adapter, self._scene.accuracy)
         self._backend = backend
         self._told: set[int] = set()
+        self._told_coarse = False
         # The last scene that was hashed: most often the one before.
         self._hashed: tuple[Scene | None, str] = None, ""
         _keep_memory()
@@ -217,6 +218,7 @@ class Renderer:
             if part:
                 packed = prepare(shown, factor, solids=solids, most_steps=self._backend.most_steps)
                 self._tell_short(shown, packed)
+                self._tell_coarse(shown, solids)
                 passes.append(Pass(part, factor, packed))
         return Prepared(shown, names, tuple(passes), sha256, begin)
 
@@ -265,6 +267,22 @@ class Renderer:
             f"the tolerance needs more than {steps.most} steps{device} for {', '.join(told)}{more}",
             stacklevel=4,
         )
+
+    def _tell_coarse(self, scene: Scene, solids: Solids) -> None:
+        """Say once of which solids shadows are hardly resolved."""
+        if solids.shadows is None or self._told_coarse:
+            return
+        shadows = solids.shadows.shadows
+        coarse = shadows.coarse.tolist()
+        if coarse:
+            self._told_coarse = True
+            told = ", ".join(_name_of(scene, ix) for ix in coarse[:3])
+            more = f" and {len(coarse) - 3} more solids" if len(coarse) > 3 else ""
+            warnings.warn(
+                f"shadows are resolved to {shadows.grid.unit:.2g}, which is much of {told}{more}: "
+                "the scene is a million times as wide",
+                stacklevel=4,
+            )
 
     def _info(self, frame: Prepared, times: list[float]) -> Info:
         scene = frame.scene

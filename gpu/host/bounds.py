@@ -1,7 +1,7 @@
 """Preselection: the depth interval and the screen rectangle of every solid, float64.
 
 Tight where a closed form exists and conservative everywhere.  Lateral bounds are tangents, x/z and
-y/z in camera axes.
+y/z in camera axes, or x and y where rays are parallel.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from halfstep.host.geometry import Geometry, Hulls
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds of K solids; infinite where a solid is unbounded or reaches behind the camera."""
+    """Bounds of K solids; infinite where a solid is unbounded or reaches behind the eye."""
 
     depth: Floats  # (2, K), least and greatest planar depth
     tangent: Floats  # (2, 2, K), [x or y, least or greatest]
 
 
 def bounds(geometry: Geometry, view: View) -> Bounds:
-    """Bounds of every solid of ``geometry`` in ``view``."""
+    """Bounds of every solid of ``geometry`` in ``view``, whose axes need not be of unit length."""
     # camera_from_local; a solid without a hull keeps infinite bounds.
     axes = np.einsum("ij,jlk->ilk", view.camera_from_world, geometry.world_from_local)
     away = geometry.origin - view.eye[:, None]
     center = np.einsum("ij,jk->ik", view.camera_from_world, away)
-    # Of x/z, y/z and z the least and the greatest value.
+    # Of x/z, y/z and z, or of x, y and z, the least and the greatest value.
     extent = np.empty((3, 2, geometry.count))
     extent[:, 0], extent[:, 1] = -np.inf, np.inf
-    hulls = geometry.hulls
+    hulls, parallel = geometry.hulls, view.parallel
 
     ix = hulls.ellipsoid_ix
     if len(ix):
@@ -40,32 +40,37 @@ def bounds(geometry: Geometry, view: View) -> Bounds:
         middle = center.take(ix, axis=-1)
         middle += np.einsum("ijk,jk->ik", own_axes, hulls.ellipsoid_center)
         semi_axes = np.einsum("ijk,jlk->ilk", own_axes, hulls.ellipsoid_axes)
-        extent[..., ix] = _ellipses(middle, semi_axes)
+        extent[..., ix] = _ellipses(middle, semi_axes, parallel)
 
     ix = hulls.disc_ix
     if len(ix):
-        extent[..., ix] = _pairs_of_discs(hulls, axes.take(ix, axis=-1), center.take(ix, axis=-1))
+        own_axes = axes.take(ix, axis=-1)
+        extent[..., ix] = _pairs_of_discs(hulls, own_axes, center.take(ix, axis=-1), parallel)
 
     ix = hulls.point_ix
     if len(ix):
         solid = hulls.point_solid
         corners = np.einsum("ijk,jk->ik", axes.take(solid, axis=-1), hulls.points)
         corners += center.take(solid, axis=-1)
-        extent[..., ix] = _points(corners, hulls.point_start)
+        extent[..., ix] = _points(corners, hulls.point_start, parallel)
 
     tangent, depth = extent[:2], extent[2]
-    behind = depth[0] <= 0
+    behind = (depth[0] <= 0) & (not parallel)
     np.copyto(tangent[:, 0], -np.inf, where=behind)
     np.copyto(tangent[:, 1], np.inf, where=behind)
     return Bounds(depth, tangent)
 
 
-def _ellipses(middle: Floats, axes: Floats) -> Floats:
+def _ellipses(middle: Floats, axes: Floats, parallel: bool) -> Floats:
     """Extents (3, 2, …) of ellipsoids (axes (3, 3, …)) or elliptic discs (axes (3, 2, …)).
 
     The tangents are offsets from that of the middle, so that they stay accurate at any distance.
     """
     extent = np.empty((3, 2, *middle.shape[1:]))
+    if parallel:
+        half = np.sqrt((axes**2).sum(axis=1))
+        extent[:, 0], extent[:, 1] = middle - half, middle + half
+        return extent
     reach = np.sqrt((axes[2] ** 2).sum(axis=0))
     z = middle[2]
     np.subtract(z, reach, out=extent[2, 0])
@@ -84,34 +89,39 @@ def _ellipses(middle: Floats, axes: Floats) -> Floats:
     return extent
 
 
-def _pairs_of_discs(hulls: Hulls, axes: Floats, center: Floats) -> Floats:
+def _pairs_of_discs(hulls: Hulls, axes: Floats, center: Floats, parallel: bool) -> Floats:
     """Extents (3, 2, D) of what lies between two discs, ``axes`` being (3, 3, D)."""
     ends = _ellipses(
         center[:, None] + axes[:, 2, None] * hulls.disc_z,
         axes[:, :2, None] * hulls.disc_radius,
+        parallel,
     )
     extent = np.empty((3, 2, len(hulls.disc_ix)))
     np.minimum(ends[:, 0, 0], ends[:, 0, 1], out=extent[:, 0])
     np.maximum(ends[:, 1, 0], ends[:, 1, 1], out=extent[:, 1])
     ix = hulls.conic_ix
     if len(ix):
-        touched = _tangent_planes(hulls, axes.take(ix, axis=-1), center.take(ix, axis=-1))
+        own_axes = axes.take(ix, axis=-1)
+        touched = _tangent_planes(hulls, own_axes, center.take(ix, axis=-1), parallel)
         extent[:, 0, ix] = np.fmin(extent[:, 0, ix], np.fmin(*touched))
         extent[:, 1, ix] = np.fmax(extent[:, 1, ix], np.fmax(*touched))
     return extent
 
 
-def _points(corners: Floats, start: Ints) -> Floats:
+def _points(corners: Floats, start: Ints, parallel: bool) -> Floats:
     """Extents (3, 2, V) of groups of points (3, P) in camera axes, each group from ``start`` on."""
-    corners[:2] /= np.where(corners[2] > 0, corners[2], np.inf)
+    if not parallel:
+        corners[:2] /= np.where(corners[2] > 0, corners[2], np.inf)
     extent = np.empty((3, 2, len(start)))
     np.minimum.reduceat(corners, start, axis=1, out=extent[:, 0])
     np.maximum.reduceat(corners, start, axis=1, out=extent[:, 1])
     return extent
 
 
-def _tangent_planes(hulls: Hulls, axes: Floats, center: Floats) -> Floats:
+def _tangent_planes(hulls: Hulls, axes: Floats, center: Floats, parallel: bool) -> Floats:
     """Where conics bulge beyond their end discs: x/z, y/z and z twice (2, 3, Q), NaN if nowhere.
+
+    Where rays are parallel it is x and y.
 
     Planes of a pencil a + κb touch the quadric where (b·D·b)κ² + 2(a·D·b)κ + a·D·a = 0, D being
     the inverse of its matrix; a touching point counts if it lies between the ends and in front.
@@ -127,13 +137,18 @@ def _tangent_planes(hulls: Hulls, axes: Floats, center: Floats) -> Floats:
 
     # Planes through the eye, turned; and across the view, moved.
     base = np.zeros_like(anchor)
-    np.divide(anchor_camera[:2], z, out=base[:2], where=z > 0)
-    base[2] = z
     plane, step = np.zeros((2, 3, 4, len(low)))
-    plane[:2, :3] = axes[:2] - base[:2, None] * forward
+    if parallel:
+        base[:2] = anchor_camera[:2]
+        plane[:2, :3] = axes[:2]
+        step[:2, 3] = -1.0
+    else:
+        np.divide(anchor_camera[:2], z, out=base[:2], where=z > 0)
+        plane[:2, :3] = axes[:2] - base[:2, None] * forward
+        step[:2, :3], step[:2, 3] = -forward, eye_forward
+    base[2] = z
     plane[:2, 3] = -(plane[:2, :3] * anchor).sum(axis=1)
     plane[2, :3], plane[2, 3] = forward, -anchor_forward
-    step[:2, :3], step[:2, 3] = -forward, eye_forward
     step[2, 3] = -1.0
 
     of_plane = np.einsum("ijk,cjk->cik", hulls.conic_dual, plane)
@@ -150,5 +165,6 @@ def _tangent_planes(hulls: Hulls, axes: Floats, center: Floats) -> Floats:
     usable &= point[:, :, 3] != 0
     point = point[:, :, :3] / np.where(usable, point[:, :, 3], 1.0)[:, :, None]
     usable &= (low <= point[:, :, 2]) & (point[:, :, 2] <= high)
-    usable[:, :2] &= (point[:, :2] * forward).sum(axis=2) > eye_forward
+    if not parallel:
+        usable[:, :2] &= (point[:, :2] * forward).sum(axis=2) > eye_forward
     return np.where(usable, base + kappa, np.nan)

@@ -20,15 +20,17 @@ class View:
 
     The projection ray of pixel (i, j) per unit of depth is
     ``(x_first + i*pixel, y_first + j*pixel, 1)`` in camera axes, affine in the pixel index; (2).
+    Where rays are parallel it is ``(0, 0, 1)``, from ``(x_first + i*pixel, y_first + j*pixel, 0)``.
     """
 
-    eye: Floats  # (3,), centre of projection h, world
+    eye: Floats  # (3,), centre of projection h, world; or the middle of where parallel rays start
     camera_from_world: Floats  # (3, 3), rows right, down, forward
     width: int  # pixels
     height: int
-    pixel: float  # width of a pixel at depth 1
-    x_first: float  # tangent of pixel (0, 0), to the right
+    pixel: float  # width of a pixel at depth 1, or at any depth where rays are parallel
+    x_first: float  # tangent of pixel (0, 0), to the right, or its distance from the middle
     y_first: float  # the same, down
+    parallel: bool = False
 
     def depths(self, points: Floats) -> Floats:
         """Planar depths of world points (N, 3), scene units."""
@@ -36,12 +38,30 @@ class View:
 
     def directions(self, i: Ints, j: Ints) -> Floats:
         """World directions (…, 3) per unit of depth through the centres of pixels (i, j)."""
+        forward = self.camera_from_world[2] + 0.0
+        if self.parallel:
+            return np.broadcast_to(forward, (*np.broadcast_shapes(i.shape, j.shape), 3))
+        return self._across(i, j) + forward
+
+    def starts(self, i: Ints, j: Ints) -> Floats:
+        """Where rays through pixels (i, j) are at depth 0, world, relative to ``eye``: (…, 3)."""
+        if self.parallel:
+            return self._across(i, j)
+        return np.zeros((*np.broadcast_shapes(i.shape, j.shape), 3))
+
+    def points(self, i: Ints, j: Ints, depth: Floats) -> Floats:
+        """World points (…, 3) of the rays through pixels (i, j) at planar depths (…)."""
+        along = depth[..., None] * self.directions(i, j)
+        return self.eye + (along + self._across(i, j) if self.parallel else along)
+
+    def _across(self, i: Ints, j: Ints) -> Floats:
+        """How far the centres of pixels (i, j) are from the middle of the picture, (…, 3)."""
         # Rounded once: a sum with x_first would cancel near the middle of the picture.
         half = self.pixel / 2
         x, y = (2 * i + (1 - self.width)) * half, (2 * j + (1 - self.height)) * half
         # Not by BLAS, which sums in another order on every processor; and no zero is negative.
-        right, down, forward = self.camera_from_world.reshape(3, 3, *[1] * x.ndim) + 0.0
-        return (x * right + y * down + forward).transpose(*range(1, x.ndim + 1), 0)
+        right, down = self.camera_from_world[:2].reshape(2, 3, *[1] * x.ndim) + 0.0
+        return (x * right + y * down).transpose(*range(1, x.ndim + 1), 0)
 
 
 def view(camera: Camera, size: tuple[int, int]) -> View:
@@ -52,8 +72,11 @@ def view(camera: Camera, size: tuple[int, int]) -> View:
     right = _right(camera)
     (x, y, z), (a, b, c) = forward.tolist(), right.tolist()
     down = y * c - z * b, z * a - x * c, x * b - y * a
-    half = _half_height(camera.fov_degrees)
-    pixel = 2 * half / height
+    if camera.orthographic_height is not None:
+        pixel = camera.orthographic_height / height
+    else:
+        assert camera.fov_degrees is not None  # validation leaves exactly one of both
+        pixel = 2 * _half_height(camera.fov_degrees) / height
     return View(
         eye=eye,
         camera_from_world=np.array([right, down, forward]),
@@ -62,6 +85,7 @@ def view(camera: Camera, size: tuple[int, int]) -> View:
         pixel=pixel,
         x_first=(1 - width) / 2 * pixel,
         y_first=(1 - height) / 2 * pixel,
+        parallel=camera.orthographic_height is not None,
     )
 
 

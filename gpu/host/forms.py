@@ -32,15 +32,25 @@ FAINT = 2.0**-63
 class Sight(NamedTuple):
     """How each visible solid is seen, in its own coordinates; solids come last."""
 
-    rays: Floats  # (4, 3, V), the eye, and directions per unit depth: [h, 1, x, y][axis]
+    # (4, 3, V), the eye, and directions per unit depth: [h, 1, x, y][axis]. Of parallel rays, where
+    # that of the pixel x = y = 0 is at depth 0, their direction, and how far those of others are.
+    rays: Floats
     middle: Floats  # (V,), depth at u = 0
     half: Floats  # (V,), half the depth interval
     offsets: Floats  # (2, V), largest |x| and |y|
     error: Floats  # (V,), of points of rays
+    parallel: bool  # rays do not part with depth
+
+    @property
+    def spread(self) -> Floats:
+        """How far rays a pixel apart are apart at u = 0, in units of ``rays``, (V,)."""
+        return np.ones_like(self.middle) if self.parallel else self.middle
 
     def at(self, places: Ints) -> Sight:
         """The solids at ``places``."""
-        return Sight(*(each.take(places, axis=-1) for each in self))
+        arrays = (each.take(places, axis=-1) for each in self[:-1])
+        rays, middle, half, offsets, error = arrays
+        return Sight(rays, middle, half, offsets, error, self.parallel)
 
     def largest(self, values: Floats) -> Floats:
         """Largest magnitudes (…, V) of what is linear in points of rays.
@@ -51,7 +61,7 @@ class Sight(NamedTuple):
         level, along_ray, *across = np.abs(values)
         along_ray *= self.half
         level += along_ray
-        deepest = self.middle + self.half
+        deepest = self.spread if self.parallel else self.middle + self.half
         for change, offset in zip(across, self.offsets, strict=True):
             change *= deepest
             change *= offset
@@ -104,8 +114,10 @@ def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> C
     unit = power_of_two(steepest)
     world = np.einsum("ijk,cjk->cik", rotation, slopes)
     np.multiply(world[0], unit, out=gradient[0, 0])
-    np.multiply(world[2:], middle * unit, out=gradient[0, 1:])
+    np.multiply(world[2:], sight.spread * unit, out=gradient[0, 1:])
     np.multiply(world[1:], half * unit, out=gradient[1])
+    if sight.parallel:
+        gradient[1, 1:] = 0.0
     gradient *= np.abs(gradient) >= least[:3, None]
     gradient[:, 1:] *= (sight.offsets > 0)[:, None]
     a, g, c = forms
@@ -121,7 +133,7 @@ def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: Sight)
         slopes: (4, 3, V), half the gradient there, and its change along the directions.
         sight: how the solids are seen.
     """
-    middle, half = sight.middle, sight.half
+    spread, half = sight.spread, sight.half
     forms = np.empty((3, 6, len(half)))
     a, g, c = forms
     products = np.einsum("iak,jak->ijk", points[1:], slopes)
@@ -131,14 +143,16 @@ def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: Sight)
     a[4] *= 2
     # Of x and y the middle of the interval moves, of u the ends of half its length.
     g[0] = slope[0]
-    np.multiply(a[1:], middle, out=g[1:])
-    g[1:3] += slope[1:]
-    g[3:] *= 2
+    np.multiply(a[1:], spread, out=g[1:])
+    g[1:3] += 0.0 if sight.parallel else slope[1:]
+    g[3:] *= 0.0 if sight.parallel else 2
     g *= half
     c[0] = quadric_value(matrix, points[0], slopes[0])
-    np.multiply(slope[1:], middle, out=c[1:3])
-    np.multiply(a[3:], middle * middle, out=c[3:])
+    np.multiply(slope[1:], spread, out=c[1:3])
+    np.multiply(a[3:], spread * spread, out=c[3:])
     a *= half * half
+    if sight.parallel:
+        a[1:] = 0.0
     return forms
 
 

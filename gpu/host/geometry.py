@@ -404,14 +404,33 @@ def volume_box(scene: Scene, geometry: Geometry) -> tuple[Floats, Floats]:
             f"{scene.name}: volume: missing; no solid is bounded, so none can be derived"
         )
     low, high = [], []
-    for ix, center, reach in _world_extents(geometry):
-        rotation = np.take(geometry.world_from_local, ix, axis=-1)
-        world = geometry.origin[:, ix] + np.einsum("ijk,jk->ik", rotation, center)
-        low.append((world - reach).min(axis=1))
-        high.append((world + reach).max(axis=1))
+    for _, least, greatest in _world_spans(geometry):
+        low.append(least.min(axis=1))
+        high.append(greatest.max(axis=1))
     lowest, highest = np.min(low, axis=0), np.max(high, axis=0)
     margin = VOLUME_MARGIN * (highest - lowest).max()
     return lowest - margin, highest + margin
+
+
+def world_boxes(geometry: Geometry) -> Floats:
+    """World boxes (2, 3, K) of the solids, infinite where a solid is unbounded."""
+    boxes = np.full((2, 3, geometry.count), np.inf)
+    boxes[1] = -np.inf
+    for ix, least, greatest in _world_spans(geometry):
+        for axis in range(3):
+            np.minimum.at(boxes[0, axis], ix, least[axis])
+            np.maximum.at(boxes[1, axis], ix, greatest[axis])
+    unbounded = (boxes[0] > boxes[1]).any(axis=0)
+    boxes[0, :, unbounded], boxes[1, :, unbounded] = -np.inf, np.inf
+    return boxes
+
+
+def _world_spans(geometry: Geometry) -> Iterator[tuple[Ints, Floats, Floats]]:
+    """(solids, least and greatest world coordinates) of every part of every hull."""
+    for ix, center, reach in _world_extents(geometry):
+        rotation = np.take(geometry.world_from_local, ix, axis=-1)
+        world = geometry.origin[:, ix] + np.einsum("ijk,jk->ik", rotation, center)
+        yield ix, world - reach, world + reach
 
 
 def _world_extents(geometry: Geometry) -> list[tuple[Ints, Floats, Floats]]:

@@ -16,12 +16,14 @@ from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
 from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.contract.regions import PackedRegions
+from halfstep.contract.shadows import PackedShadows
 from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, fixed_point_scale
 from halfstep.host.geometry import Geometry
 from halfstep.host.numbers import Numbers, numbers_of
 from halfstep.host.pack_polynomials import pack_polynomials
 from halfstep.host.pack_regions import Appearances, appearances, pack_regions
+from halfstep.host.pack_shadows import ShadowTables
 from halfstep.host.regions import NO_MATERIAL
 from halfstep.host.setup import START_BITS, Setup
 from halfstep.host.steps import Steps, format_for
@@ -106,6 +108,7 @@ class Packed:
     surface_count: int  # of the scene
     regions: PackedRegions | None  # what copies of groups have besides
     polynomials: PackedPolynomials | None  # what solids have besides that polynomials bound
+    shadows: PackedShadows | None = None  # what hides lights, if any have shadows
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -147,7 +150,14 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     )
 
 
-def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps: Steps) -> Packed:
+def pack(
+    scene: Scene,
+    geometry: Geometry,
+    tables: Surfaces,
+    setup: Setup,
+    steps: Steps,
+    shadows: ShadowTables | None = None,
+) -> Packed:
     """Records of the frame ``setup`` with ``steps`` halvings for each solid."""
     count = steps.count
     classes, outside = _classes(tables, setup), tables.outside_class
@@ -161,6 +171,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
+    solids = solids.take(order)  # a fancy index copies member by member
     return Packed(
         setup=setup,
         surfaces=tables,
@@ -168,7 +179,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         order=order,
         classes=classes[order],
         format=number_format,
-        solids=solids.take(order),  # a fancy index copies member by member
+        solids=solids,
         half_spaces=half_spaces,
         key_bits=keys.bits,
         lights=_lights(scene, setup),
@@ -181,6 +192,7 @@ def pack(scene: Scene, geometry: Geometry, tables: Surfaces, setup: Setup, steps
         if tables.appearances is None
         else pack_regions(setup, tables.appearances, count, number_format),
         polynomials=pack_polynomials(setup, half_spaces),
+        shadows=None if shadows is None else shadows.packed(setup, solids, number_format),
     )
 
 
@@ -334,8 +346,11 @@ def _value(u: Floats, number_format: Format) -> Floats:
 
 
 def _lights(scene: Scene, setup: Setup) -> Records:
-    lights = scene.effective_lights()
+    # Those with shadows come first, in the order of their bits.
+    lights = sorted(scene.effective_lights(), key=lambda light: not light.shadows)
     records = np.zeros(len(lights), _LIGHT)
+    # How far parallel rays may be from the middle of the picture.
+    aside = setup.view.pixel * (setup.view.width + setup.view.height) if setup.view.parallel else 0
     for light, vector, color in zip(lights, records["vector"], records["color"], strict=True):
         if light.direction is not None:
             direction = np.array(light.direction)
@@ -343,7 +358,7 @@ def _lights(scene: Scene, setup: Setup) -> Records:
         else:
             place = np.array(light.position) - setup.view.eye
             # Where the greatest length is about 1, squares are neither subnormal nor infinite.
-            vector[3] = 2.0 ** -np.ceil(np.log2(max(np.abs(place).max(), setup.far)))
+            vector[3] = 2.0 ** -np.ceil(np.log2(max(np.abs(place).max(), setup.far, aside)))
             vector[:3] = place * vector[3]
         color[:3] = light.color
     return records
@@ -354,7 +369,12 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
     view = setup.view
     right, down, _ = view.camera_from_world
     record = np.zeros(1, _FRAME)
-    record["first_ray"][0, :3] = _clear(view.directions(np.array(0), np.array(0)))
+    corner = np.array(0), np.array(0)
+    if view.parallel:
+        record["forward"][0, :3] = _clear(view.directions(*corner))
+        record["first_ray"][0, :3] = _clear(view.starts(*corner))
+    else:
+        record["first_ray"][0, :3] = _clear(view.directions(*corner))
     record["right"][0, :3] = view.pixel * _clear(right)
     record["down"][0, :3] = view.pixel * _clear(down)
     record["ambient"][0, :3] = scene.ambient.color

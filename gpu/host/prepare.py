@@ -13,13 +13,15 @@ from typing import Self
 from halfstep.contract.arrays import Floats
 from halfstep.host import camera, geometry, regions
 from halfstep.host.geometry import Geometry
+from halfstep.host.occluders import has_shadows, shadows_of
 from halfstep.host.pack import Packed, Surfaces, pack, surfaces
+from halfstep.host.pack_shadows import ShadowTables
 from halfstep.host.setup import Setup, setup
 from halfstep.host.steps import steps_for
 from halfstep.scene import Fragment, Scene
 
 # What solids and cells are made of.
-_SHARED = ("solids", "materials", "volume", *Fragment.model_fields)
+_SHARED = ("solids", "materials", "volume", "lights", *Fragment.model_fields)
 
 
 @dataclass(frozen=True)
@@ -29,10 +31,11 @@ class Solids:
     geometry: Geometry
     volume: tuple[Floats, Floats]  # corners (min, max) of the modelled volume, world, (3,) each
     surfaces: Surfaces
+    shadows: ShadowTables | None  # what hides lights, if any have shadows
 
     @staticmethod
     def are_shared(scene: Scene, other: Scene) -> bool:
-        """Whether two scenes have the same solids, cells and volume."""
+        """Whether two scenes have the same solids, cells, lights and volume."""
         return all(getattr(scene, key) == getattr(other, key) for key in _SHARED)
 
     @classmethod
@@ -41,13 +44,14 @@ class Solids:
 
         Raises:
             SceneError: nothing bounds what is seen and the scene gives no volume; a cell is empty;
-                a limit is exceeded.
+                a limit is exceeded; lights have shadows and a solid has no end.
         """
         built = geometry.build(scene)
         groups = regions.regions_of(scene)
         if groups is not None:
             built = geometry.with_regions(built, groups)
-        return cls(built, geometry.volume_box(scene, built), surfaces(scene, built))
+        shadows = ShadowTables(shadows_of(scene, built)) if has_shadows(scene) else None
+        return cls(built, geometry.volume_box(scene, built), surfaces(scene, built), shadows)
 
 
 def frame_setup(scene: Scene, samples: int = 1, *, solids: Solids | None = None) -> Setup:
@@ -79,4 +83,4 @@ def prepare(
     known = Solids.of(scene) if solids is None else solids
     constants = frame_setup(scene, samples, solids=known)
     steps = steps_for(scene, constants, samples, most_steps)
-    return pack(scene, known.geometry, known.surfaces, constants, steps)
+    return pack(scene, known.geometry, known.surfaces, constants, steps, known.shadows)

@@ -4,6 +4,9 @@ For one solid, u in [-1, 1] runs over its own depth interval, (x, y) are pixel o
 middle of its screen rectangle, and the point of the ray is p = P(x, y) + u W(x, y) with P and W
 affine.  Then F = A u² + G u + C with A, G, C quadratic in (x, y), and a half-space is c + b u with
 c, b affine.  Nothing in these numbers knows how far away the camera is.
+
+Of parallel rays, W does not depend on (x, y).  They start in a plane, not at one eye, so whether
+one starts inside a solid is asked for each of them, as at a near base plane that cuts it.
 """
 
 from __future__ import annotations
@@ -66,7 +69,7 @@ class Setup:
     start: Floats  # (V,), t at u = -1, a multiple of 2^-(e+4)
     near_u: Floats  # (V,), u of the near base plane where it cuts the solid, else -1
     far_u: Floats  # (V,), u of the far base plane where it cuts the solid, else 1
-    near_cut: Bools  # (V,), the near base plane, not the eye, cuts the solid
+    near_cut: Bools  # (V,), the near base plane, or where parallel rays start, cuts the solid
     starts_at_eye: Bools  # (V,), u = -1 is the centre of projection
     eye_inside: Bools  # (V,), the solid contains the centre of projection and rays start there
     eye_outside_quadric: Bools  # (V,), F(h) > 0, the indicator (9), where rays start at the eye
@@ -114,8 +117,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     level, start = _intervals(low, high[ix], radius, far)
     half = np.ldexp(far, -(level + 1))
     middle = start * far + half
-    near_cut = (depth[0] < near) & (near > 0)
-    starts_at_eye = (start == 0) & ~near_cut
+    near_cut = (depth[0] < near) & (near > 0 or view.parallel)
+    starts_at_eye = (start == 0) & ~near_cut & (not view.parallel)
 
     rectangle = rectangle.take(ix, axis=-1)
     center = (rectangle[::2] + rectangle[1::2] + 1) // 2
@@ -124,8 +127,11 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     rays = _rays(view, center, geometry.origin.take(ix, axis=-1), rotation)
     # The eye and the direction of a ray are rounded once each, and so are the products with depth.
     eye_distance, stretch = length(rays[:2])
+    if view.parallel:
+        # Where a ray starts is a sum of two lengths.
+        eye_distance = eye_distance + view.pixel * (view.width + view.height)
     error = HOST_ROUNDINGS * (eye_distance + stretch * (middle + half))
-    sight = Sight(rays, middle, half, offsets, error)
+    sight = Sight(rays, middle, half, offsets, error, view.parallel)
 
     matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
     bent = curved(matrix, has_quadric, rotation, sight)
@@ -233,22 +239,30 @@ def _flat(
     if not len(plane):
         return _Flat(start, count, plane, c, b, np.empty(0))
     rows = geometry.planes.take(plane, axis=-1)
-    rays, middle, half, offsets, error = sight.at(owner)
+    own = sight.at(owner)
+    rays, middle, half, offsets, error, _ = own
 
     height, slopes = _heights(rows, rays)
     level = height + slopes[0] * middle
     across = np.abs(slopes[1]) * offsets[0] + np.abs(slopes[2]) * offsets[1]
-    largest = np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
+    if sight.parallel:
+        largest = np.maximum(np.abs(level) + across, np.abs(slopes[0]) * half)
+        steepest = length(slopes * np.stack([half, own.spread, own.spread]))
+    else:
+        largest = np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
+        steepest = length(slopes) * middle
     # A plane seen edge on may be this small in its rectangle alone, and would overflow beside it.
-    scale = power_of_two(np.maximum(largest, FAINTEST * length(slopes) * middle))
+    scale = power_of_two(np.maximum(largest, FAINTEST * steepest))
     seen = np.flatnonzero(starts_at_eye[owner] & ~geometry.plane_bounds[plane])
     two_sided = geometry.plane_two_sided[plane[seen]]
     moved = np.zeros(len(owner))
     moved[seen] = _eye_clearance(height[seen] * scale[seen], two_sided)
 
-    np.multiply(slopes, middle * scale, out=lines[0])
+    np.multiply(slopes, own.spread * scale, out=lines[0])
     lines[0, 0] = level * scale + moved
     np.multiply(slopes, half * scale, out=lines[1])
+    if sight.parallel:
+        lines[1, 1:] = 0.0
     end_lines(lines, offsets, start[~geometry.has_quadric[ix] & (count > 1)])
     size = np.abs(lines)
     lines[:, 0] *= size[:, 0] >= NEGLIGIBLE
@@ -373,7 +387,8 @@ def _radius(tangent: Floats, view: View, low: Floats) -> Floats:
     first = np.array([[view.x_first], [view.y_first]])
     last = first + view.pixel * (np.array([[view.width], [view.height]]) - 1)
     width = np.minimum(tangent[:, 1], last) - np.maximum(tangent[:, 0], first)
-    return np.asarray(np.maximum(np.maximum(*width), 0.0) * low / 2)
+    reach = np.maximum(np.maximum(*width), 0.0)
+    return np.asarray(reach / 2 if view.parallel else reach * low / 2)
 
 
 def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[Ints, Floats]:
@@ -402,10 +417,12 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
 
 
 def _rays(view: View, center: Ints, origin: Floats, rotation: Floats) -> Floats:
-    """The eye, and directions per unit depth as [1, x, y] coefficients (4, 3, V), local."""
+    """``Sight.rays``: the eye, and directions as [1, x, y] coefficients (4, 3, V), local."""
     right, down, _ = view.camera_from_world
     rays = np.empty((4, 3, center.shape[1]))
     np.subtract(view.eye[:, None], origin, out=rays[0])
+    if view.parallel:
+        rays[0] += view.starts(*center).T
     rays[1] = view.directions(*center).T
     rays[2] = (view.pixel * right)[:, None]
     rays[3] = (view.pixel * down)[:, None]

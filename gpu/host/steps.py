@@ -13,11 +13,15 @@ import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, FLOAT_STEPS, Format
+from halfstep.host.occluders import has_shadows
 from halfstep.host.setup import Setup
 from halfstep.scene import Accuracy, Scene
 
 # Share of a tolerance that is left to rounding.
 ROUNDING_SHARE = 2.0**-4
+# Where points are asked for shadows, they are known to this: an edge of a shadow is as far off as
+# they are.
+SHADOW_STEPS = 16
 # Halvings of a region beyond those that make a cell as long as its parts are thin.
 THIN_STEPS = 2
 
@@ -53,7 +57,9 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | No
             tolerance = np.full(setup.count, accuracy.tolerance)
         else:
             assert accuracy.tolerance_pixels is not None  # validation leaves exactly one of three
-            tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * setup.nearest
+            # Parallel rays a pixel apart are so at any depth.
+            nearest = np.ones(setup.count) if setup.view.parallel else setup.nearest
+            tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * nearest
         share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
         wanted = np.ceil(-np.log2(np.maximum(share, 2.0**-64)))
         short = wanted > most
@@ -64,6 +70,8 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | No
             cells = 2 * setup.depth_half[row] / setup.copies.thinnest
             needed = np.ceil(np.log2(np.maximum(cells, 1.0))) + THIN_STEPS
             count[row] = np.maximum(count[row], np.where(cells > 0, np.minimum(needed, most), 1))
+        if has_shadows(scene):
+            count = np.maximum(count, min(SHADOW_STEPS, most))
     reached = setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE)
     return Steps(count, short, reached, most)
 

@@ -72,7 +72,7 @@ class FrameBuffer:
                 planes[name] = of_bytes(name)
             elif name == "surface" and "tag" in self.written:
                 planes[name] = of_bytes("tag")[..., 0]
-            elif name == "surface":
+            elif name in {"surface", "shadow"}:
                 planes[name] = np.array(of_words[0])
             elif name in ("key", "exit"):
                 planes[name] = joined_key(*of_words[:2])

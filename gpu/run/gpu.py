@@ -39,7 +39,7 @@ from halfstep.run.needs import needs_of
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
-from halfstep.shader.source import binding_types, compose
+from halfstep.shader.source import SHADOW_BINDINGS, binding_types, compose
 
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
 BAND_BYTES = 128 << 20
@@ -67,6 +67,11 @@ _NAMES = {
     12: "appearances of regions",
     13: "programs of regions",
     14: "polynomials",
+    15: "locations of solids",
+    16: "views of lights",
+    17: "occluders",
+    18: "sides of occluders",
+    19: "boxes of occluders",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -200,6 +205,11 @@ class Device(Turns):
             DeviceError: the device is lost or out of memory.
         """
         self.check_format(packed.format)
+        if packed.shadows is not None and INT64 not in self.adapter.handle.features:
+            raise AdapterError(
+                f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which shadows "
+                "need; use --no-shadows, or the backend numpy"
+            )
         written = written_for(outputs, packed)
         lists = lists_of(packed, first_row, rows, leaving="exit" in written)
         needs = needs_of(
@@ -243,6 +253,8 @@ class Device(Turns):
             contents |= dict(enumerate(lists.regions.arrays, start=9))
         if packed.polynomials is not None:
             contents[14] = packed.polynomials.records
+        if packed.shadows is not None:
+            contents |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
         try:
             with device_errors(self.adapter):
                 pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
@@ -272,7 +284,7 @@ class Device(Turns):
         # Unknown until this frame succeeds.
         self._blank = None, blank
         # The frame that picks the shaders renders blank tiles too, so that all compile now.
-        decided = not self._is_software or self._chosen_sets.get(needs)
+        decided = not self._is_software or "shadows" in needs.facts or self._chosen_sets.get(needs)
         return blank & before if shown == ground and decided else np.zeros_like(blank)
 
     def _is_too_large(self, packed: Packed, lists: Lists) -> bool:
@@ -309,7 +321,8 @@ class Device(Turns):
         adapter the second frame picks the sets of classes that get a shader of their own.
         """
         whole = [needs.classes]
-        if not self._is_software:
+        # Code for shadows is the same for all classes, and takes longer still to compile.
+        if not self._is_software or "shadows" in needs.facts:
             return whole
         if needs not in self._chosen_sets:
             self._chosen_sets[needs] = []

@@ -27,6 +27,7 @@ def needs_of(
         together: as in `Needs`.
         uniform: if its solids are few enough for it.
     """
+    shadows = packed.shadows
     return Needs(
         classes=packed.present,
         outputs=outputs,
@@ -40,6 +41,11 @@ def needs_of(
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
         levels=0 if regions is None else _enough(regions.levels),
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
+        shadows=0 if shadows is None else len(shadows.views),
+        far_lights=0 if shadows is None else shadows.far_lights,
+        hides=frozenset() if shadows is None else frozenset(kind for kind, _ in shadows.kinds),
+        encloses=shadows is not None and shadows.encloses,
+        parallel=packed.setup.view.parallel,
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
 

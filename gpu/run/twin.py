@@ -17,7 +17,7 @@ from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene
-from halfstep.twin import encode, finish, keep
+from halfstep.twin import encode, finish, keep, shadows
 from halfstep.twin.chosen import Chosen, chosen_for, module
 from halfstep.twin.lanes import F32
 from halfstep.twin.normal import Vector
@@ -91,7 +91,15 @@ class Band:
         here = np.minimum(j, rows - 1), np.minimum(i, width - 1)
         old = _each(_part, self._nearest, window=here)
         new = keep.keep(
-            old, solid, seen.sight, seen.slope, seen.certificate, seen.paint, self._keys, facts
+            old,
+            solid,
+            seen.sight,
+            seen.slope,
+            seen.certificate,
+            seen.paint,
+            np.zeros(x.shape, np.uint32) if seen.turned is None else seen.turned,
+            self._keys,
+            facts,
         )
         shown = (j < rows) & (i < width)
         _each(_put, self._nearest, new, window=(j[shown], i[shown]), shown=shown)
@@ -107,11 +115,24 @@ class Band:
         if "error" in outputs:
             planes["low"], planes["doubt"] = joined_key(*nearest.low), joined_key(*nearest.doubt)
             planes["bound"] = nearest.bound
-        if "normal" not in self._facts:
+        if self._facts.isdisjoint({"normal", "shadows"}):
             return planes
         j, i = np.mgrid[: self._shape[0], : self._shape[1]].astype(np.int32)
         j += np.int32(self._first_row)
-        lights = [Light(row["vector"], row["color"]) for row in self._packed.lights]
+        hidden = self._packed.shadows if "shadows" in self._facts else None
+        if hidden is not None:
+            beams = module(self._packed.format.beam)
+            points = shadows.find_points(hidden, nearest, i, j, beams)
+            nearest = nearest._replace(dark=shadows.find_shadows(hidden, nearest, points, beams))
+        if "shadow" in outputs:
+            planes["shadow"] = nearest.dark
+        if "normal" not in self._facts:
+            return planes
+        dark = 0 if hidden is None else len(hidden.views)
+        lights = [
+            Light(row["vector"], row["color"], ix < dark)
+            for ix, row in enumerate(self._packed.lights)
+        ]
         shown = finish.finish(nearest, i, j, self._frame, lights, self._facts)
         if "normal" in outputs:
             planes["normal"] = np.stack(shown.normal, axis=-1)

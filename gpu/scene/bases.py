@@ -33,6 +33,7 @@ class BaseSolid(Placed, Named):
         is_algebraic: whether F is a polynomial in its coordinates, of any degree.
         is_ellipsoid: whether it is one, whatever rounding says of its matrix.
         bulges: whether between its ends it may be wider than a cone through their discs.
+        casts_shadow: whether it hides lights that have shadows.
     """
 
     is_flat: ClassVar[bool] = True
@@ -46,6 +47,7 @@ class BaseSolid(Placed, Named):
     keyframes: Annotated[Sequence[SolidKey], AfterValidator(are_in_order)] = Field(
         default=(), alias="key"
     )
+    casts_shadow: bool = True
 
     @field_validator("color")
     @classmethod

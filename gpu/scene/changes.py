@@ -1,6 +1,6 @@
 """Scenes with something in place of what they say."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypedDict, TypeVar, Unpack, cast
 
 import numpy as np
@@ -12,10 +12,10 @@ from halfstep.scene.bases import BaseSolid
 from halfstep.scene.faults import Fault, Loc, line, show
 from halfstep.scene.groups import Fragment, Place
 from halfstep.scene.keys import Animation, SolidKey
-from halfstep.scene.limits import accuracy_faults
+from halfstep.scene.limits import algebraic_faults, shadow_faults
 from halfstep.scene.model import Scene
 from halfstep.scene.solids import NO_PATCH, PlanePatch, box_cuts_area
-from halfstep.scene.tables import ACCURACY_KEYS, Camera
+from halfstep.scene.tables import ACCURACY_KEYS, VIEW_KEYS, Camera, Light
 from halfstep.scene.values import Table, described, plain
 
 Moving = TypeVar("Moving", bound=BaseSolid | Place)
@@ -27,8 +27,8 @@ CameraLike = Camera | Mapping[str, object]
 class Overrides(TypedDict, total=False):
     """Options that replace what a scene says, wherever one is rendered; None is not given.
 
-    But for ``size`` each has the name of the key that it replaces in the scene's ``[image]`` or
-    ``[accuracy]``.
+    But for ``size`` and ``shadows`` each has the name of the key that it replaces in the scene's
+    ``[image]`` or ``[accuracy]``.
     """
 
     size: tuple[int, int] | None  # (width, height) in pixels
@@ -40,6 +40,7 @@ class Overrides(TypedDict, total=False):
     number_format: str | None  # "float32" or "fixed32"
     # "visible", the joint logic first, or "article", the paper's own sequences.
     method: str | None
+    shadows: bool | None  # of all lights of the scene
 
 
 def with_overrides(
@@ -78,7 +79,8 @@ def with_overrides(
                 faults.append((loc, text))
 
     if isinstance(camera, Mapping):
-        replace("camera", {**scene.camera.model_dump(), **_given(camera)}, {})
+        new = _given(camera)
+        replace("camera", {**_kept(scene.camera, new, VIEW_KEYS), **new}, {})
     elif camera is not None:
         replace("camera", camera, {})
 
@@ -88,19 +90,31 @@ def with_overrides(
     for key, table in (("image", scene.image), ("accuracy", scene.accuracy)):
         new = {name: given[name] for name in given if name in type(table).model_fields}
         if new:
-            replace(key, {**_kept(table, new), **new}, options)
+            replace(key, {**_kept(table, new, ACCURACY_KEYS), **new}, options)
 
-    changed = scene.model_copy(update=changes)
-    faults = faults or _unfit(changed, given)
+    lights, found = _lights(scene, given.get("shadows"))
+    changed = scene.model_copy(update={**changes, "lights": lights})
+    faults = [*faults, *found] or _unfit(changed, given)
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
     return changed
 
 
 def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
-    """What of an accuracy the solids of a scene cannot have, by the options that are ``given``."""
-    found = accuracy_faults(scene.solids, scene.accuracy)
+    """What the solids of a scene cannot have, by the options that are ``given``."""
+    found = algebraic_faults(scene.solids, scene.accuracy, scene.camera)
     return [(loc[1:] if loc[1] in given else loc, text) for loc, text in found]
+
+
+def _lights(scene: Scene, shadows: object) -> tuple[tuple[Light, ...], list[Fault]]:
+    """The lights of a scene, all with shadows or without, and what is wrong with that."""
+    if shadows is None:
+        return scene.lights, []
+    if not isinstance(shadows, bool):
+        return scene.lights, [(("shadows",), f"{show(shadows)} is not true or false")]
+    lights = tuple(light.model_copy(update={"shadows": shadows}) for light in scene.lights)
+    found = shadow_faults(scene, [shadows] * len(lights), scene.solids)
+    return lights, [(("shadows",), text) for text in dict.fromkeys(text for _, text in found)]
 
 
 def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:
@@ -118,12 +132,12 @@ def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:
     return given, options
 
 
-def _kept(table: Table, new: Mapping[str, object]) -> dict[str, Any]:
-    """What a table has beside new keys, of which one of accuracy replaces another."""
+def _kept(table: Table, new: Mapping[str, object], one_of: Collection[str]) -> dict[str, Any]:
+    """What a table has beside new keys, of which one of some replaces another."""
     kept = table.model_dump(exclude_none=True)
-    if new.keys().isdisjoint(ACCURACY_KEYS):
+    if new.keys().isdisjoint(one_of):
         return kept
-    return {name: kept[name] for name in kept if name not in ACCURACY_KEYS}
+    return {name: kept[name] for name in kept if name not in one_of}
 
 
 def with_animation(scene: Scene, *, frames: int | None = None, fps: float | None = None) -> Scene:

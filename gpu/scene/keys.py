@@ -10,6 +10,7 @@ from halfstep.scene.values import (
     Coordinate,
     FieldOfView,
     Fraction,
+    Length,
     Point,
     Sequence,
     Table,
@@ -35,13 +36,16 @@ class CameraKey(Table):
     center: Point | None = None
     look_at: Point | None = None
     fov_degrees: FieldOfView | None = None
+    orthographic_height: Length | None = None
 
-    @field_validator("fov_degrees")
+    @field_validator("orthographic_height")
     @classmethod
-    def _says_something(cls, fov: float | None, info: ValidationInfo) -> float | None:
-        if {"center", "look_at"} <= info.data.keys():
-            check_some(center=info.data["center"], look_at=info.data["look_at"], fov_degrees=fov)
-        return fov
+    def _says_something(cls, height: float | None, info: ValidationInfo) -> float | None:
+        others = ("center", "look_at", "fov_degrees")
+        if info.data.keys() >= set(others):
+            said = {name: info.data[name] for name in others}
+            check_some(**said, orthographic_height=height)
+        return height
 
 
 class SolidKey(Table):

@@ -12,9 +12,11 @@ from halfstep.scene.functions import function_count
 from halfstep.scene.groups import Fragment
 from halfstep.scene.lattices import MAX_PLACES
 from halfstep.scene.region import Complement, Literal, Region
-from halfstep.scene.tables import Accuracy
+from halfstep.scene.tables import Accuracy, Camera
 
 MAX_SURFACES = 4096
+# Lights with shadows, of which the output `shadow` has a bit each.
+MAX_SHADOWS = 32
 # Of one cell, with those of the parts and cells that it names.
 MAX_LITERALS = 1 << 16
 
@@ -23,8 +25,10 @@ MAX_LITERALS = 1 << 16
 MOST_STEPS_OF_CELLS = 22
 
 
-def accuracy_faults(solids: Sequence[BaseSolid], accuracy: Accuracy) -> list[Fault]:
-    """What of ``[accuracy]`` solids cannot have that polynomials bound."""
+def algebraic_faults(
+    solids: Sequence[BaseSolid], accuracy: Accuracy, camera: Camera
+) -> list[Fault]:
+    """What of ``[accuracy]`` and ``[camera]`` solids cannot have that polynomials bound."""
     found = [solid for solid in solids if solid.is_algebraic]
     if not found:
         return []
@@ -40,6 +44,9 @@ def accuracy_faults(solids: Sequence[BaseSolid], accuracy: Accuracy) -> list[Fau
     if accuracy.steps is not None and accuracy.steps > MOST_STEPS_OF_CELLS:
         text = f"{accuracy.steps} is not <= {MOST_STEPS_OF_CELLS}, the most with {names}"
         faults.append((("accuracy", "steps"), text))
+    if camera.orthographic_height is not None:
+        text = f"parallel rays do not draw {names} yet; use fov_degrees"
+        faults.append((("camera", "orthographic_height"), text))
     return faults
 
 
@@ -50,6 +57,31 @@ def limit_faults(scene: Fragment) -> list[Fault]:
     if count > MAX_PLACES:
         faults.append(((), f"{count} copies of groups is not <= {MAX_PLACES}"))
     return faults
+
+
+def shadow_faults(
+    scene: Fragment, has_shadows: Sequence[bool], solids: Sequence[BaseSolid]
+) -> list[Fault]:
+    """What of a scene has, or casts, shadows that are not drawn; ``has_shadows`` of its lights."""
+    lights = [index for index, shadows in enumerate(has_shadows) if shadows]
+    faults: list[Fault] = []
+    if len(lights) > MAX_SHADOWS:
+        faults.append((("light",), f"{len(lights)} with shadows is not <= {MAX_SHADOWS}"))
+    if lights and (scene.cells or scene.places or scene.lattices):
+        text = "true: shadows are drawn of solids alone, and the scene has cells"
+        faults += [(("light", index, "shadows"), text) for index in lights]
+    if lights and any(solid.is_algebraic for solid in solids):
+        text = "true: shadows are not drawn of tori and formulas yet, and the scene has some"
+        faults += [(("light", index, "shadows"), text) for index in lights]
+    return [*faults, *_of_parts(scene, ())]
+
+
+def _of_parts(fragment: Fragment, loc: Loc) -> Iterator[Fault]:
+    for index, part in enumerate(fragment.parts):
+        if not part.casts_shadow:
+            yield (*loc, "part", index, "casts_shadow"), "false: a part casts none of its own"
+    for index, group in enumerate(fragment.groups):
+        yield from _of_parts(group, (*loc, "group", index))
 
 
 def _of_group(fragment: Fragment, loc: Loc) -> Iterator[Fault]:

@@ -20,6 +20,7 @@ from pydantic import (
     PrivateAttr,
     ValidationError,
     ValidationInfo,
+    field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -31,11 +32,20 @@ from halfstep.scene.faults import Fault, fault, line, show
 from halfstep.scene.gathering import with_what_is_named
 from halfstep.scene.groups import Cell, Fragment
 from halfstep.scene.keys import Animation
-from halfstep.scene.limits import accuracy_faults, limit_faults
+from halfstep.scene.limits import algebraic_faults, limit_faults, shadow_faults
 from halfstep.scene.names import get, name_faults
 from halfstep.scene.placement import unit
 from halfstep.scene.solids import Solid
-from halfstep.scene.tables import Accuracy, Ambient, Camera, Image, Light, Material, Volume
+from halfstep.scene.tables import (
+    VIEW_KEYS,
+    Accuracy,
+    Ambient,
+    Camera,
+    Image,
+    Light,
+    Material,
+    Volume,
+)
 from halfstep.scene.values import Sequence, Table, described, plain, validation_error
 from halfstep.scene.writing import text_of
 
@@ -46,6 +56,9 @@ _SHOWN = ("solid", "cell", "place", "lattice")
 _OF_A_FILE: Mapping[str, object] = {}
 # Keys that the digest of a scene without them does not know.
 _NEW_KEYS = ("surface", "part", "cell", "group", "place", "lattice")
+_NEW_CAMERA_KEYS = {"orthographic_height"}
+_NEW_SOLID_KEYS = {"casts_shadow"}
+_NEW_LIGHT_KEYS = {"shadows"}
 # As many as fit uniform memory, of which WebGPU asks a device for 64 KiB.
 MAX_LIGHTS = 2048
 _TURNTABLE = Animation(orbit_degrees=360.0)
@@ -74,6 +87,24 @@ class _Tables(Table):
     materials: Sequence[Material] = Field(default=(), alias="material")
     solids: Sequence[Solid] = Field(default=(), alias="solid")
 
+    @field_validator("animation")
+    @classmethod
+    def _moves_this_camera(
+        cls, animation: Animation | None, info: ValidationInfo
+    ) -> Animation | None:
+        camera = info.data.get("camera")
+        if animation is None or camera is None:
+            return animation
+        own, other = VIEW_KEYS if camera.orthographic_height is None else VIEW_KEYS[::-1]
+        faults = [
+            (("key", index, other), f"is of another camera than one with {own}")
+            for index, key in enumerate(animation.keyframes)
+            if getattr(key, other) is not None
+        ]
+        if faults:
+            raise validation_error("animation", faults)
+        return animation
+
 
 class Scene(Fragment, _Tables):
     """A whole scene, valid by construction: from `load`, `Scene.from_dict`, or its tables.
@@ -92,11 +123,17 @@ class Scene(Fragment, _Tables):
     @model_validator(mode="after")
     def _agrees(self, info: ValidationInfo) -> Self:
         if info.context is not _OF_A_FILE:
-            faults = self.other_faults(self) or limit_faults(self)
-            faults += accuracy_faults(self.solids, self.accuracy)
+            faults = self.other_faults(self) or self._limit_faults()
             if faults:
                 raise validation_error("Scene", faults)
         return self
+
+    def _limit_faults(self) -> list[Fault]:
+        return [
+            *limit_faults(self),
+            *shadow_faults(self, [each.shadows for each in self.lights], self.solids),
+            *algebraic_faults(self.solids, self.accuracy, self.camera),
+        ]
 
     @classmethod
     def other_faults(cls, given: object) -> list[Fault]:
@@ -139,7 +176,7 @@ class Scene(Fragment, _Tables):
         # Columns of formulas are those of the file, which the scene itself does not keep.
         faults += cls.other_faults(mapping)
         if scene is not None and not faults:
-            faults += limit_faults(scene) + accuracy_faults(scene.solids, scene.accuracy)
+            faults += scene._limit_faults()  # noqa: SLF001 - its own class
         if scene is None or faults:
             raise SceneError(*dict.fromkeys(line(source, loc, text) for loc, text in faults))
         scene._name = Path(source).stem  # noqa: SLF001 - its own class
@@ -158,11 +195,21 @@ class Scene(Fragment, _Tables):
     @property
     def solids_sha256(self) -> str:
         """Hex digest of the solids alone, which is most of the work where they are many."""
-        return _digest(self.model_dump(by_alias=True, include={"solids"}))
+        new = set() if any(not each.casts_shadow for each in self.solids) else _NEW_SOLID_KEYS
+        left_out = {"solids": {"__all__": new}}
+        return _digest(self.model_dump(by_alias=True, include={"solids"}, exclude=left_out))
 
     def sha256_with(self, solids_sha256: str) -> str:
         """`sha256`, given that of the solids: scenes that differ in their cameras share it."""
-        content = self.model_dump(by_alias=True, exclude={"solids"})
+        new: dict[str, Any] = {"solids": True}
+        if self.camera.orthographic_height is None:
+            new["camera"] = _NEW_CAMERA_KEYS
+        if self.animation is not None and self.camera.orthographic_height is None:
+            new["animation"] = {"keyframes": {"__all__": _NEW_CAMERA_KEYS}}
+        if not any(light.shadows for light in self.lights):
+            new["lights"] = {"__all__": _NEW_LIGHT_KEYS}
+        content = self.model_dump(by_alias=True, exclude=new)
+        _forget_shadows_of_parts(content)
         content = {key: each for key, each in content.items() if each or key not in _NEW_KEYS}
         for material in content["material"]:
             if material["id"] is None:
@@ -193,6 +240,14 @@ class Scene(Fragment, _Tables):
     def to_toml(self) -> str:
         """The text of a scene file that loads to an equal scene; what is a default is left out."""
         return text_of(self)
+
+
+def _forget_shadows_of_parts(content: dict[str, Any]) -> None:
+    """Take out of a dump of a scene or group what no part may say."""
+    for part in content["part"]:
+        del part["casts_shadow"]
+    for group in content["group"]:
+        _forget_shadows_of_parts(group)
 
 
 def _digest(content: dict[str, Any]) -> str:

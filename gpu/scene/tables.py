@@ -17,30 +17,52 @@ from halfstep.scene.values import (
     Direction,
     FieldOfView,
     Fraction,
+    Length,
     Name,
     Point,
     Table,
     Vector,
+    check_at_most_one,
     check_exactly_one,
 )
 
 MAX_SIDE = 16384
+# A camera has one of these.
+VIEW_KEYS = ("fov_degrees", "orthographic_height")
 
 
 class Camera(Table):
-    """Centre of projection h and the view from it.
+    """Centre of projection h and the view from it, or the view along parallel rays.
 
     Attributes:
-        center: the centre of projection, eq. (1).
+        center: the centre of projection, eq. (1); where rays are parallel, the middle of the plane
+            in which they start.
         look_at: the point in the middle of the picture.
         up: the direction that points up in the picture.
-        fov_degrees: vertical angle of view.
+        fov_degrees: vertical angle of view; None where rays are parallel.
+        orthographic_height: the height of the picture in scene units, if rays are parallel.
     """
 
     center: Point
     look_at: Point
     up: Direction = (0.0, 0.0, 1.0)
-    fov_degrees: FieldOfView = 45.0
+    fov_degrees: FieldOfView | None = 45.0
+    orthographic_height: Length | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_view(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and data.get("fov_degrees") is None:
+            is_parallel = data.get("orthographic_height") is not None
+            return {**data, "fov_degrees": None if is_parallel else 45.0}
+        return data
+
+    @field_validator("orthographic_height")
+    @classmethod
+    def _only_one(cls, height: float | None, info: ValidationInfo) -> float | None:
+        fov = info.data.get("fov_degrees")
+        check_at_most_one(fov_degrees=fov, orthographic_height=height)
+        return height
 
     @field_validator("look_at")
     @classmethod
@@ -143,11 +165,16 @@ class Ambient(Table):
 
 
 class Light(Table):
-    """A light: far away in a direction (towards the light), or at a position; never both."""
+    """A light: far away in a direction (towards the light), or at a position; never both.
+
+    Attributes:
+        shadows: whether solids hide it from what lies behind them.
+    """
 
     direction: Direction | None = None
     position: Point | None = None
     color: Color = (1.0, 1.0, 1.0)
+    shadows: bool = False
 
     @field_validator("position")
     @classmethod

@@ -12,11 +12,16 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import (
     APPEARANCE,
+    BOX,
     CURVED,
     FLAT,
     HALF_SPACE,
+    LIGHT_VIEW,
+    LOCATION,
+    OCCLUDER,
     POLYNOMIAL,
     REGION,
+    SIDE,
     SOLID,
     TILE_WORDS,
     Record,
@@ -37,6 +42,17 @@ REGION_RECORDS = {
 }
 
 
+# And what hides lights.
+SHADOW_RECORDS = {
+    "locations": LOCATION,
+    "light_views": LIGHT_VIEW,
+    "occluders": OCCLUDER,
+    "sides": SIDE,
+    "boxes": BOX,
+}
+_SHADOW_NAMES = ("location", "light_view", "occluder", "side", "box")
+
+
 def fetches(needs: Needs) -> str:
     """The functions ``solid_at``, ``half_space_at`` and ``tile_at``, with the struct of a tile."""
     functions = [
@@ -53,7 +69,29 @@ def fetches(needs: Needs) -> str:
     if Class.POLYNOMIAL in needs.classes:
         record = POLYNOMIAL.counted(TERMS=term_count(needs.degree))
         functions.append(_record_at(needs, record, "polynomials", "polynomial"))
+    if "shadows" in needs.facts:
+        functions += [
+            _record_at(needs, record, array, name)
+            for (array, record), name in zip(SHADOW_RECORDS.items(), _SHADOW_NAMES, strict=True)
+        ]
+        functions.append(_box_alone(needs))
     return "\n".join(functions)
+
+
+def _box_alone(needs: Needs) -> str:
+    """The function that fetches a box for one invocation."""
+    body = "  return boxes[number];\n"
+    if needs.together > 1:
+        words = [f"bitcast<f32>({half}.{axis})" for axis in "xyz" for half in ("low", "high")]
+        halves = [f"array<f32, 3>({', '.join(words[k : k + 3])})" for k in (0, 3)]
+        body = (
+            "  let piece = boxes[number];\n"
+            "  let low = vec4<u32>(piece);\n"
+            "  let high = vec4<u32>(piece >> vec4<u32>(32u));\n"
+            f"  return Box(\n    {halves[0]},\n    {halves[1]},\n  );\n"
+        )
+    head = "// A box, which each invocation fetches for itself.\nfn box_alone(number: u32) -> Box {"
+    return f"{head}\n{body}}}\n"
 
 
 def _tile_at(needs: Needs) -> str:
@@ -154,5 +192,9 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
 def _scalar(number_format: Format, type_: str) -> str:
     """The WGSL type of a member of a record."""
     names = {np.float32: "f32", np.int32: "i32", np.int64: "i64"}
-    numbers = {"Coefficient": number_format.coefficient, "Value": number_format.value}
+    numbers = {
+        "Coefficient": number_format.coefficient,
+        "Value": number_format.value,
+        "Length": number_format.length,
+    }
     return names[numbers[type_]] if type_ in numbers else type_

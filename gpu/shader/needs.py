@@ -8,10 +8,19 @@ from functools import cached_property
 
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
+from halfstep.contract.shadows import Kind
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
 # of bytes, with how many a pixel has.
-OUTPUT_WORDS = {"surface": 1, "key": 2, "exit": 2, "color": 3, "normal": 3, "error": 5}
+OUTPUT_WORDS = {
+    "surface": 1,
+    "key": 2,
+    "exit": 2,
+    "color": 3,
+    "normal": 3,
+    "error": 5,
+    "shadow": 1,
+}
 OUTPUT_BYTES = {"image": 3, "tag": 1}
 # A tag is the number of a surface, where a scene has no more than this.
 MOST_TAGS = 255
@@ -50,6 +59,11 @@ class Needs:
     levels: int = 0  # the most that a region's program opens at once, or a little more
     degree: int = 0  # the highest of a polynomial of the scene
     conveyor: str = "conveyor"  # the stage that finds where roots are
+    parallel: bool = False  # rays are
+    shadows: int = 0  # lights that have them
+    far_lights: int = 0  # of these, such as have no place
+    hides: frozenset[Kind] = frozenset()  # kinds of solids before lights
+    encloses: bool = False  # a light may be inside a solid
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -63,10 +77,17 @@ class Needs:
             wanted |= {"exit", "leaving"}
         if self.outputs & {"image", "color", "normal"}:
             wanted.add("normal")
+            wanted |= {"parallel"} if self.parallel else set()
         if self.outputs & {"image", "color"}:
             wanted.add("color")
             wanted |= {"gloss"} if self.shininess_bits else set()
             wanted |= {"point_lights"} if self.point_lights else set()
+        if self.shadows and self.outputs & {"image", "color", "shadow"}:
+            wanted.add("shadows")
+            wanted |= {"far_lights"} if self.far_lights else set()
+            wanted |= {"lamps"} if self.far_lights < self.shadows else set()
+            wanted |= {"encloses"} if self.encloses else set()
+            wanted |= {f"hides_{kind.name.lower()}" for kind in self.hides}
         if self.together > 1:
             wanted.add("broadcast")
         if self.has_regions:
@@ -104,8 +125,8 @@ class Needs:
         is_long |= walks and self.degree > MOST_DEGREE_OF_BLOCKS
         if is_long or shades_long:
             return 1
-        shares_most = self.together > 1 and len(self.classes) <= 1 and not walks
-        return 4 if shares_most else 2
+        is_alone = len(self.classes) <= 1 and not walks and "shadows" not in self.facts
+        return 4 if self.together > 1 and is_alone else 2
 
     @property
     def light_rounds(self) -> int:

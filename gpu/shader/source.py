@@ -24,21 +24,25 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from itertools import product
 
 from halfstep.contract import program
 from halfstep.contract.classes import Class
 from halfstep.contract.layout import LANES, TILE
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
 from halfstep.contract.srgb import SRGB_ENTRIES
-from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
+from halfstep.contract.stages import HIDES, STAGES, VISITS, Kind, files_of
 from halfstep.shader.expand import expand
-from halfstep.shader.fetch import FETCHED, REGION_RECORDS, fetches
+from halfstep.shader.fetch import FETCHED, REGION_RECORDS, SHADOW_RECORDS, fetches
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
 
 # Half-spaces that a function of the article method takes when it is run alone. More would take
 # long to compile: llvmpipe needs minutes for 128.
 MAX_LINES = 8
+
+# Where what hides lights is bound.
+SHADOW_BINDINGS = range(15, 15 + len(SHADOW_RECORDS))
 
 # What words of programs are made of.
 WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "NUMBER")
@@ -81,6 +85,7 @@ def _definitions(needs: Needs) -> list[Definition]:
         *(_expanded(needs, name) for name in stages),
         fetches(needs),
         *_visits(needs),
+        *hides(needs),
         _expanded(needs, render),
     ]
     library = (item for text in texts for item in definitions(text))
@@ -98,6 +103,22 @@ def _visits(needs: Needs) -> Iterator[str]:
         visit = VISITS[needs.method, klass]
         text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads)
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
+
+
+def hides(needs: Needs) -> Iterator[str]:
+    """How solids of each kind before lights are tried, alone and in lists."""
+    for kind, lamp in product(sorted(needs.hides), ("far_lights", "lamps")):
+        if lamp not in needs.facts:
+            continue
+        known, name = HIDES[kind], kind.name.lower()
+        facts = needs.facts | known.facts
+        if lamp == "lamps":
+            facts, name = facts | {"lamp"}, f"{name}_lamp"
+        text = expand(stage(known.file), facts, needs.quads)
+        yield text.replace(f"fn {known.file}(", f"fn hide_{name}(")
+        text = expand(stage("hide_list"), facts, needs.quads)
+        text = text.replace("fn hide_list(", f"fn hide_list_{name}(")
+        yield text.replace(" hide(", f" hide_{name}(")
 
 
 def constants(needs: Needs) -> str:
@@ -118,6 +139,9 @@ def constants(needs: Needs) -> str:
         "TERMS": term_count(needs.degree),
         "CLOCKS": CLOCKS,
         "BOUNDS": BOUNDS,
+        "CLASSES": len(needs.classes),
+        "SHADOWS": needs.shadows,
+        "FAR_LIGHTS": needs.far_lights,
         **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
@@ -146,6 +170,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
     if needs.degree:  # likewise
         types[10 + len(REGION_RECORDS)] = "read-only-storage"
+    if "shadows" in needs.facts:
+        types |= dict.fromkeys(SHADOW_BINDINGS, "read-only-storage")
     return types
 
 
@@ -189,4 +215,8 @@ def bindings(needs: Needs) -> str:
         polynomial = "Polynomial" if needs.together == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
+    if "shadows" in needs.facts:
+        for number, (name, record) in zip(SHADOW_BINDINGS, SHADOW_RECORDS.items(), strict=True):
+            type_ = record.name if needs.together == 1 else "vec4<u64>"
+            lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
     return "\n".join(lines) + "\n"

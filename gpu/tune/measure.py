@@ -330,7 +330,9 @@ class _Trials:
     @cached_property
     def pixel_width(self) -> Floats:
         """Widths (H, W) of a pixel at the exact depth, scene units; NaN where nothing is hit."""
-        return np.asarray(self.exact.view.pixel * self.exact.depth)
+        depth, view = self.exact.depth, self.exact.view
+        at = np.where(np.isnan(depth), depth, 1.0) if view.parallel else depth
+        return np.asarray(view.pixel * at)
 
     def possible(self, settings: list[Scene]) -> list[Scene]:
         """Those of ``settings`` that the device can work with; all, where it can with none."""

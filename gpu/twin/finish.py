@@ -31,7 +31,9 @@ def finish(
 ) -> Shown:
     """What the pixels (i, j) of the picture show."""
     some = nearest.surface > 0
-    direction = ray_direction(frame, i.astype(np.float32), j.astype(np.float32))
+    direction = ray = ray_direction(frame, i.astype(np.float32), j.astype(np.float32))
+    if "parallel" in facts:
+        direction = Vector(*(np.full(i.shape, frame["forward"][axis]) for axis in range(3)))
     to_eye = Vector(-direction.x, -direction.y, -direction.z)
     normal = normalized(or_else(nearest.slope, to_eye))
     shown = Shown(NO_VECTOR, NO_VECTOR)
@@ -40,7 +42,10 @@ def finish(
     if "color" in facts:
         material = Finish(nearest.color, nearest.specular, nearest.shininess)
         point = scaled(direction, nearest.depth) if "point_lights" in facts else direction
+        if {"point_lights", "parallel"} <= set(facts):
+            point = Vector(*(start + along for start, along in zip(ray, point, strict=True)))
         background = Vector(*(np.asarray(frame["background"][axis]) for axis in range(3)))
-        lit = shade(normal, direction, point, material, frame["ambient"], lights)
+        dark = nearest.dark if "shadows" in facts else np.zeros(i.shape, np.uint32)
+        lit = shade(normal, direction, point, material, dark, frame["ambient"], lights)
         shown = shown._replace(color=either(some, lit, background))
     return shown

@@ -49,6 +49,9 @@ class Nearest(NamedTuple):
     specular: F32  # weight of its highlight
     shininess: U32  # exponent of its highlight
     depth: F32  # along the view axis
+    position: I32  # on its ray, of the solid that shows it
+    turned: U32  # which side of that is seen, as of `other_side`
+    dark: U32  # bits of lights that do not reach it
 
 
 def nothing(keys: Keys) -> Nearest:
@@ -66,6 +69,9 @@ def nothing(keys: Keys) -> Nearest:
         specular=zero,
         shininess=none,
         depth=zero,
+        position=np.zeros((), np.int32),
+        turned=none,
+        dark=none,
     )
 
 
@@ -76,6 +82,7 @@ def keep(
     slope: Vector,
     certificate: Certificate,
     paint: Paint | None,
+    turned: U32,
     keys: Keys,
     facts: Collection[str],
 ) -> Nearest:
@@ -116,4 +123,9 @@ def keep(
         u = sight.position.astype(np.float32) * solid["last_step"]
         depth = solid["depth_middle"] + u * solid["depth_half"]
         new = new._replace(depth=np.where(nearer, depth, old.depth))
+    if "shadows" in facts:
+        new = new._replace(
+            position=np.where(nearer, sight.position, old.position),
+            turned=np.where(nearer, turned, old.turned),
+        )
     return new

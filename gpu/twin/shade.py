@@ -22,6 +22,7 @@ class Light(NamedTuple):
 
     vector: F32  # (4,), direction towards it (w = 0) or w times its position from the eye
     color: F32  # (4,), linear RGB
+    has_shadow: bool = False  # the first of a frame do
 
 
 class Finish(NamedTuple):
@@ -53,12 +54,14 @@ def shade(
     direction: Vector,
     point: Vector,
     finish: Finish,
+    dark: U32,
     ambient: F32,
     lights: Sequence[Light],
 ) -> Vector:
     """Linear colour of a point, seen along a direction; both are relative to the eye.
 
-    The normal is turned towards the viewer, so that the inside of an opened solid is lit too.
+    The normal is turned towards the viewer, so that the inside of an opened solid is lit too.  Of
+    the first lights, which have shadows, ``dark`` has a bit where they do not reach the point.
     """
     away = dot_product(normal, direction) > FAINT
     sign = np.where(away, np.float32(-1), np.float32(1))
@@ -69,13 +72,15 @@ def shade(
     glossy = [zero, zero, zero]
     point_lights = any((light.vector[3] > 0).any() for light in lights)
     highlights = (finish.specular > 0).any()
-    for light in lights:
+    for ix, light in enumerate(lights):
         to_light = Vector(*(zero + light.vector[axis] for axis in range(3)))
         if point_lights:
             components = zip(light.vector, point, strict=False)
             from_point = Vector(*(at - light.vector[3] * p for at, p in components))
             to_light = normalized(or_else(from_point, toward))
         lambert = np.maximum(dot_product(toward, to_light), np.float32(0))
+        if light.has_shadow:
+            lambert = np.where((dark >> np.uint32(ix)) & np.uint32(1), np.float32(0), lambert)
         for channel in range(3):
             diffuse[channel] = diffuse[channel] + light.color[channel] * lambert
         if highlights:

@@ -34,3 +34,4 @@ class Seen(NamedTuple):
     slope: Vector  # along the normal of the solid at the sight
     certificate: Certificate  # what is certain of the solid
     paint: Paint | None = None  # how it looks, if that is not the same all over it
+    turned: U32 | None = None  # which side is seen, as of `other_side`; None is the outer one

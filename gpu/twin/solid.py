@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from halfstep.contract.layout import Flag
-from halfstep.twin.lanes import I32, Bools, Form
+from halfstep.twin.lanes import I32, U32, Bools, Form
 from halfstep.twin.normal import Vector, gradient
 from halfstep.twin.piece import Piece
 from halfstep.twin.root import outside_at_entry
@@ -45,6 +45,14 @@ def starts_outside(solid: np.void, form: Form, piece: Piece) -> Bools:
 def starts_inside(solid: np.void, piece: Piece) -> Bools:
     """The ray starts inside all half-spaces: at the eye, or at a near base plane that cuts."""
     return eye_inside(solid) | (near_cut(solid) & (piece.id_in == 0))
+
+
+def other_side(solid: np.void, inside: Bools) -> U32:
+    """Which side of a solid is seen.
+
+    0 is that from outside, 1 from inside, 2 from inside where the near base plane opens it.
+    """
+    return np.where(inside, np.uint32(2 if near_cut(solid) else 1), np.uint32(0))
 
 
 def normal_of(half_space: np.void) -> Vector:

@@ -28,6 +28,7 @@ from halfstep.twin.solid import (
     eye_outside,
     near_cut,
     normal_of,
+    other_side,
     slope_at,
     starts_at_eye,
 )
@@ -75,7 +76,10 @@ def visit_article(
         # In one cell the way in and the way out through a surface may stand for each other.
         same = certificate.inside == found.inside
         certificate = certificate._replace(sure=certificate.sure & same)
-    return Seen(sight, slope, certificate)
+    side = other_side(solid, found.inside)
+    if "patch" in facts:
+        side = (line_of(lines, 0).b > 0).astype(np.uint32)
+    return Seen(sight, slope, certificate, turned=side)
 
 
 def _certificate(

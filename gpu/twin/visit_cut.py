@@ -25,6 +25,7 @@ from halfstep.twin.solid import (
     eye_inside,
     near_cut,
     normal_of,
+    other_side,
     slope_at,
     starts_inside,
     starts_outside,
@@ -84,9 +85,12 @@ def visit_cut(
         root = choose(inside, root, leaving)
         if "normal" in facts:
             normal_in = either(inside, normal_out, normal_in)
+    turned = None
+    if "opened" in facts:
+        turned = other_side(solid, inside)
     sight = chosen.conveyor(root, leaving, int(solid["steps"]), facts)
     slope = normal_in
     if "normal" in facts and "curved" in facts:
         curve = slope_at(solid, x, y, sight.position)
         slope = either(sight.surface == 0, curve, normal_in)
-    return Seen(sight, slope, certificate)
+    return Seen(sight, slope, certificate, turned=turned)

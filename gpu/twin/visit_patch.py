@@ -51,4 +51,4 @@ def visit_patch(
         certificate = certify_patch(bounded, solid["last_step"])
     sight = chosen.conveyor(root, root, int(solid["steps"]), facts)
     slope = turned(patch.away, normal_of(own)) if "normal" in facts else NO_VECTOR
-    return Seen(sight, slope, certificate)
+    return Seen(sight, slope, certificate, turned=patch.away.astype(np.uint32))

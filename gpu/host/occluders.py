@@ -1,0 +1,413 @@
+"""What hides each light from where: solids along the rays to lights, float64, once for a scene.
+
+A light is a second centre of projection.  Points are on a grid of the world, in whole numbers that
+do not know the camera.  About an occluder, v runs along one axis of the world, the one most along
+the rays to the light, from its middle towards the light, in units of a radius that is a power of
+two; a and b are the other two axes, sheared so that the light is where a = b = 0.  With
+k = radius/distance of the light and h = 1 - k v, the ray from (a, b, v) is
+
+    P(v') = (a, b, 0, h) + v' (-k a, -k b, h, 0)      v' from v to 1/k, homogeneous coordinates
+
+so F = A v'^2 + G v' + C with A, G and C quadratic in (a, b, h), and half-spaces c + b v' with c and
+b linear.  For a light far away k = 0 and h = 1.  A lamp near an occluder or in it is itself the
+middle: P(w) = (L, 1) - w (D, 0), w from -1 to 0, where D leads from the lamp to the point.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.contract.shadows import Kind
+from halfstep.errors import SceneError
+from halfstep.host import boxes
+from halfstep.host.bounds import bounds
+from halfstep.host.camera import View
+from halfstep.host.geometry import Geometry, world_boxes
+from halfstep.scene import Light, Scene
+from halfstep.scene.region import Intersection, Literal
+
+# Everything that is seen is within 2^GRID_BITS units of the middle of the grid, on average of any
+# two axes, so that differences of sheared coordinates have no more than 32 bits.
+GRID_BITS = 29
+# Solids of fewer units are hardly resolved.
+FEWEST_UNITS = 2.0**9
+# Bits after the point of shears.
+SHEAR_BITS = 30
+# What a lamp sees across over along is known to this.
+TANGENT_MARGIN = 2.0**-18
+# A lamp nearer than this many radii is itself the middle.
+NEAR = 4.0
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Whole numbers for places in the world."""
+
+    middle: Floats  # (3,), world
+    unit: float
+
+    def whole(self, points: Floats) -> Ints:
+        """The grid points nearest to world points (..., 3)."""
+        return np.rint((points - self.middle) / self.unit).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Axes along the rays to a light."""
+
+    axis: int  # of the world, most along the rays
+    sign: int  # 1 if it points to the light
+    shear: Ints  # (2,), along the next axis and the one after that, in 2^-SHEAR_BITS
+
+    @classmethod
+    def towards(cls, direction: Floats) -> Axes:
+        """Axes for rays along a vector (3,)."""
+        axis = int(np.argmax(np.abs(direction)))
+        others = direction[[(axis + 1) % 3, (axis + 2) % 3]] / abs(direction[axis])
+        sign = 1 if direction[axis] > 0 else -1
+        return cls(axis, sign, np.rint(others * 2.0**SHEAR_BITS).astype(np.int64))
+
+    @property
+    def basis(self) -> Floats:
+        """World vectors of a, b and v in columns (3, 3)."""
+        basis = np.zeros((3, 3))
+        for column, axis in enumerate(((self.axis + 1) % 3, (self.axis + 2) % 3)):
+            basis[axis, column] = 1.0
+            basis[axis, 2] = self.shear[column] * 2.0**-SHEAR_BITS
+        basis[self.axis, 2] = self.sign
+        return basis
+
+
+@dataclass(frozen=True)
+class Occluder:
+    """A solid before a light; see `halfstep.contract.layout.OCCLUDER`."""
+
+    solid: int  # index in the scene
+    kind: Kind
+    axes: Axes
+    level: int
+    center: Ints  # (3,), on the grid, or in the axes of a light far away
+    reach: int  # of a lamp along the axis, in units of the grid; 0 if it is not asked for
+    at_lamp: bool
+    encloses: bool
+    end: float  # see above, k
+    forms: Floats  # (3, 6), of A, G, C; 0 where there is no F
+    sides: Floats  # (M, 2, 3), of c and b
+    lit: Bools  # (M,)
+    # (2, 3), where points are hidden at most: from a light far away in units of the grid; from a
+    # lamp across over along, and from how far along, in these units.
+    box: Floats
+
+
+@dataclass(frozen=True)
+class Shadows:
+    """Of each light with shadows what may hide it; lights far away first."""
+
+    grid: Grid
+    lights: tuple[int, ...]  # their bits in the output ``shadow``
+    views: tuple[tuple[Axes, Ints], ...]  # axes of lights far away, places (3,) of lamps
+    far_lights: int
+    occluders: tuple[tuple[Occluder, ...], ...]  # by light, and by kind within
+    coarse: Ints  # solids that the grid hardly resolves
+    first_surface: Ints  # (K,), number of each solid's first surface, from 1
+    surface_count: Ints  # (K,)
+    casts: Bools  # (K,)
+
+
+def has_shadows(scene: Scene) -> bool:
+    """Whether some light of ``scene`` has shadows."""
+    return any(light.shadows for light in scene.lights)
+
+
+def shadows_of(scene: Scene, geometry: Geometry) -> Shadows:
+    """What hides the lights of ``scene``, without cells, that have shadows.
+
+    Raises:
+        SceneError: a solid has no end, so that no grid holds it.
+    """
+    found = _solid_boxes(geometry)
+    is_endless = ~geometry.is_empty & ~np.isfinite(found).all(axis=(0, 1))
+    if is_endless.any():
+        text = "has no end, so shadows are not drawn; cut it, or let lights have none"
+        raise SceneError(
+            *(f"{scene.name}: solid[{ix}]: {text}" for ix in np.flatnonzero(is_endless).tolist())
+        )
+    lights = [light for light in scene.lights if light.shadows]
+    shown = found[..., ~geometry.is_empty]
+    grid = _grid(shown.transpose(2, 0, 1).reshape(-1, 3), lights)
+    order = sorted(range(len(lights)), key=lambda bit: lights[bit].position is not None)
+    views, occluders = [], []
+    for bit in order:
+        view, hiding = _view(geometry, found, grid, lights[bit])
+        views.append(view)
+        occluders.append(hiding)
+    per_solid = geometry.plane_count + 1
+    units = (found[1] - found[0]).max(axis=0) / grid.unit
+    return Shadows(
+        grid=grid,
+        lights=tuple(order),
+        views=tuple(views),
+        far_lights=sum(light.position is None for light in lights),
+        occluders=tuple(occluders),
+        coarse=np.flatnonzero(~geometry.is_empty & (units < FEWEST_UNITS)),
+        first_surface=1 + np.cumsum(per_solid) - per_solid,
+        surface_count=per_solid,
+        casts=np.array([solid.casts_shadow for solid in scene.solids], np.bool_),
+    )
+
+
+def _solid_boxes(geometry: Geometry) -> Floats:
+    """World boxes (2, 3, K) of the solids, infinite where none is found."""
+    found = world_boxes(geometry)
+    for ix in np.flatnonzero(~np.isfinite(found).all(axis=(0, 1)) & ~geometry.is_empty).tolist():
+        local = _enclosed(geometry, ix)
+        if local is not None and np.isfinite(local).all():
+            corners = np.stack(np.meshgrid(*local.T, indexing="ij"), axis=-1).reshape(-1, 3)
+            world = corners @ geometry.world_from_local[..., ix].T + geometry.origin[:, ix]
+            found[..., ix] = world.min(axis=0), world.max(axis=0)
+    return found
+
+
+def _enclosed(geometry: Geometry, ix: int) -> Floats | None:
+    """The box (2, 3) of a solid in its own coordinates, from all its inequalities."""
+    matrices = [geometry.quadric[..., ix]] if geometry.has_quadric[ix] else []
+    for row in _planes_of(geometry, ix):
+        plane = np.zeros((4, 4))
+        plane[3, :3] = plane[:3, 3] = row[:3] / 2
+        plane[3, 3] = row[3]
+        matrices.append(plane)
+    region = Intersection(tuple(Literal(k, positive=False) for k in range(len(matrices))))
+    return boxes.box_of(region, np.array(matrices)) if matrices else None
+
+
+def _planes_of(geometry: Geometry, ix: int) -> Floats:
+    """Half-spaces (M, 4) of a solid, n.x + d <= 0, without edges of its screen rectangle."""
+    first = geometry.plane_start[ix]
+    own = np.arange(first, first + geometry.plane_count[ix])
+    return np.asarray(geometry.planes[:, own[geometry.plane_edge[own] < 0]].T)
+
+
+def _grid(points: Floats, lights: list[Light]) -> Grid:
+    """A grid that holds world points (P, 3) and all lamps."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = (low + high) / 2
+    lamps = [np.array(light.position) for light in lights if light.position is not None]
+    halves = np.max([(high - low) / 2, *(np.abs(lamp - middle) for lamp in lamps)], axis=0)
+    # Sheared, one axis may add to another. A little more, as points are found with rounding.
+    reach = max(float(np.sort(halves)[1:].sum()), 1e-300) * (1 + 2.0**-10)
+    return Grid(middle, 2.0 ** (math.ceil(math.log2(reach)) - 1 - GRID_BITS))
+
+
+def _view(
+    geometry: Geometry, found: Floats, grid: Grid, light: Light
+) -> tuple[tuple[Axes, Ints], tuple[Occluder, ...]]:
+    """The axes of a light, and its occluders."""
+    shown = np.flatnonzero(~geometry.is_empty)
+    kinds = np.select(
+        [geometry.is_patch, geometry.has_quadric], [Kind.PATCH, Kind.CURVED], Kind.FLAT
+    )
+    order = shown[np.argsort(kinds[shown], kind="stable")].tolist()
+    if light.position is None:
+        assert light.direction is not None
+        axes, place = Axes.towards(np.array(light.direction)), np.zeros(3, np.int64)
+    else:
+        place = grid.whole(np.array(light.position))
+        # From the lamp to the middle of everything.
+        ahead = Axes.towards(np.where(place.any(), -place, 1).astype(np.float64))
+        axes = Axes(ahead.axis, ahead.sign, np.zeros(2, np.int64))
+    occluders = []
+    eye = grid.middle if light.position is None else np.array(light.position)
+    spans = _spans(geometry, grid, axes, eye, light.position is not None)
+    for ix in order:
+        one = geometry, grid, ix, Kind(int(kinds[ix])), found[..., ix], spans[..., ix]
+        if light.position is None:
+            occluders.append(_before_far_light(*one, axes))
+        else:
+            occluders.append(_before_lamp(*one, eye, place))
+    return (axes, place), tuple(occluders)
+
+
+def _spans(geometry: Geometry, grid: Grid, axes: Axes, eye: Floats, is_lamp: bool) -> Floats:
+    """Boxes (2, 3, K) of the solids, see `Occluder`, as from ``eye`` in world coordinates."""
+    view = View(
+        eye=eye,
+        camera_from_world=np.asarray(np.linalg.inv(axes.basis) / grid.unit, np.float64),
+        width=1,
+        height=1,
+        pixel=1.0,
+        x_first=0.0,
+        y_first=0.0,
+        parallel=not is_lamp,
+    )
+    seen = bounds(geometry, view)
+    spans = np.concatenate([seen.tangent, seen.depth[None]]).transpose(1, 0, 2)
+    if is_lamp:
+        room = TANGENT_MARGIN * (1 + np.abs(spans[:, :2]).max(axis=0))
+        spans[0, :2] -= room
+        spans[1, :2] += room
+        spans[1, 2] = np.inf
+    else:
+        # From anywhere behind it.
+        spans[0, 2] = -np.inf
+    return spans
+
+
+def _level(box: Floats, grid: Grid) -> int:
+    """Of a solid in a world box, the power of two that is no less than half of it."""
+    half = float((box[1] - box[0]).max()) / 2 / grid.unit
+    return math.ceil(math.log2(max(half * (1 + 2.0**-20), 1.0)))
+
+
+def _before_far_light(
+    geometry: Geometry,
+    grid: Grid,
+    ix: int,
+    kind: Kind,
+    box: Floats,
+    spans: Floats,
+    axes: Axes,
+) -> Occluder:
+    level = _level(box, grid)
+    center = np.rint(np.linalg.inv(axes.basis) @ ((box.mean(axis=0) - grid.middle) / grid.unit))
+    forms = _Forms.of(geometry, grid, ix, axes.basis, axes.basis @ center, level)
+    return Occluder(
+        solid=ix,
+        kind=kind,
+        axes=axes,
+        level=level,
+        center=center.astype(np.int64),
+        reach=0,
+        at_lamp=False,
+        encloses=False,
+        end=0.0,
+        forms=_quadratics(forms.quadric, 0.0),
+        sides=_linears(forms.sides, 0.0),
+        lit=forms.sides[:, 2] > 0,
+        box=spans,
+    )
+
+
+def _before_lamp(
+    geometry: Geometry,
+    grid: Grid,
+    ix: int,
+    kind: Kind,
+    box: Floats,
+    spans: Floats,
+    position: Floats,
+    place: Ints,
+) -> Occluder:
+    level = _level(box, grid)
+    radius = 2.0**level
+    center = grid.whole(box.mean(axis=0))
+    to = (position - grid.middle) / grid.unit - center
+    if np.abs(to).max() >= NEAR * radius:
+        axes = Axes.towards(to)
+        reach = int(np.rint(np.abs(to).max()))
+        # The lamp is where the rounded axes say, along the axis as far as the rounded reach.
+        forms = _Forms.of(geometry, grid, ix, axes.basis, center.astype(np.float64), level)
+        end = radius / reach
+        light = np.array([0.0, 0.0, 1.0, end])
+        return Occluder(
+            solid=ix,
+            kind=kind,
+            axes=axes,
+            level=level,
+            center=center,
+            reach=reach,
+            at_lamp=False,
+            encloses=False,
+            end=end,
+            forms=_quadratics(forms.quadric, end),
+            sides=_linears(forms.sides, end),
+            lit=forms.sides @ light > 0,
+            box=spans,
+        )
+    axes = Axes(2, 1, np.zeros(2, np.int64))
+    forms = _Forms.of(geometry, grid, ix, axes.basis, place.astype(np.float64), level)
+    quadric, sides = forms.quadric, forms.sides
+    encloses = kind != Kind.PATCH and bool((sides[:, 3] <= 0).all())
+    encloses = encloses and (kind == Kind.FLAT or float(quadric[3, 3]) <= 0)
+    a, b, v, one = range(4)
+    second = [quadric[v, v], 2 * quadric[a, v], 2 * quadric[b, v]]
+    second += [quadric[a, a], 2 * quadric[a, b], quadric[b, b]]
+    first = [-2 * quadric[one, each] for each in (v, a, b)]
+    c_b = np.zeros((len(sides), 2, 3))
+    c_b[:, 0, 0] = sides[:, one]
+    c_b[:, 1] = -sides[:, [v, a, b]]
+    return Occluder(
+        solid=ix,
+        kind=kind,
+        axes=axes,
+        level=level,
+        center=place,
+        reach=0,
+        at_lamp=True,
+        encloses=encloses,
+        end=1.0,
+        forms=np.array([second, [*first, 0, 0, 0], [quadric[one, one], 0, 0, 0, 0, 0]]),
+        sides=c_b,
+        lit=sides[:, one] > 0,
+        box=spans,
+    )
+
+
+@dataclass(frozen=True)
+class _Forms:
+    """A solid in the coordinates a, b, v, 1."""
+
+    quadric: Floats  # (4, 4), the largest entry about 1; 0 where there is no F
+    sides: Floats  # (M, 4), each with a largest entry about 1
+
+    @classmethod
+    def of(
+        cls, geometry: Geometry, grid: Grid, ix: int, basis: Floats, center: Floats, level: int
+    ) -> _Forms:
+        """``basis`` (3, 3) in columns and ``center`` (3,) are in units of the grid."""
+        back = geometry.world_from_local[..., ix].T
+        to_local = np.eye(4)
+        to_local[:3, :3] = back @ basis * (2.0**level * grid.unit)
+        start = grid.middle - geometry.origin[:, ix]
+        to_local[:3, 3] = back @ (start + center * grid.unit)
+        quadric = to_local.T @ geometry.quadric[..., ix] @ to_local
+        largest = np.abs(quadric).max()
+        quadric = quadric / largest if largest > 0 else quadric
+        sides = _planes_of(geometry, ix) @ to_local
+        size = np.abs(sides).max(axis=1, keepdims=True, initial=0.0)
+        return cls(quadric, sides / np.where(size > 0, size, 1.0))
+
+
+def _quadratics(q: Floats, k: float) -> Floats:
+    """A, G, C (3, 6) of a matrix (4, 4) as coefficients of hh, ah, bh, aa, ab, bb."""
+    a, b, v, one = range(4)
+    return np.array(
+        [
+            [
+                q[v, v],
+                -2 * k * q[a, v],
+                -2 * k * q[b, v],
+                k * k * q[a, a],
+                2 * k * k * q[a, b],
+                k * k * q[b, b],
+            ],
+            [
+                2 * q[one, v],
+                2 * (q[a, v] - k * q[one, a]),
+                2 * (q[b, v] - k * q[one, b]),
+                -2 * k * q[a, a],
+                -4 * k * q[a, b],
+                -2 * k * q[b, b],
+            ],
+            [q[one, one], 2 * q[one, a], 2 * q[one, b], q[a, a], 2 * q[a, b], q[b, b]],
+        ]
+    )
+
+
+def _linears(sides: Floats, k: float) -> Floats:
+    """c and b (M, 2, 3) of half-spaces (M, 4) as coefficients of h, a, b."""
+    a, b, v, one = sides.T
+    return np.stack([np.stack([one, a, b]), np.stack([v, -k * a, -k * b])]).transpose(2, 0, 1)

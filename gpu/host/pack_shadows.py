@@ -1,0 +1,195 @@
+"""What hides lights as the records that the shaders and the twin read."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+
+from halfstep.contract import layout
+from halfstep.contract.arrays import Floats, Ints, Records
+from halfstep.contract.formats import FIXED32, FLOAT32, Format
+from halfstep.contract.layout import Shade
+from halfstep.contract.shadows import Kind, PackedShadows
+from halfstep.host.occluders import Occluder, Shadows
+from halfstep.host.setup import Setup
+
+# Integer coefficients are such that no value of a form exceeds 2^VALUE_BITS, the radius being
+# 2^RADIUS_BITS.
+VALUE_BITS, RADIUS_BITS = 29, 28
+# The largest magnitudes of monomials, in radii: of hh, ah, bh, aa, ab, bb, and of h, a, b.
+QUADRATIC_REACH = np.array([1.0, 2.0, 2.0, 4.0, 4.0, 4.0])
+LINEAR_REACH = np.array([1.0, 2.0, 2.0])
+# How many bits the place of a point on its ray has, and how many its parts are below in all.
+PLACE_BITS, ROOM_BITS = 20, 60
+# Boxes are wider than solids by so many units: float32 has 24 bits of 30.
+BOX_MARGIN = 2.0**8
+# A box that nothing touches, and how far those reach that have no end.
+NOWHERE = 3e38
+# As many boxes behind the last as a subgroup has invocations at most.
+SPARE_BOXES = 16
+
+
+class ShadowTables:
+    """Records of what a scene's lights are hidden by, which do not depend on the camera."""
+
+    def __init__(self, shadows: Shadows) -> None:
+        self.shadows = shadows
+
+    def packed(self, setup: Setup, solids: Records, number_format: Format) -> PackedShadows:
+        """The records of a frame: those of the scene, and where the points of its solids are.
+
+        Args:
+            setup: the frame.
+            solids: records (V,) of its solids.
+            number_format: of the frame.
+        """
+        shadows = self.shadows
+        views, occluders, sides, boxes = self._tables(number_format.integer)
+        return PackedShadows(
+            locations=_locations(shadows, setup, solids, number_format),
+            views=views,
+            occluders=occluders,
+            sides=sides,
+            boxes=boxes,
+            far_lights=shadows.far_lights,
+            kinds=frozenset(
+                (one.kind, ix >= shadows.far_lights)
+                for ix, hiding in enumerate(shadows.occluders)
+                for one in hiding
+            ),
+            encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
+        )
+
+    @functools.cache  # noqa: B019 - there are two, and they last as long as the scene
+    def _tables(self, integer: bool) -> tuple[Records, Records, Records, Records]:
+        """Views, occluders, sides and boxes in a number format."""
+        number_format, shadows = FIXED32 if integer else FLOAT32, self.shadows
+        every = [one for hiding in shadows.occluders for one in hiding]
+        views = np.zeros(len(shadows.lights), layout.LIGHT_VIEW.dtype())
+        first = 0
+        for record, bit, (axes, place), hiding in zip(
+            views, shadows.lights, shadows.views, shadows.occluders, strict=True
+        ):
+            record["bit"] = 1 << bit
+            record["axis"], record["sign"] = axes.axis, axes.sign
+            record["shear_x"], record["shear_y"] = axes.shear
+            record["origin"] = place
+            kinds = np.array([one.kind for one in hiding], np.int64)
+            record["starts"] = first + np.searchsorted(kinds, np.arange(len(Kind) + 1))
+            first += len(hiding)
+        occluders = np.zeros(len(every), layout.OCCLUDER.dtype(number_format))
+        counts = np.array([len(one.sides) for one in every], np.int64)
+        occluders["side_count"], occluders["side_start"] = counts, np.cumsum(counts) - counts
+        sides = np.zeros(counts.sum(), layout.SIDE.dtype(number_format))
+        boxes = np.zeros(len(every) + SPARE_BOXES, layout.BOX.dtype())
+        boxes["low"], boxes["high"] = NOWHERE, -NOWHERE
+        for record, one in zip(occluders, every, strict=True):
+            _fill(record, one, shadows, integer)
+            own = sides[record["side_start"] :][: len(one.sides)]
+            c_b = _scaled_sides(one.sides, integer)
+            own["c"], own["b"], own["lit"] = c_b[:, 0], c_b[:, 1], one.lit
+        if every:
+            spans = np.array([one.box for one in every])
+            is_far = np.repeat(
+                np.arange(len(shadows.occluders)) < shadows.far_lights,
+                [len(hiding) for hiding in shadows.occluders],
+            )
+            # Of lamps, across over along has a margin already.
+            margin = BOX_MARGIN * np.array([[-1.0], [1.0]]) * np.ones(3)
+            spans += np.where(is_far[:, None, None], margin, margin * [0.0, 0.0, 1.0])
+            spans = np.clip(spans, -NOWHERE, NOWHERE)
+            boxes["low"][: len(every)], boxes["high"][: len(every)] = spans[:, 0], spans[:, 1]
+        return views, occluders, sides, boxes
+
+
+def _fill(record: np.void, one: Occluder, shadows: Shadows, integer: bool) -> None:
+    """Write what a record says of an occluder."""
+    forms = _scaled_forms(one.forms, integer)
+    record["a"], record["g"], record["c"] = forms
+    record["end"] = np.rint(one.end * 2.0**RADIUS_BITS) if integer else one.end
+    record["unit"], record["level"] = 2.0**-one.level, one.level
+    record["center"] = one.center
+    record["axis"], record["sign"] = one.axes.axis, one.axes.sign
+    record["shear_x"], record["shear_y"] = one.axes.shear
+    if one.reach:
+        record["reach"], record["weight"] = one.reach, 1 / one.reach
+        # 2^28/reach with 30 bits.
+        shift = 29 - RADIUS_BITS + math.ceil(math.log2(one.reach))
+        record["factor"] = np.rint(2.0 ** (RADIUS_BITS + shift) / one.reach)
+        record["factor_shift"] = shift
+    flags = Shade.CASTS * bool(shadows.casts[one.solid])
+    flags |= Shade.AT_LAMP * one.at_lamp | Shade.ENCLOSES * one.encloses
+    record["flags"] = flags
+    record["surface"] = shadows.first_surface[one.solid]
+    record["count"] = shadows.surface_count[one.solid]
+
+
+def _scaled_forms(forms: Floats, integer: bool) -> Floats:
+    """A, G, C (3, 6) as coefficients of a number format."""
+    if not integer:
+        return forms
+    largest = float((np.abs(forms) * QUADRATIC_REACH).sum(axis=1).max())
+    return np.asarray(np.rint(forms * _integer_scale(largest)))
+
+
+def _scaled_sides(sides: Floats, integer: bool) -> Floats:
+    """c and b (M, 2, 3) as coefficients of a number format."""
+    if not integer:
+        return sides
+    largest = (np.abs(sides) * LINEAR_REACH).sum(axis=2).max(axis=1, initial=0.0)
+    scales = np.array([_integer_scale(float(each)) for each in largest])
+    return np.asarray(np.rint(sides * scales[:, None, None]))
+
+
+def _integer_scale(largest: float) -> float:
+    """What takes values that are at most ``largest`` in radii to almost 2^VALUE_BITS."""
+    return 2.0**VALUE_BITS * (1 - 2.0**-10) / largest if largest > 0 else 1.0
+
+
+def _locations(shadows: Shadows, setup: Setup, solids: Records, number_format: Format) -> Records:
+    """Where the points of each solid are on the grid, in the order of ``solids``."""
+    grid, view = shadows.grid, setup.view
+    order = _order(setup, solids, shadows.first_surface)
+    right, down, _ = view.camera_from_world
+    center = setup.center[order]
+    middle, half = setup.depth_middle[order, None], setup.depth_half[order, None]
+    directions = view.directions(*center.T)
+    starts = (view.eye - grid.middle) + view.starts(*center.T)
+    at = (starts + middle * directions) / grid.unit
+    anchor = np.rint(at)
+    level, along = np.zeros((2, len(order), 3, 3))
+    level[:, 0] = at - anchor
+    spread = np.ones_like(middle) if view.parallel else middle
+    level[:, 1], level[:, 2] = spread * view.pixel * right, spread * view.pixel * down
+    along[:, 0] = half * directions
+    if not view.parallel:
+        along[:, 1], along[:, 2] = half * view.pixel * right, half * view.pixel * down
+    level[:, 1:] /= grid.unit
+    along /= grid.unit
+    offsets = np.column_stack([np.ones(len(order)), setup.offsets[order] + layout.TILE])
+    largest = np.einsum("vcx,vc->vx", np.abs(along) + np.abs(level), offsets).max(axis=1, initial=1)
+    # The product with a place on the ray, of PLACE_BITS bits, has no more than ROOM_BITS.
+    shift = ROOM_BITS - PLACE_BITS - np.ceil(np.log2(largest)).astype(np.int64)
+    shift = np.clip(shift, 0, 24)
+    records = np.zeros(len(order), layout.LOCATION.dtype(number_format))
+    scale = np.exp2(shift)[:, None, None]
+    if number_format.length is np.int64:
+        level, along = np.rint(level * scale), np.rint(along * scale)
+    records["level"], records["along"] = level.reshape(-1, 9), along.reshape(-1, 9)
+    # It may lie beside the picture, beyond 32 bits; so may the way from there, and the sum fits.
+    records["anchor"] = anchor.astype(np.int64).astype(np.int32)
+    records["shift"] = shift
+    records["center_x"], records["center_y"] = center.T
+    records["steps"], records["last_step"] = solids["steps"], solids["last_step"]
+    records["surface"] = solids["surface"]
+    records["count"] = shadows.surface_count[setup.solid[order]]
+    return records
+
+
+def _order(setup: Setup, solids: Records, first_surface: Ints) -> Ints:
+    """The row in ``setup`` (V,) of each of ``solids``."""
+    rows = np.argsort(first_surface[setup.solid], kind="stable")
+    found = np.searchsorted(first_surface[setup.solid[rows]], solids["surface"])
+    return np.asarray(rows[found])

@@ -1,0 +1,108 @@
+"""Twin of ``shadow.wgsl``: whether an occluder hides a light, signs of products."""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from halfstep.twin import beam, beam_fixed
+from halfstep.twin.lanes import U32, Bools, Form
+from halfstep.twin.patch import Patch
+from halfstep.twin.piece import Line, Piece, clip, remains
+from halfstep.twin.rays import Ray
+from halfstep.twin.root import outside_at_entry, outside_at_exit, turns_within
+from halfstep.twin.values import product
+
+
+def beams_of(ray: Ray) -> ModuleType:
+    """The rays to lights of the number format of one."""
+    return beam_fixed if ray.x.dtype.kind == "i" else beam
+
+
+def curve_along(occluder: np.void, ray: Ray) -> Form:
+    """F along the ray."""
+    second: Any = beams_of(ray).second_order
+    return Form(
+        second(occluder["a"], ray, ray.z, ray.z),
+        second(occluder["g"], ray, ray.z, ray.t),
+        second(occluder["c"], ray, ray.t, ray.t),
+    )
+
+
+def far_curve(occluder: np.void, ray: Ray) -> Form:
+    """The same to a light far away, where z and t are the radius."""
+    beams = beams_of(ray)
+    return Form(
+        np.full_like(ray.x, occluder["a"][0]),
+        beams.first_order(occluder["g"][:3], ray, ray.z),
+        beams.second_order(occluder["c"], ray, ray.t, ray.t),
+    )
+
+
+def side_along(side: np.void, ray: Ray) -> Line:
+    """A half-space along the ray."""
+    first: Any = beams_of(ray).first_order
+    return Line(first(side["c"], ray, ray.t), first(side["b"], ray, ray.z))
+
+
+def whole_ray(ray: Ray) -> Piece:
+    """The whole ray, from the point to the light."""
+    none = np.zeros(ray.x.shape, np.int32)
+    return Piece(ray.c_in, ray.b_in, none, ray.c_out, ray.b_out, none)
+
+
+def is_met(form: Form, piece: Piece) -> Bools:
+    """F <= 0 somewhere on the piece."""
+    inside = ~outside_at_entry(form, piece) | ~outside_at_exit(form, piece)
+    return remains(piece) & (inside | turns_within(form, piece))
+
+
+def rest_of(form: Form, ray: Ray, at_lamp: bool) -> Line:
+    """What is left of F where the ray begins on it, divided by the distance from there."""
+    times: Any = beams_of(ray).times
+    near = times(form.c, -ray.b_in)
+    return Line(near if at_lamp else times(form.a, ray.c_in) + form.g, form.a)
+
+
+def starts_beyond(line: Line, piece: Piece) -> Bools:
+    """The line is positive where the piece begins."""
+    return product(piece.c_in, line.b) > product(line.c, piece.b_in)
+
+
+def ends_beyond(line: Line, piece: Piece) -> Bools:
+    """And where it ends."""
+    return product(line.c, piece.b_out) > product(piece.c_out, line.b)
+
+
+def is_met_again(rest: Line, piece: Piece) -> Bools:
+    """A ray that begins on F, outside, meets it again on the piece."""
+    return (rest.b < 0) & remains(clip(piece, rest, 0))
+
+
+def comes_out(form: Form, rest: Line, piece: Piece, on_curve: Bools) -> Bools:
+    """F > 0 somewhere on the piece; in some pixels it begins on F."""
+    turns = turns_within(Form(-form.a, -form.g, -form.c), piece)
+    outside = outside_at_entry(form, piece) | outside_at_exit(form, piece) | turns
+    return np.where(on_curve, starts_beyond(rest, piece) | ends_beyond(rest, piece), outside)
+
+
+def passed(line: Line, piece: Piece) -> Patch:
+    """The plane of a patch turned so that the ray passes it from + to -; met if on its way."""
+    away = line.b > 0
+    ahead = Line(np.where(away, -line.c, line.c), np.where(away, -line.b, line.b))
+    behind = product(ahead.c, piece.b_out) < product(piece.c_out, ahead.b)
+    hit = (ahead.b < 0) & starts_beyond(ahead, piece) & behind
+    return Patch(hit, away, ahead.c, ahead.b)
+
+
+def own_shadow(faces: Bools, turned: U32, again: Bools, enclosed: Bools, casts: bool) -> Bools:
+    """Whether points of a solid are dark on its own account: turned away, or behind the solid.
+
+    In pixels that see it from inside (1, or 2 where a base plane opens it), ``enclosed`` says that
+    it hides the light.
+    """
+    is_turned = turned != 0
+    behind = np.where(is_turned, enclosed & (turned == 1), again)
+    return (faces == is_turned) | (behind & casts)

@@ -1,0 +1,87 @@
+// The forms of an occluder along rays to a light -> whether it hides the light: signs of products.
+//
+// A solid hides the light where the ray from a point to the light meets it and is not all inside
+// it. Of a point on its own F that root is known: F is (v' - v) times the rest, so beyond the point
+// the sign of F is that of the rest, which is linear.
+
+// F along the ray.
+fn curve_along(occluder: Occluder, ray: Ray) -> Form {
+  return Form(
+    second_order(occluder.a, ray, ray.z, ray.z),
+    second_order(occluder.g, ray, ray.z, ray.t),
+    second_order(occluder.c, ray, ray.t, ray.t),
+  );
+}
+
+// The same to a light far away, where z and t are the radius.
+fn far_curve(occluder: Occluder, ray: Ray) -> Form {
+  let slope = array<Value, 3>(occluder.g[0], occluder.g[1], occluder.g[2]);
+  return Form(
+    v4(occluder.a[0]),
+    first_order(slope, ray, ray.z),
+    second_order(occluder.c, ray, ray.t, ray.t),
+  );
+}
+
+// A half-space along the ray.
+fn side_along(side: Side, ray: Ray) -> Line {
+  return Line(first_order(side.c, ray, ray.t), first_order(side.b, ray, ray.z));
+}
+
+// The whole ray, from the point to the light.
+fn whole_ray(ray: Ray) -> Piece {
+  return Piece(ray.c_in, ray.b_in, i4(0), ray.c_out, ray.b_out, i4(0));
+}
+
+// F <= 0 somewhere on the piece.
+fn is_met(form: Form, piece: Piece) -> b4 {
+  let inside = !outside_at_entry(form, piece) | !outside_at_exit(form, piece);
+  return remains(piece) & (inside | turns_within(form, piece));
+}
+
+// What is left of F where the ray begins on it, divided by the distance from there.
+fn rest_of(form: Form, ray: Ray, at_lamp: bool) -> Line {
+  let far = times(form.a, ray.c_in) + form.g;
+  let near = times(form.c, -ray.b_in);
+  return Line(select(far, near, b4(at_lamp)), form.a);
+}
+
+// The line is positive where the piece begins.
+fn starts_beyond(line: Line, piece: Piece) -> b4 {
+  return product(piece.c_in, line.b) > product(line.c, piece.b_in);
+}
+
+// And where it ends.
+fn ends_beyond(line: Line, piece: Piece) -> b4 {
+  return product(line.c, piece.b_out) > product(piece.c_out, line.b);
+}
+
+// A ray that begins on F, outside, meets it again on the piece.
+fn is_met_again(rest: Line, piece: Piece) -> b4 {
+  return (rest.b < v4(0)) & remains(clip(piece, rest, 0));
+}
+
+// F > 0 somewhere on the piece; in some pixels it begins on F.
+fn comes_out(form: Form, rest: Line, piece: Piece, on_curve: b4) -> b4 {
+  let turns = turns_within(Form(-form.a, -form.g, -form.c), piece);
+  let outside = outside_at_entry(form, piece) | outside_at_exit(form, piece) | turns;
+  return select(outside, starts_beyond(rest, piece) | ends_beyond(rest, piece), on_curve);
+}
+
+// The plane of a patch turned so that the ray passes it from + to -; met if it does so on its way.
+fn passed(line: Line, piece: Piece) -> Patch {
+  let away = line.b > v4(0);
+  let ahead = Line(select(line.c, -line.c, away), select(line.b, -line.b, away));
+  let behind = product(ahead.c, piece.b_out) < product(piece.c_out, ahead.b);
+  return Patch((ahead.b < v4(0)) & starts_beyond(ahead, piece) & behind, away, ahead.c, ahead.b);
+}
+
+// Whether points of a solid are dark on its own account: turned away from the light, or behind
+// the solid. In pixels that see it from inside (1, or 2 where a base plane opens it), `enclosed`
+// says that it hides the light.
+fn own_shadow(faces: b4, turned: u4, again: b4, enclosed: b4, casts: bool) -> b4 {
+  let is_turned = turned != u4(0u);
+  let away = faces == is_turned;
+  let behind = select(again, enclosed & (turned == u4(1u)), is_turned);
+  return away | (behind & b4(casts));
+}
