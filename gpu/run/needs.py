@@ -29,6 +29,7 @@ def needs_of(
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
         levels=0 if regions is None else _enough(regions.levels),
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
+        balls=packed.polynomials is not None and packed.polynomials.has_balls,
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
 
