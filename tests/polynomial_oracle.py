@@ -141,7 +141,7 @@ class PolynomialOracle:
         middle = MP.mpf(self.middle)
         rotation = _rotation(self._solid)
         columns = [[row[axis] for row in rotation] for axis in range(3)]
-        steps = view.pixel_steps(0, 0)
+        _, steps = view.ray_steps(0, 0, 1)
         offset = _sum(view.eye, _scaled(origin, -1))
 
         def local(vector: Any) -> list[Any]:
@@ -156,7 +156,7 @@ class PolynomialOracle:
         """Rows n, d of n·x <= d, in the order of surface numbers."""
         rows: list[list[Fraction]] = []
         bounds = getattr(self._solid, "bounds", None)
-        if bounds is not None:
+        if bounds is not None and bounds.radius is None:
             for axis in range(3):
                 for sign, value in ((-1, bounds.min[axis]), (1, bounds.max[axis])):
                     row = [Fraction(0)] * 3
@@ -167,6 +167,12 @@ class PolynomialOracle:
         if self._solid.z_max is not None:
             rows.append([*map(Fraction, (0, 0, 1, self._solid.z_max))])
         return [*rows, *([*map(Fraction, row)] for row in self._solid.cut)]
+
+    @property
+    def _radius(self) -> Fraction | None:
+        """Of the ball that bounds the solid, which is surface 1; None where a box does."""
+        bounds = getattr(self._solid, "bounds", None)
+        return None if bounds is None or bounds.radius is None else Fraction(bounds.radius)
 
     def judge(self, frame: Frame, count: Count, label: str) -> None:
         """Add what a frame with ``depth``, ``surface`` and ``error`` claims."""
@@ -203,7 +209,19 @@ class PolynomialOracle:
         first, last = np.zeros(len(x), int), np.zeros(len(x), int)
         clear = np.ones(len(x), bool)  # that no two planes are near one another
         reach = np.abs(p).sum(axis=0)
-        for number, row in enumerate(self._planes(), start=1):
+        if self._radius is not None:
+            square, half = (w * w).sum(axis=0), (p * w).sum(axis=0)
+            rest = (p * p).sum(axis=0) - float(self._radius) ** 2
+            bend = half * half - square * rest
+            clear &= np.abs(bend) > 1e-9 * (half * half + square * (np.abs(rest) + 2))
+            root = np.sqrt(np.maximum(bend, 0))
+            enter, leave = (-half - root) / square, (-half + root) / square
+            near = 1e-9 * (np.abs(enter) + np.abs(leave))
+            clear &= np.abs(enter - start) > near
+            first = np.where((bend > 0) & (enter > start), 1, first)
+            start = np.where(bend > 0, np.maximum(start, enter), start)
+            stop, last = np.where(bend > 0, leave, -1e300), np.ones(len(x), int)
+        for number, row in enumerate(self._planes(), start=1 + (self._radius is not None)):
             *normal, d = map(float, row)
             c = np.tensordot(normal, p, 1) - d
             b = np.tensordot(normal, w, 1)
@@ -219,7 +237,7 @@ class PolynomialOracle:
             last = np.where(leaves & (at < stop), number, last)
             start = np.where(enters, np.maximum(start, at), start)
             stop = np.where(leaves, np.minimum(stop, at), stop)
-            stop = np.where(flat & (c > 0), -np.inf, stop)
+            stop = np.where(flat & (c > 0), -1e300, stop)
         far = self.middle + sum(abs(v) for v in self._far())
         stop = np.minimum(stop, far)
         span = 1e-9 * (np.abs(start) + np.abs(stop)) < np.abs(stop - start)
@@ -253,9 +271,7 @@ class PolynomialOracle:
         solid: Any = self._solid
         if solid.kind == "torus":
             return [solid.major + solid.minor[0] + solid.minor[1]]
-        return [
-            max(abs(a), abs(b)) for a, b in zip(solid.bounds.min, solid.bounds.max, strict=True)
-        ]
+        return [max(abs(a), abs(b)) for a, b in zip(*solid.box(), strict=True)]
 
     def terms_at(self, i: int, j: int) -> list[Fraction]:
         """F along the ray of a pixel, from the power of s^0 on."""
@@ -276,7 +292,14 @@ class PolynomialOracle:
         p, w = self._ray(i, j)
         terms = self.terms_at(i, j)
         start, first, stop, last = -Fraction(self.middle), 0, None, 0
-        for number, (*normal, d) in enumerate(self._planes(), start=1):
+        if self._radius is not None:
+            chord = _chord(p, w, self._radius)
+            if chord is None:
+                return "a hit beside the bounds" if claim.surface >= 0 else None
+            stop, last = chord[1], 1
+            if chord[0] > start:
+                start, first = chord[0], 1
+        for number, (*normal, d) in enumerate(self._planes(), start=1 + (self._radius is not None)):
             c = sum(n * a for n, a in zip(normal, p, strict=True)) - d
             b = sum(n * a for n, a in zip(normal, w, strict=True))
             if b < 0 and -c / b > start:
@@ -314,6 +337,19 @@ class PolynomialOracle:
         if roots:
             return f"a miss, but F has {roots} roots"
         return "a miss from inside" if sign < 0 and last and not self._sheet else None
+
+
+def _chord(
+    p: list[Fraction], w: list[Fraction], radius: Fraction
+) -> tuple[Fraction, Fraction] | None:
+    """Where a ray is in a ball about the origin, to the bits of rationals; None if nowhere."""
+    square = sum(b * b for b in w)
+    half = sum(a * b for a, b in zip(p, w, strict=True))
+    bend = half * half - square * (sum(a * a for a in p) - radius * radius)
+    if bend < 0:
+        return None
+    root = _rational(MP.sqrt(MP.mpf(bend.numerator) / bend.denominator))
+    return (-half - root) / square, (-half + root) / square
 
 
 @dataclass

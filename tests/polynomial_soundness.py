@@ -3,10 +3,10 @@
     python -m tests.polynomial_soundness --pairs 10000000
 
 It draws scenes of one solid: all surfaces of `tests.algebraic_surfaces`, and tori of R/r from 1.01
-to 1000 at scales from 1e-3 to 1e6, placed and turned, cut in a third of all scenes. Cameras look
-from outside, from within the bounds, from a surface, and through a narrow field of view at an
-outline. The twin renders each with 8 to 20 halvings, and `tests.polynomial_oracle` judges every
-certain pixel. Exit 1 if one is wrong.
+to 1000 at scales from 1e-3 to 1e6, placed and turned, a third of them cut, a third of the others in
+a ball in place of a box. Cameras look from outside, from within the bounds, from a surface, and
+through a narrow field of view at an outline. The twin renders each with 8 to 20 halvings, and
+`tests.polynomial_oracle` judges every certain pixel. Exit 1 if one is wrong.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ def random_solid(rng: np.random.Generator, name: str) -> tuple[dict[str, Any], A
     else:
         solid, surface = solid_of(name), SURFACES[name]
         size = surface.reach
+        if rng.random() < 1 / 3:
+            solid["bounds"] = {"radius": size}
     solid["origin"] = list(rng.normal(size=3) * size * rng.choice([0, 1, 100]))
     solid["rotation_degrees"] = list(rng.uniform(-180, 180, 3))
     if rng.random() < 1 / 3:

@@ -66,7 +66,9 @@ def test_what_is_certain_is_true(name: str, rng: np.random.Generator) -> None:
     outside = counts[name, "outside"]
     assert outside.certain_hits > 50
     assert outside.certain_misses > 1000
-    assert all(count.left < count.pixels / 2 for count in counts.values())
+    # Seen from the surface itself, float64 cannot tell, and there are too many for rationals.
+    others = [count for (_, place), count in counts.items() if place != "on a surface"]
+    assert all(count.left < count.pixels / 4 for count in others)
 
 
 @pytest.mark.parametrize("name", SURFACES)
@@ -204,6 +206,12 @@ FAULTS = [
     ("opposite(!inside, curve)", "curve"),
     ("left_at, position, stays", "left_at, position, inside"),
     ("abs(first) > start_error", "abs(first) < start_error"),
+    ("chord.enter > start", "chord.enter < start"),
+    ("leaves, enters, on_entry", "enters, leaves, on_entry"),
+    ("-ball.a, ball.a, on_entry", "ball.a, -ball.a, on_entry"),
+    ("-ball.g, leaves", "ball.g, leaves"),
+    ("y, position), slope_0)", "y, position + 2), slope_0)"),
+    ("chord.sure & !chord.met", "chord.sure & chord.met"),
     ("sure_miss, sure_root, cell.met", "sure_root, sure_miss, cell.met"),
 ]
 # Together they take all ways through the visit.
@@ -213,6 +221,11 @@ WAYS = (
     with_overrides(
         scene_of(torus(cut=[[0, 1, 0, 0.9]]), (1.05, 0.1, -0.05)),
         camera={"look_at": [0.7, 2.0, 0.3], "fov_degrees": 100.0},
+    ),
+    scene_of({**solid_of("clebsch"), "bounds": {"radius": 1.2}}, (2, -3, 1.5)),
+    with_overrides(
+        scene_of({**solid_of("clebsch"), "bounds": {"radius": 4}}, (0.4, -0.2, 0.6)),
+        camera={"look_at": [1, 1, 1], "fov_degrees": 100.0},
     ),
 )
 
@@ -225,7 +238,7 @@ def differences(scene: Scene, backend: Any) -> int:
     return sum(one.tobytes() != other.tobytes() for one, other in pairs)
 
 
-@pytest.mark.parametrize("scene", WAYS, ids=["cut", "sheet", "inside"])
+@pytest.mark.parametrize("scene", WAYS, ids=["cut", "sheet", "inside", "ball", "inside a ball"])
 def test_the_device_gives_the_bits_of_the_twin(scene: Scene, adapter: Adapter) -> None:
     assert adapter is not None
     assert differences(scene, "gpu") == 0
@@ -237,14 +250,17 @@ def test_a_fault_in_the_visit_is_seen(
 ) -> None:
     assert adapter is not None
 
+    changed: list[bool] = []
+
     def faulty(needs: Needs) -> str:
         text = compose(needs)
         start = text.index("fn visit_polynomial(")
-        assert old in text[start:]
+        changed.append(old in text[start:])
         return text[:start] + text[start:].replace(old, new, 1)
 
     monkeypatch.setattr(run_gpu, "compose", faulty)
-    assert any(differences(scene, "gpu") for scene in WAYS)
+    assert any(differences(scene, "gpu") for scene in reversed(WAYS))
+    assert any(changed)
 
 
 def test_neither_cameras_nor_numbers_of_a_formula_ask_for_another_shader() -> None:
@@ -325,6 +341,12 @@ def test_faults_of_tori(keys: dict[str, Any], text: str) -> None:
         ({"parameters": {"2a": 1}}, 'solid[0].parameters.2a: "2a" is not a name'),
         ({"bounds": {"min": [0, 0, 0], "max": [1, 0, 1]}}, "solid[0].bounds.max: [1, 0, 1] is not"),
         ({"bounds": None}, "solid[0].bounds: "),
+        ({"bounds": {"radius": 0}}, "solid[0].bounds.radius: 0 is not > 0"),
+        ({"bounds": {"min": [0, 0, 0]}}, "solid[0].bounds: has neither min and max nor radius"),
+        (
+            {"bounds": {"min": [0] * 3, "max": [1] * 3, "radius": 1}},
+            "solid[0].bounds: has min and max and radius; a box has no radius",
+        ),
     ],
 )
 def test_faults_of_what_goes_with_a_formula(keys: dict[str, Any], text: str) -> None:

@@ -17,7 +17,7 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.stages import FACTS, VISITS
 from halfstep.host.prepare import prepare
-from halfstep.scene import bundled_scenes, load, with_overrides
+from halfstep.scene import load, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from halfstep.testing import Kit, MismatchError
@@ -25,6 +25,7 @@ from halfstep.testing.module import Module
 from halfstep.testing.types import dtype_of
 from halfstep.twin.chosen import chosen_for, module
 from halfstep.twin.sight import Seen
+from tests.bundled import drawn_by_all
 
 Array = NDArray[Any]
 
@@ -35,7 +36,7 @@ STEPS = 11
 MOST_SOLIDS = 12
 ROWS = 192
 
-# Visits that are run alone: the others read buffers of their own.
+# Visits that are run alone: the others read buffers of their own, and are tried in whole frames.
 TOGETHER = (Class.REGION, Class.REGION_INSIDE, Class.POLYNOMIAL)
 ALONE = [key for key in VISITS if key[1] not in TOGETHER]
 
@@ -106,7 +107,7 @@ def solids_of(method: str, klass: Class, number_format: Format) -> tuple[Array, 
     solids: list[Any] = []
     half_spaces: list[Any] = []
     sizes: list[tuple[int, int]] = []
-    for name in sorted(set(bundled_scenes()) - {"crowd"}):
+    for name in sorted(set(drawn_by_all()) - {"crowd"}):
         scene = with_overrides(
             load(name),
             size=SIZE,
@@ -115,9 +116,8 @@ def solids_of(method: str, klass: Class, number_format: Format) -> tuple[Array, 
             number_format=number_format.name,
         )
         packed = prepare(scene)
-        # Others are tried in whole frames, by tests/test_regions.py and tests/test_polynomials.py.
-        if packed.regions is not None or packed.polynomials is not None:
-            continue
+        if packed.regions is not None:
+            continue  # cells are tried in whole frames, by tests/test_regions.py
         # A few of a scene, so that there are many scenes.
         for row in np.flatnonzero(packed.classes == klass)[:2]:
             solid = packed.solids[row].copy()

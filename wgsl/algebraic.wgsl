@@ -19,25 +19,97 @@ fn line_slack(c: f4, b: f4, error: f4, number: i4) -> f4 {
   return select(slack, f4(0.0), (number == i4(0)) & (error == f4(0.0)));
 }
 
-// The position of the root in a cell, or that of the plane c + b u where it is seen.
+// Where a ray is in a ball, and how far each end is from its place at most.
+struct Chord {
+  met: b4,
+  sure: b4,  // whether it is met
+  enter: f4,
+  leave: f4,
+  enter_slack: f4,
+  leave_slack: f4,
+  middle: f4,
+}
+
+// The ball a u² + g u + c, a > 0, or no ball; coefficients off by at most their errors.
+fn chord_of(a: f4, g: f4, c: f4, error_a: f4, error_g: f4, error_c: f4) -> Chord {
+  let square = g * g;
+  let fourfold = (a + a) * (c + c);
+  let d = square - fourfold;
+  let error_d = ROOM * ((2.0 * abs(g) + error_g) * error_g
+    + 4.0 * (abs(a) * error_c + (abs(c) + error_c) * error_a)
+    + (3.0 * EPSILON) * (square + abs(fourfold)));
+  let root = sqrt(max(d, f4(0.0)));
+  // Of the two forms of each root, the one in which nothing cancels.
+  let sum = abs(g) + root;
+  let twice = select(a + a, f4(1.0), a == f4(0.0));
+  let far = select(sum, -sum, g > f4(0.0)) / twice;
+  let near = select((c + c) / select(sum, -sum, g > f4(0.0)), f4(0.0), sum == f4(0.0));
+  let enter = min(far, near);
+  let leave = max(far, near);
+  let least = d - error_d;
+  let error = (error_a + error_g) + error_c;
+  let off_slope = ROOM * ((2.0 * error_a + error_g) + (2.0 * EPSILON) * (4.0 * abs(a) + abs(g)));
+  let size = (abs(a) + abs(g)) + abs(c);
+  let unit = error + (8.0 * EPSILON) * size;
+  return Chord(
+    d >= f4(0.0),
+    abs(d) > error_d,
+    enter,
+    leave,
+    root_slack(a, g, c, error_a, least, off_slope, unit, enter),
+    root_slack(a, g, c, error_a, least, off_slope, unit, leave),
+    -g / twice,
+  );
+}
+
+// How far a root of the ball is from u at most: F there says how well it was met.
+fn root_slack(
+  a: f4,
+  g: f4,
+  c: f4,
+  error_a: f4,
+  least: f4,
+  off_slope: f4,
+  unit: f4,
+  u: f4,
+) -> f4 {
+  let reach = max(abs(u), f4(1.0));
+  let level = ROOM * (abs((a * u + g) * u + c) + unit * (reach * reach));
+  let rest = least - 4.0 * ((abs(a) + error_a) * level);
+  let some = rest > ROOM * (off_slope * off_slope);
+  let roots = select(f4(1.0), sqrt(max(least, f4(0.0))) + sqrt(max(rest, f4(0.0))), some);
+  return select(f4(UNBOUNDED), ROOM * (2.0 * level / roots), some);
+}
+
+// How far the later of two places is from its place at most, each known to a slack.
+fn later_slack(u: f4, slack: f4, other: f4, other_slack: f4) -> f4 {
+  let clear = abs(u - other) > slack + other_slack;
+  return select(max(slack, other_slack), select(other_slack, slack, u > other), clear);
+}
+
+// The position of the root in a cell, or that of the cap c + b u + a u² where it is seen, which has
+// one root between `cap_start` and `cap_stop`.
 fn finished(
   curve: Curve,
   start: f4,
   stop: f4,
   found: Cell,
-  is_plane: b4,
+  is_cap: b4,
   c: f4,
   b: f4,
+  a: f4,
+  cap_start: f4,
+  cap_stop: f4,
   steps: u32,
   last_step: f32,
 ) -> i4 {
   var cell = found;
   cell.first = select(i4(0), found.first, found.met);
-  cell.size = select(select(i4(0), i4(i32(steps)), is_plane), found.size, found.met);
-  let powers = line_or(found.met, curve.powers, c, b);
+  cell.size = select(select(i4(0), i4(i32(steps)), is_cap), found.size, found.met);
+  let powers = cap_or(found.met, curve.powers, c, b, a);
   let middle = select(f4(0.0), f4(curve.middle), found.met);
-  let low = select(f4(-BEYOND), start, found.met);
-  let high = select(f4(BEYOND), stop, found.met);
+  let low = select(cap_start, start, found.met);
+  let high = select(cap_stop, stop, found.met);
   for (var k = 0u; k < steps; k++) {
     if all(cell.size == i4(0)) {
       break;

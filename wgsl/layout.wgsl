@@ -132,6 +132,7 @@ struct Polynomial {
   top: i32,  // least offset down
   bottom: i32,  // greatest offset down
   sheet: u32,  // 1 if F = 0 is shown from both sides, else 0
+  ball: u32,  // number of the ball that bounds it, behind planes; 0 for none
   axes: array<f32, 9>,  // unit vectors of the camera, world: right, down, forward
   tangents: array<f32, 3>,  // of the ray at x = y = 0, right and down; of x or y = 1
   stretch: array<f32, 2>,  // width of x = 1 in halves of the interval: in the middle; per u

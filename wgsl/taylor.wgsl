@@ -155,13 +155,14 @@ fn opposite(some: b4, curve: Curve) -> Curve {
   return turned;
 }
 
-// The powers in some pixels, in the others those of c + b u.
-fn line_or(some: b4, powers: array<f4, POWERS>, c: f4, b: f4) -> array<f4, POWERS> {
+// The powers in some pixels, in the others those of c + b u + a u².
+fn cap_or(some: b4, powers: array<f4, POWERS>, c: f4, b: f4, a: f4) -> array<f4, POWERS> {
   var chosen: array<f4, POWERS>;
   chosen[0] = select(c, powers[0], some);
   chosen[1] = select(b, powers[1], some);
+  chosen[2] = select(a, powers[2], some);
   // written out
-  for (var j = 2u; j < DEGREE + 1u; j++) {
+  for (var j = 3u; j < DEGREE + 1u; j++) {
     chosen[j] = select(f4(0.0), powers[j], some);
   }
   return chosen;

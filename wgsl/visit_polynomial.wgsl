@@ -39,11 +39,28 @@ fn visit_polynomial(solid: Solid, y: i32) {
       form.rounding,
       form.host_error,
     );
-    let start = line_place(piece_0.c_in, piece_0.b_in);
-    let stop = line_place(piece_0.c_out, piece_0.b_out);
+    var start = line_place(piece_0.c_in, piece_0.b_in);
+    var stop = line_place(piece_0.c_out, piece_0.b_out);
+    var id_in = piece_0.id_in;
+    var id_out = piece_0.id_out;
+    var some = remains(piece_0);
+    let plane_start = start;  //? ball & error
+    let plane_stop = stop;  //? ball & error
+    let at = offset(x_0, y);  //? ball
+    let ball = form_at(solid.a, solid.g, solid.c, at);  //? ball
+    let errors = form_errors(solid.a, solid.g, solid.c, at, solid.host_error);  //? ball
+    let chord = chord_of(ball.a, ball.g, ball.c, errors.a, errors.g, errors.c);  //? ball
+    let is_ball = b4(form.ball != 0u);  //? ball
+    let enters = is_ball & (chord.enter > start) & b4(!eye_inside(solid));  //? ball
+    let leaves = is_ball & (chord.leave < stop);  //? ball
+    start = select(start, chord.enter, enters);  //? ball
+    stop = select(stop, chord.leave, leaves);  //? ball
+    id_in = select(id_in, i4(i32(form.ball)), enters);  //? ball
+    id_out = select(id_out, i4(i32(form.ball)), leaves);  //? ball
+    some = some & (!is_ball | (chord.met & (start <= stop)));  //? ball
     let is_sheet = form.sheet != 0u;
     let first = curve_value(curve, start);
-    let at_start = piece_0.id_in == i4(0);
+    let at_start = id_in == i4(0);
     let from_eye = at_start & b4(starts_at_eye(solid));
     let outside = select(first > f4(0.0), b4(eye_outside(solid)), from_eye);
     let opened = b4(eye_inside(solid) | near_cut(solid));
@@ -51,24 +68,38 @@ fn visit_polynomial(solid: Solid, y: i32) {
     let on_entry = !outside & !inside & !at_start;
     let within = (i4(form.left) <= x_0) & (x_0 <= i4(form.right))
       & b4((form.top <= y) & (y <= form.bottom));
-    let some = remains(piece_0) & within;
+    some = some & within;
     let seen = opposite(inside, curve);
     let begun = cells_from(i4(0), some & !on_entry, solid.steps);
     let cell = walked(seen, start, stop, begun, solid.steps, solid.last_step);
-    let on_exit = inside & !cell.met & (piece_0.id_out > i4(0)) & b4(!is_sheet);
+    let on_exit = inside & !cell.met & (id_out > i4(0)) & b4(!is_sheet);
+    var c = select(-piece_0.c_out, piece_0.c_in, on_entry);
+    var b = select(-piece_0.b_out, piece_0.b_in, on_entry);
+    var a = f4(0.0);
+    var cap_start = f4(-BEYOND);
+    var cap_stop = f4(BEYOND);
+    let on_ball = select(leaves, enters, on_entry);  //? ball
+    c = select(c, select(-ball.c, ball.c, on_entry), on_ball);  //? ball
+    b = select(b, select(-ball.g, ball.g, on_entry), on_ball);  //? ball
+    a = select(a, select(-ball.a, ball.a, on_entry), on_ball);  //? ball
+    cap_start = select(cap_start, chord.middle, on_ball & !on_entry);  //? ball
+    cap_stop = select(cap_stop, chord.middle, on_ball & on_entry);  //? ball
     let position = finished(
       seen,
       start,
       stop,
       cell,
       on_entry | on_exit,
-      select(-piece_0.c_out, piece_0.c_in, on_entry),
-      select(-piece_0.b_out, piece_0.b_in, on_entry),
+      c,
+      b,
+      a,
+      cap_start,
+      cap_stop,
       solid.steps,
       solid.last_step,
     );
     let hit = some & (cell.met | on_entry | on_exit);
-    let surface = select(select(i4(0), piece_0.id_out, on_exit), piece_0.id_in, on_entry);
+    let surface = select(select(i4(0), id_out, on_exit), id_in, on_entry);
     let stays = inside | b4(is_sheet);  //? exit
     let leaf = (position + i4(1i << solid.steps)) >> u4(1u);  //? exit
     let leaving = opposite(!inside, curve);  //? exit
@@ -80,14 +111,25 @@ fn visit_polynomial(solid: Solid, y: i32) {
       solid.steps,
       solid.last_step,
     );
+    var out_c = -piece_0.c_out;  //? exit
+    var out_b = -piece_0.b_out;  //? exit
+    var out_a = f4(0.0);  //? exit
+    var out_start = f4(-BEYOND);  //? exit
+    out_c = select(out_c, -ball.c, leaves);  //? exit & ball
+    out_b = select(out_b, -ball.g, leaves);  //? exit & ball
+    out_a = select(out_a, -ball.a, leaves);  //? exit & ball
+    out_start = select(out_start, chord.middle, leaves);  //? exit & ball
     let left_at = finished(  //? exit
       leaving,
       start,
       stop,
       last,
-      hit & !stays & (piece_0.id_out > i4(0)),
-      -piece_0.c_out,
-      -piece_0.b_out,
+      hit & !stays & (id_out > i4(0)),
+      out_c,
+      out_b,
+      out_a,
+      out_start,
+      f4(BEYOND),
       solid.steps,
       solid.last_step,
     );
@@ -95,18 +137,38 @@ fn visit_polynomial(solid: Solid, y: i32) {
       hit,
       surface,
       position,
-      select(last.met | (piece_0.id_out > i4(0)), hit, stays),  //? exit
+      select(last.met | (id_out > i4(0)), hit, stays),  //? exit
       select(left_at, position, stays),  //? exit
     );
     let start_off = abs(start - form.middle);  //? error
     let stop_off = abs(stop - form.middle);  //? error
     let steepest = slope_at_most(curve.sizes, max(start_off, stop_off));  //? error
-    let start_slack = line_slack(  //? error
+    var start_slack = line_slack(  //? error
       piece_0.c_in, piece_0.b_in, ends_0.error_in, piece_0.id_in
     );
-    let stop_slack = line_slack(  //? error
+    var stop_slack = line_slack(  //? error
       piece_0.c_out, piece_0.b_out, ends_0.error_out, piece_0.id_out
     );
+    var bounds_sure = b4(true);  //? error
+    var beside = b4(false);  //? error
+    let in_slack = chord.enter_slack + start_slack;  //? error & ball
+    let in_apart = abs(chord.enter - plane_start) > in_slack;  //? error & ball
+    let out_slack = chord.leave_slack + stop_slack;  //? error & ball
+    let out_apart = abs(chord.leave - plane_stop) > out_slack;  //? error & ball
+    start_slack = select(  //? error & ball
+      start_slack,
+      later_slack(chord.enter, chord.enter_slack, plane_start, start_slack),
+      is_ball & b4(!eye_inside(solid)),
+    );
+    stop_slack = select(  //? error & ball
+      stop_slack,
+      later_slack(-chord.leave, chord.leave_slack, -plane_stop, stop_slack),
+      is_ball,
+    );
+    let caps_sure = (in_apart | !on_entry) & (out_apart | !on_exit);  //? error & ball
+    bounds_sure = (chord.sure & caps_sure) | !is_ball;  //? error & ball
+    let apart = start - start_slack > stop + stop_slack;  //? error & ball
+    beside = is_ball & ((chord.sure & !chord.met) | (ends_0.sure & apart));  //? error & ball
     let start_error = curve_error(curve, start_off) + start_slack * steepest;  //? error
     let sure_start = select(abs(first) > start_error, b4(eye_sure(solid)), from_eye);  //? error
     let ordered = surely_ordered(ends_0);  //? error
@@ -119,28 +181,33 @@ fn visit_polynomial(solid: Solid, y: i32) {
     let past = (curve_value(seen, stop) > stop_error) | uncut;  //? error
     let sure_miss = past & (ordered | !on_exit);  //? error
     let sure_cell = cell.sure & select(sure_miss, sure_root, cell.met);  //? error
-    let certain = select(sure_cell, ordered, on_entry) & sure_start  //? error
+    let certain = select(sure_cell, ordered, on_entry) & sure_start & bounds_sure  //? error
       & (outside | inside | on_entry);  //? error
     let none = ends_0.empty & !remains(piece_0);  //? error
     let known = none | (ends_0.sure & ((ordered & !some) | certain));  //? error
+    var entry_bound = line_bound(  //? error
+      piece_0.c_in, piece_0.b_in, ends_0.error_in, solid.last_step
+    );
+    var exit_bound = line_bound(  //? error
+      piece_0.c_out, piece_0.b_out, ends_0.error_out, solid.last_step
+    );
+    let ball_bound = curve_bound(  //? error & ball
+      bounded_form(ball, errors), HALVINGS, solid.last_step
+    );
+    entry_bound = select(entry_bound, ball_bound, enters);  //? error & ball
+    exit_bound = select(exit_bound, ball_bound, leaves);  //? error & ball
     certificate_0 = Certificate(  //? error
-      known | !within,
+      known | !within | beside,
       hit,
       surface,
       inside,
-      select(
-        select(
-          bound,
-          line_bound(piece_0.c_out, piece_0.b_out, ends_0.error_out, solid.last_step),
-          on_exit,
-        ),
-        line_bound(piece_0.c_in, piece_0.b_in, ends_0.error_in, solid.last_step),
-        on_entry,
-      ),
+      select(select(bound, exit_bound, on_exit), entry_bound, on_entry),
     );
     let v = f4(position) * solid.last_step - form.middle;  //? normal
     slope_0 = either(on_entry, normal_in_0, normal_out_0);  //? normal
     let curved = hit & (surface == i4(0));  //? normal
+    let on_cap = is_ball & (surface == i4(i32(form.ball)));  //? normal & ball
+    slope_0 = either(on_cap, slope_at(solid, x_0, y, position), slope_0);  //? normal & ball
     // A loop that no invocation enters is skipped.
     for (var once = 0u; once < select(0u, 1u, any(curved)); once++) {  //? normal
       let slopes = slopes_on_rays(form.terms, right, down, v);

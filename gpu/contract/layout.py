@@ -271,6 +271,7 @@ POLYNOMIAL = Record(
         Field("top", "i32", 1, "least offset down"),
         Field("bottom", "i32", 1, "greatest offset down"),
         Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
+        Field("ball", "u32", 1, "number of the ball that bounds it, behind planes; 0 for none"),
         Field("axes", "f32", 9, "unit vectors of the camera, world: right, down, forward"),
         Field("tangents", "f32", 3, "of the ray at x = y = 0, right and down; of x or y = 1"),
         Field(

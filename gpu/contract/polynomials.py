@@ -14,3 +14,4 @@ class PackedPolynomials:
     records: Records  # (P,)
     half_spaces: Records  # of all solids
     degree: int  # the highest of the scene
+    has_balls: bool  # a ball bounds some solid of the scene

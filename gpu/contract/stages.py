@@ -134,6 +134,7 @@ FACTS = {
     "curved": "the solid has a quadric",
     "flat": "the solid is a polyhedron",
     "patch": "the solid is a bounded plane",
+    "ball": "a ball bounds a solid that has a polynomial",
     "regions": "tiles may see a copy of a group of cells",
     "opened": "rays may start inside the solid",
     "broadcast": "invocations of a subgroup fetch records together",

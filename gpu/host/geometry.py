@@ -18,7 +18,7 @@ from halfstep.host.edges import EDGES
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
 from halfstep.host.polynomials import Polynomials, polynomials
 from halfstep.host.regions import Regions
-from halfstep.scene import Box, PlanePatch, Quadric, Scene, Solid, halfspaces
+from halfstep.scene import Algebraic, Box, PlanePatch, Quadric, Scene, Solid, halfspaces
 
 # The default volume is this much wider than the solids, so that no solid touches a base plane.
 VOLUME_MARGIN = 2.0**-10
@@ -237,7 +237,9 @@ def _is_slender(matrix: Floats) -> Bools:
 def _faces(solid: Solid, slab: Slab | None) -> Faces:
     """A solid's half-spaces as the file has them; those that a quadric is come first."""
     rows = solid.half_spaces()
-    number = np.arange(1, len(rows) + 1)
+    # A ball that bounds a formula has the first number.
+    before = isinstance(solid, Algebraic) and solid.is_in_ball()
+    number = np.arange(1, len(rows) + 1) + before
     blur = np.zeros(len(rows))
     if slab is not None and slab.rows:
         rows = np.concatenate([slab.rows, rows])

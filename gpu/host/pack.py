@@ -114,6 +114,11 @@ class Packed:
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     """Number the surfaces of ``scene`` and look up the material of each solid."""
     per_solid, alone = geometry.plane_count + 1, geometry.solid_count
+    balls = np.empty(0, np.int64)
+    if geometry.polynomials is not None:
+        # A ball comes behind the half-spaces.
+        balls = geometry.polynomials.solid[geometry.polynomials.is_in_ball]
+        per_solid[balls] += 1
     regions = geometry.regions
     if regions is not None:
         per_solid[alone:] = regions.faces[regions.of]
@@ -129,7 +134,10 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     )
     number = np.zeros(len(owner) + 1, np.int32)
     number[0] = -1
-    number[np.arange(len(normals)) + 2 + geometry.plane_solid] = geometry.plane_number
+    of = geometry.plane_solid
+    place = np.arange(len(of)) - geometry.plane_start[of]
+    number[first[of] + 1 + place] = geometry.plane_number
+    number[first[balls] + 1 + geometry.plane_count[balls]] = 1
     # Edges of the screen rectangle have no normal: they are not seen.
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return Surfaces(

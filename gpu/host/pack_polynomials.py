@@ -32,7 +32,8 @@ def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | 
     for name, edge in zip(("left", "right", "top", "bottom"), edges.T, strict=True):
         records[name] = edge
     records["sheet"] = known.is_sheet
+    records["ball"] = np.where(known.is_in_ball, setup.plane_count[known.row] + 1, 0)
     axes = known.frame.reshape(-1, 9)
     records["axes"] = np.where(np.abs(axes) < FAINT, 0.0, axes)
     records["tangents"], records["stretch"] = known.tangents, known.stretch
-    return PackedPolynomials(records, half_spaces, known.degree)
+    return PackedPolynomials(records, half_spaces, known.degree, known.has_balls)

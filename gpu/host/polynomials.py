@@ -45,6 +45,7 @@ class Polynomials:
     center: Floats  # (3, Q), middle of the box, local
     size: Floats  # (3, Q), half of it
     is_sheet: Bools  # (Q,)
+    is_in_ball: Bools  # (Q,), their quadric in ``Geometry`` is that of a ball that bounds them
 
     def at(self, places: Ints) -> Polynomials:
         """Those at ``places``."""
@@ -56,6 +57,7 @@ class Polynomials:
             self.center.take(places, axis=-1),
             self.size.take(places, axis=-1),
             self.is_sheet[places],
+            self.is_in_ball[places],
         )
 
     def normalized(self, rays: Floats) -> Floats:
@@ -80,6 +82,8 @@ class OnRays:
     tangents: Floats  # (P, 3), of the middle pixel to the right and down; of one offset
     stretch: Floats  # (P, 2), width of one offset over half the interval: in the middle, per u
     is_sheet: Bools  # (P,)
+    is_in_ball: Bools  # (P,)
+    has_balls: bool  # some solid of the scene is in one
 
 
 def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
@@ -114,6 +118,7 @@ def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
         center,
         size,
         np.array([solid.is_sheet() for _, solid in found]),
+        np.array([solid.is_in_ball() for _, solid in found]),
     )
 
 
@@ -125,6 +130,7 @@ def on_rays(
     tangent: Floats,
     camera_from_world: Floats,
     pixel: float,
+    has_balls: bool,
 ) -> OnRays:
     """Polynomials along rays.
 
@@ -136,6 +142,7 @@ def on_rays(
         tangent: (2, P), of the pixels where x = y = 0, to the right and down.
         camera_from_world: (3, 3), rows right, down and forward.
         pixel: width of a pixel at depth 1.
+        has_balls: whether some solid of the scene is in a ball.
     """
     half = sight.half
     # A place with few bits: what is left of u when it is taken away has no more than u.
@@ -179,6 +186,8 @@ def on_rays(
         tangents=np.stack([*tangent, step], axis=-1),
         stretch=np.stack([step * middle / half, step], axis=-1),
         is_sheet=known.is_sheet,
+        is_in_ball=known.is_in_ball,
+        has_balls=has_balls,
     )
 
 

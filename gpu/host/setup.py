@@ -334,7 +334,16 @@ def _polynomials(
     tangent = np.stack([directions @ right, directions @ down])
     own = known.at(np.searchsorted(known.solid, ix[row]))
     within = depth.take(row, axis=-1)
-    return on_rays(own, row, sight.at(row), within, tangent, view.camera_from_world, view.pixel)
+    return on_rays(
+        own,
+        row,
+        sight.at(row),
+        within,
+        tangent,
+        view.camera_from_world,
+        view.pixel,
+        bool(known.is_in_ball.any()),
+    )
 
 
 def _see_polynomials(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:
@@ -352,6 +361,20 @@ def _see_polynomials(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight
     facts.outside_quadric[row] = at_eye.outside
     facts.sure[row] &= at_eye.sure
     facts.nearest[row] = np.minimum(facts.nearest[row], at_eye.nearest(far))
+    _see_balls(facts, row[own.is_in_ball], geometry, ix, sight)
+
+
+def _see_balls(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:
+    """Add what balls about solids are at the eye."""
+    matrix, seen = geometry.quadric.take(ix[row], axis=-1), sight.at(row)
+    radius = np.sqrt(-matrix[3, 3])
+    away = length(seen.rays[0])
+    reach = np.concatenate([np.ones((1, len(row))), seen.offsets])
+    fastest = np.einsum("ik,ik->k", length(seen.rays[1:]), reach)
+    gap = np.abs(away - radius)
+    facts.inside[row] &= away <= radius
+    facts.sure[row] &= gap > seen.error + HOST_ROUNDINGS * radius
+    facts.nearest[row] = np.minimum(facts.nearest[row], depth_of(gap, fastest))
 
 
 def _heights(rows: Floats, rays: Floats) -> tuple[Floats, Floats]:

@@ -46,6 +46,7 @@ def needs_of(
         hides=frozenset() if shadows is None else frozenset(kind for kind, _ in shadows.kinds),
         encloses=shadows is not None and shadows.encloses,
         parallel=packed.setup.view.parallel,
+        balls=packed.polynomials is not None and packed.polynomials.has_balls,
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
 

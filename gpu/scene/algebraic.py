@@ -22,7 +22,7 @@ from halfstep.scene import algebra
 from halfstep.scene.algebra import NotPolynomialError, Polynomial
 from halfstep.scene.bases import CutSolid
 from halfstep.scene.expression import name_fault, parsed
-from halfstep.scene.faults import SMALLEST_LENGTH, Fault, fault, show
+from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, Fault, fault, show
 from halfstep.scene.formula import fault_at
 from halfstep.scene.keys import SolidKey, are_in_order
 from halfstep.scene.values import (
@@ -56,6 +56,10 @@ class Algebraic(CutSolid, ABC):
     @abstractmethod
     def box(self) -> tuple[Vector, Vector]:
         """Least and greatest local coordinates of what contains it."""
+
+    def is_in_ball(self) -> bool:
+        """Whether a ball about the origin bounds it, which is surface 1: `quadric` is its own."""
+        return False
 
     def is_sheet(self) -> bool:
         """Whether F = 0 is shown, from both sides, in place of a solid."""
@@ -129,19 +133,42 @@ class Torus(Algebraic):
 
 
 class FormulaBounds(Table):
-    """The local box that bounds an implicit solid."""
+    """The local box, or the ball about the origin, that bounds an implicit solid."""
 
-    min: Point
-    max: Point
+    min: Point | None = None
+    max: Point | None = None
+    radius: Length | None = None
 
     @field_validator("max")
     @classmethod
-    def _is_above_min(cls, high: Vector, info: ValidationInfo) -> Vector:
-        low = info.data.get("min", (-math.inf,) * 3)
+    def _is_above_min(cls, high: Vector | None, info: ValidationInfo) -> Vector | None:
+        low = info.data.get("min")
+        if high is None or low is None:
+            return high
         for axis in range(3):
             if not high[axis] - low[axis] >= SMALLEST_LENGTH:
                 raise fault(f"{show(high)} is not > min = {show(low)} in {'xyz'[axis]}")
         return high
+
+    @field_validator("radius")
+    @classmethod
+    def _box_or_ball(cls, radius: float | None, info: ValidationInfo) -> float | None:
+        if {"min", "max"} <= info.data.keys():
+            given = [key for key in ("min", "max") if info.data[key] is not None]
+            if radius is not None and given:
+                raise fault(
+                    f"has {' and '.join(given)} and radius; a box has no radius", TABLE_FAULT
+                )
+            if radius is None and len(given) < 2:
+                raise fault("has neither min and max nor radius; one must be given", TABLE_FAULT)
+        return radius
+
+    def box(self) -> tuple[Vector, Vector]:
+        """The box, or that around the ball."""
+        if self.min is not None and self.max is not None:
+            return self.min, self.max
+        far = self.radius or 0.0
+        return (-far, -far, -far), (far, far, far)
 
 
 class ImplicitKey(SolidKey):
@@ -166,7 +193,7 @@ class ImplicitKey(SolidKey):
 
 
 class Implicit(Algebraic):
-    """What a formula of x, y and z makes <= 0 in a box, which cuts it.
+    """What a formula of x, y and z makes <= 0 in a box or a ball, which cuts it.
 
     Attributes:
         parameters: values of names in the formula.
@@ -213,7 +240,9 @@ class Implicit(Algebraic):
     @classmethod
     def _are_few_enough_with_bounds(cls, sheet: bool, info: ValidationInfo) -> bool:
         ends = sum(info.data.get(key) is not None for key in ("z_min", "z_max"))
-        total = 6 + ends + len(info.data.get("cut", ()))
+        bounds = info.data.get("bounds")
+        sides = 0 if bounds is None or bounds.radius is not None else 6
+        total = sides + ends + len(info.data.get("cut", ()))
         if total > MAX_HALF_SPACES:
             raise fault(f"{total} half-spaces with those of the bounds is not <= {MAX_HALF_SPACES}")
         return sheet
@@ -235,8 +264,18 @@ class Implicit(Algebraic):
         return algebra.degree(_expanded(self.formula, generic))
 
     def box(self) -> tuple[Vector, Vector]:
-        """Its bounds."""
-        return self.bounds.min, self.bounds.max
+        """Around its bounds."""
+        return self.bounds.box()
+
+    def quadric(self) -> Array:
+        """Of the ball that bounds it; 0 where a box does."""
+        if self.bounds.radius is None:
+            return np.zeros((4, 4))
+        return np.diag([1.0, 1.0, 1.0, -(self.bounds.radius**2)])
+
+    def is_in_ball(self) -> bool:
+        """As the bounds say."""
+        return self.bounds.radius is not None
 
     def is_sheet(self) -> bool:
         """As the scene says."""
@@ -244,14 +283,15 @@ class Implicit(Algebraic):
 
     def corners(self) -> Array:
         """All eight of the bounds."""
-        box = np.array([self.bounds.min, self.bounds.max])
+        box = np.array(self.box())
         return box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]].T
 
     def _rows(self) -> Iterable[HalfSpace]:
-        for axis, (low, high) in enumerate(zip(*self.box(), strict=True)):
-            x, y, z = np.eye(3)[axis].tolist()
-            yield -x, -y, -z, -low
-            yield x, y, z, high
+        if not self.is_in_ball():
+            for axis, (low, high) in enumerate(zip(*self.box(), strict=True)):
+                x, y, z = np.eye(3)[axis].tolist()
+                yield -x, -y, -z, -low
+                yield x, y, z, high
         yield from super()._rows()
 
 

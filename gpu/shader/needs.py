@@ -58,6 +58,7 @@ class Needs:
     surfaces: int = 0  # the most of a region, or a little more
     levels: int = 0  # the most that a region's program opens at once, or a little more
     degree: int = 0  # the highest of a polynomial of the scene
+    balls: bool = False  # a ball bounds one of its solids
     conveyor: str = "conveyor"  # the stage that finds where roots are
     parallel: bool = False  # rays are
     shadows: int = 0  # lights that have them
@@ -92,6 +93,8 @@ class Needs:
             wanted.add("broadcast")
         if self.has_regions:
             wanted.add("regions")
+        if self.balls:
+            wanted.add("ball")
         return frozenset(wanted)
 
     @property

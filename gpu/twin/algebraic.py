@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from halfstep.twin.cells import Cell, narrowed, position_in
 from halfstep.twin.certify import EPSILON, ROOM, UNBOUNDED
 from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.normal import Vector
-from halfstep.twin.taylor import Curve, Slopes, line_or
+from halfstep.twin.taylor import Curve, Slopes, cap_or
 
+# So many times EPSILON.
+ROUNDINGS_2, ROUNDINGS_8 = np.float32(2.0**-23), np.float32(2.0**-21)
 # Beyond both ends of every interval.
 BEYOND = np.float32(2)
 
@@ -31,27 +35,102 @@ def line_slack(c: F32, b: F32, error: F32, number: I32) -> F32:
     return np.where((number == 0) & (error == 0), np.float32(0), slack)
 
 
+class Chord(NamedTuple):
+    """Where a ray is in a ball, and how far each end is from its place at most."""
+
+    met: Bools
+    sure: Bools  # whether it is met
+    enter: F32
+    leave: F32
+    enter_slack: F32
+    leave_slack: F32
+    middle: F32
+
+
+def chord_of(a: F32, g: F32, c: F32, error_a: F32, error_g: F32, error_c: F32) -> Chord:
+    """The ball a u² + g u + c, a > 0, or no ball; coefficients off by at most their errors."""
+    square = g * g
+    fourfold = (a + a) * (c + c)
+    d = square - fourfold
+    error_d = ROOM * (
+        (2 * np.abs(g) + error_g) * error_g
+        + 4 * (np.abs(a) * error_c + (np.abs(c) + error_c) * error_a)
+        + np.float32(3) * EPSILON * (square + np.abs(fourfold))
+    )
+    zero = np.float32(0)
+    root = np.sqrt(np.maximum(d, zero))
+    # Of the two forms of each root, the one in which nothing cancels.
+    total = np.abs(g) + root
+    signed = np.where(g > 0, -total, total)
+    twice = np.where(a == 0, np.float32(1), a + a)
+    far = signed / twice
+    near = np.where(total == 0, zero, (c + c) / np.where(total == 0, np.float32(1), signed))
+    enter, leave = np.minimum(far, near), np.maximum(far, near)
+    least = d - error_d
+    error = (error_a + error_g) + error_c
+    slope_error = (2 * error_a + error_g) + ROUNDINGS_2 * (4 * np.abs(a) + np.abs(g))
+    off_slope: F32 = np.multiply(ROOM, slope_error)
+    size = (np.abs(a) + np.abs(g)) + np.abs(c)
+    middle: F32 = np.divide(-g, twice)
+    unit: F32 = np.add(error, ROUNDINGS_8 * size)
+    return Chord(
+        d >= 0,
+        np.abs(d) > error_d,
+        enter,
+        leave,
+        root_slack(a, g, c, error_a, least, off_slope, unit, enter),
+        root_slack(a, g, c, error_a, least, off_slope, unit, leave),
+        middle,
+    )
+
+
+def root_slack(
+    a: F32, g: F32, c: F32, error_a: F32, least: F32, off_slope: F32, unit: F32, u: F32
+) -> F32:
+    """How far a root of the ball is from u at most: F there says how well it was met."""
+    reach = np.maximum(np.abs(u), np.float32(1))
+    level = ROOM * (np.abs((a * u + g) * u + c) + unit * (reach * reach))
+    rest = least - 4 * ((np.abs(a) + error_a) * level)
+    some = rest > ROOM * (off_slope * off_slope)
+    zero = np.float32(0)
+    roots = np.sqrt(np.maximum(least, zero)) + np.sqrt(np.maximum(rest, zero))
+    return np.where(some, ROOM * (2 * level / np.where(some, roots, np.float32(1))), UNBOUNDED)
+
+
+def later_slack(u: F32, slack: F32, other: F32, other_slack: F32) -> F32:
+    """How far the later of two places is from its place at most, each known to a slack."""
+    clear = np.abs(u - other) > slack + other_slack
+    later = np.where(u > other, slack, other_slack)
+    return np.where(clear, later, np.maximum(slack, other_slack))
+
+
 def finished(
     curve: Curve,
     start: F32,
     stop: F32,
     found: Cell,
-    is_plane: Bools,
+    is_cap: Bools,
     c: F32,
     b: F32,
+    a: F32,
+    cap_start: F32,
+    cap_stop: F32,
     steps: int,
     last_step: np.float32,
 ) -> I32:
-    """The position of the root in a cell, or that of the plane c + b u where it is seen."""
+    """The position of the root in a cell, or that of the cap c + b u + a u² where it is seen.
+
+    The cap has one root between ``cap_start`` and ``cap_stop``.
+    """
     zero = np.zeros_like(found.first)
     cell = found._replace(
         first=np.where(found.met, found.first, zero),
-        size=np.where(found.met, found.size, np.where(is_plane, np.int32(steps), zero)),
+        size=np.where(found.met, found.size, np.where(is_cap, np.int32(steps), zero)),
     )
-    powers = line_or(found.met, curve.powers, c, b)
+    powers = cap_or(found.met, curve.powers, c, b, a)
     middle = np.where(found.met, curve.middle, np.float32(0))
-    low = np.where(found.met, start, -BEYOND)
-    high = np.where(found.met, stop, BEYOND)
+    low = np.where(found.met, start, cap_start)
+    high = np.where(found.met, stop, cap_stop)
     for _ in range(steps):
         cell = narrowed(powers, middle, low, high, cell, last_step)
     return position_in(cell, steps)

@@ -143,10 +143,11 @@ def opposite(some: Bools, curve: Curve) -> Curve:
     return curve._replace(powers=[np.where(some, -power, power) for power in curve.powers])
 
 
-def line_or(some: Bools, powers: Powers, c: F32, b: F32) -> Powers:
-    """The powers in some pixels, in the others those of c + b u."""
+def cap_or(some: Bools, powers: Powers, c: F32, b: F32, a: F32) -> Powers:
+    """The powers in some pixels, in the others those of c + b u + a u²."""
     return [
         np.where(some, powers[0], c),
         np.where(some, powers[1], b),
-        *(np.where(some, power, np.float32(0)) for power in powers[2:]),
+        np.where(some, powers[2], a),
+        *(np.where(some, power, np.float32(0)) for power in powers[3:]),
     ]

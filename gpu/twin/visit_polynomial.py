@@ -13,20 +13,31 @@ from collections.abc import Collection
 import numpy as np
 
 from halfstep.contract.polynomials import PackedPolynomials
-from halfstep.twin.algebraic import finished, line_place, line_slack, world_slope
+from halfstep.twin.algebraic import (
+    BEYOND,
+    Chord,
+    chord_of,
+    finished,
+    later_slack,
+    line_place,
+    line_slack,
+    world_slope,
+)
 from halfstep.twin.cells import bound_in, cells_from, walked
 from halfstep.twin.certify import (
     NO_CERTIFICATE,
     UNBOUNDED,
     Certificate,
     bounded_clip,
+    bounded_form,
     bounded_from_the_eye,
     bounded_interval,
+    curve_bound,
     line_bound,
     surely_ordered,
 )
 from halfstep.twin.chosen import Chosen
-from halfstep.twin.lanes import I32
+from halfstep.twin.lanes import I32, Form, FormErrors
 from halfstep.twin.normal import NO_VECTOR, either, turned
 from halfstep.twin.piece import clip, from_the_eye, remains, whole_interval
 from halfstep.twin.sight import Seen, Sight
@@ -36,6 +47,7 @@ from halfstep.twin.solid import (
     eye_sure,
     near_cut,
     normal_of,
+    slope_at,
     starts_at_eye,
 )
 from halfstep.twin.taylor import (
@@ -94,34 +106,67 @@ def visit_polynomial(
         form["host_error"],
     )
     start, stop = line_place(piece.c_in, piece.b_in), line_place(piece.c_out, piece.b_out)
+    id_in, id_out, some = piece.id_in, piece.id_out, remains(piece)
+    plane_start, plane_stop = start, stop
+    never = np.zeros(like.shape, bool)
+    enters = leaves = is_ball = never
+    ball: Form | None = None
+    ball_errors: FormErrors | None = None
+    chord: Chord | None = None
+    if "ball" in facts:
+        of_ball = np.int32(form["ball"])
+        is_ball = never | (of_ball != 0)
+        a, g, c = solid["a"], solid["g"], solid["c"]
+        ball = chosen.forms.form_at(a, g, c, at)
+        ball_errors = chosen.forms.form_errors(a, g, c, at, solid["host_error"])
+        chord = chord_of(ball.a, ball.g, ball.c, ball_errors.a, ball_errors.g, ball_errors.c)
+        enters = is_ball & (chord.enter > start) & (not eye_inside(solid))
+        leaves = is_ball & (chord.leave < stop)
+        start, stop = np.where(enters, chord.enter, start), np.where(leaves, chord.leave, stop)
+        id_in, id_out = np.where(enters, of_ball, id_in), np.where(leaves, of_ball, id_out)
+        some = some & (~is_ball | (chord.met & (start <= stop)))
 
     is_sheet = bool(form["sheet"])
     first = curve_value(curve, start)
-    at_start = piece.id_in == 0
+    at_start = id_in == 0
     from_eye = at_start & starts_at_eye(solid)
     outside = np.where(from_eye, eye_outside(solid), first > 0)
     inside = ~outside & (is_sheet | (at_start & (eye_inside(solid) | near_cut(solid))))
     on_entry = ~outside & ~inside & ~at_start
     within = (form["left"] <= x) & (x <= form["right"])
     within = within & ((form["top"] <= y) & (y <= form["bottom"]))
-    some = remains(piece) & within
+    some = some & within
     seen = opposite(inside, curve)
     cell = cells_from(np.zeros_like(like), some & ~on_entry, steps)
     cell = walked(seen, start, stop, cell, steps, last_step)
-    on_exit = inside & ~cell.met & (piece.id_out > 0) & (not is_sheet)
+    on_exit = inside & ~cell.met & (id_out > 0) & (not is_sheet)
+    c_cap = np.where(on_entry, piece.c_in, -piece.c_out)
+    b_cap = np.where(on_entry, piece.b_in, -piece.b_out)
+    a_cap = np.zeros_like(c_cap)
+    cap_start, cap_stop = a_cap - BEYOND, a_cap + BEYOND
+    if ball is not None and chord is not None:
+        on_ball = np.where(on_entry, enters, leaves)
+        c_cap = np.where(on_ball, np.where(on_entry, ball.c, -ball.c), c_cap)
+        b_cap = np.where(on_ball, np.where(on_entry, ball.g, -ball.g), b_cap)
+        a_cap = np.where(on_ball, np.where(on_entry, ball.a, -ball.a), a_cap)
+        cap_start = np.where(on_ball & ~on_entry, chord.middle, cap_start)
+        cap_stop = np.where(on_ball & on_entry, chord.middle, cap_stop)
     position = finished(
         seen,
         start,
         stop,
         cell,
         on_entry | on_exit,
-        np.where(on_entry, piece.c_in, -piece.c_out),
-        np.where(on_entry, piece.b_in, -piece.b_out),
+        c_cap,
+        b_cap,
+        a_cap,
+        cap_start,
+        cap_stop,
         steps,
         last_step,
     )
     hit = some & (cell.met | on_entry | on_exit)
-    surface = np.where(on_entry, piece.id_in, np.where(on_exit, piece.id_out, 0))
+    surface = np.where(on_entry, id_in, np.where(on_exit, id_out, 0))
     left, exit_position = hit, position
     if "exit" in facts:
         stays = inside | is_sheet
@@ -130,25 +175,47 @@ def visit_polynomial(
         leaving = opposite(~inside, curve)
         last = cells_from(behind, hit & ~stays, steps)
         last = walked(leaving, start, stop, last, steps, last_step)
+        c_out, b_out = -piece.c_out, -piece.b_out
+        a_out = np.zeros_like(c_out)
+        out_start = a_out - BEYOND
+        if ball is not None and chord is not None:
+            c_out, b_out = np.where(leaves, -ball.c, c_out), np.where(leaves, -ball.g, b_out)
+            a_out = np.where(leaves, -ball.a, a_out)
+            out_start = np.where(leaves, chord.middle, out_start)
         exit_position = finished(
             leaving,
             start,
             stop,
             last,
-            hit & ~stays & (piece.id_out > 0),
-            -piece.c_out,
-            -piece.b_out,
+            hit & ~stays & (id_out > 0),
+            c_out,
+            b_out,
+            a_out,
+            out_start,
+            np.zeros_like(c_out) + BEYOND,
             steps,
             last_step,
         )
         exit_position = np.where(stays, position, exit_position)
-        left = np.where(stays, hit, last.met | (piece.id_out > 0))
+        left = np.where(stays, hit, last.met | (id_out > 0))
     certificate = NO_CERTIFICATE
     if "error" in facts:
         start_off, stop_off = np.abs(start - curve.middle), np.abs(stop - curve.middle)
         slope = slope_at_most(curve.sizes, np.maximum(start_off, stop_off))
         start_slack = line_slack(piece.c_in, piece.b_in, ends.error_in, piece.id_in)
         stop_slack = line_slack(piece.c_out, piece.b_out, ends.error_out, piece.id_out)
+        bounds_sure, beside = ~never, never
+        if chord is not None:
+            in_apart = np.abs(chord.enter - plane_start) > chord.enter_slack + start_slack
+            out_apart = np.abs(chord.leave - plane_stop) > chord.leave_slack + stop_slack
+            later = later_slack(chord.enter, chord.enter_slack, plane_start, start_slack)
+            start_slack = np.where(is_ball & (not eye_inside(solid)), later, start_slack)
+            earlier = later_slack(-chord.leave, chord.leave_slack, -plane_stop, stop_slack)
+            stop_slack = np.where(is_ball, earlier, stop_slack)
+            caps_sure = (in_apart | ~on_entry) & (out_apart | ~on_exit)
+            bounds_sure = (chord.sure & caps_sure) | ~is_ball
+            apart = start - start_slack > stop + stop_slack
+            beside = is_ball & ((chord.sure & ~chord.met) | (ends.sure & apart))
         sure_start = np.abs(first) > curve_error(curve, start_off) + start_slack * slope
         sure_start = np.where(from_eye, eye_sure(solid), sure_start)
         ordered = surely_ordered(ends)
@@ -159,12 +226,17 @@ def visit_polynomial(
         past = curve_value(seen, stop) > curve_error(curve, stop_off) + stop_slack * slope
         sure_miss = (past | (stop_slack == 0)) & (ordered | ~on_exit)
         certain = np.where(on_entry, ordered, cell.sure & np.where(cell.met, sure_root, sure_miss))
-        certain = certain & sure_start & (outside | inside | on_entry)
+        certain = certain & sure_start & bounds_sure & (outside | inside | on_entry)
         known = (ends.empty & ~remains(piece)) | (ends.sure & ((ordered & ~some) | certain))
         plane_in = line_bound(piece.c_in, piece.b_in, ends.error_in, last_step)
         plane_out = line_bound(piece.c_out, piece.b_out, ends.error_out, last_step)
+        if ball is not None and ball_errors is not None:
+            bounded = bounded_form(ball, ball_errors)
+            ball_bound = curve_bound(bounded, chosen.halvings, last_step)
+            plane_in = np.where(enters, ball_bound, plane_in)
+            plane_out = np.where(leaves, ball_bound, plane_out)
         certificate = Certificate(
-            known | ~within,
+            known | ~within | beside,
             hit,
             surface,
             inside,
@@ -177,5 +249,9 @@ def visit_polynomial(
         bend = world_slope(form, right, down, u, slopes_on_rays(form["terms"], right, down, u))
         bend = turned(inside & is_sheet, bend)
         curved = hit & (surface == 0)
-        slope_vector = either(curved, bend, either(on_entry, normal_in, normal_out))
+        slope_vector = either(on_entry, normal_in, normal_out)
+        if "ball" in facts:
+            on_cap = is_ball & (surface == form["ball"])
+            slope_vector = either(on_cap, slope_at(solid, x, y, position), slope_vector)
+        slope_vector = either(curved, bend, slope_vector)
     return Seen(sight, slope_vector, certificate)
