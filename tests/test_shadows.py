@@ -215,6 +215,14 @@ def test_the_device_gives_the_bits_of_the_twin(number_format: str) -> None:
 
 
 @pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("place", ["outside", "inside"])
+def test_the_device_leaves_nothing_out(place: str, rng: np.random.Generator) -> None:
+    """What it does not try, the twin tries: lamps before, behind and inside of solids."""
+    for _ in range(2):
+        assert differing(random_lit(rng, place), ("shadow",)) == []
+
+
+@pytest.mark.usefixtures("adapter")
 def test_the_article_shows_the_same_shadows() -> None:
     scene = with_overrides(halfstep.load("figure"), shadows=True)
     assert differing(scene, ("shadow",), method="article") == []

@@ -72,6 +72,8 @@ fn find_shadows() {
     }
     low = subgroupMin(low);  //? broadcast
     high = subgroupMax(high);  //? broadcast
+    // Rays end at the lamp, from behind it too.
+    high.z = max(high.z, 0.0);
     low.z = -BEYOND;
     hide_list_curved_lamp(  //? hides_curved
       light.starts[0], light.starts[1], low, high, light.bit
