@@ -374,6 +374,20 @@ def test_what_tori_cannot_have_is_said(option: str, value: Any, text: str) -> No
     assert caught.value.faults == (f"scene: accuracy.{option}: {text}",)
 
 
+def test_tori_have_no_parallel_rays_and_no_shadows() -> None:
+    """Nor has a scene both by its options alone."""
+    lit = scene_of(torus(), (3, 4, 5), light=[{"direction": [1, 2, 3]}])
+    with pytest.raises(halfstep.SceneError, match="shadows are not drawn of tori and formulas yet"):
+        with_overrides(lit, shadows=True)
+    camera = {"orthographic_height": 3.0}
+    with pytest.raises(halfstep.SceneError) as caught:
+        with_overrides(lit, camera=camera)
+    [fault] = caught.value.faults
+    assert fault == (
+        "camera.orthographic_height: parallel rays do not draw a torus yet; use fov_degrees"
+    )
+
+
 MOVING = {
     "kind": "implicit",
     "formula": "a*x^2 + y^2 + z^2 = b / a",

@@ -309,6 +309,11 @@ BAD = [
         "light[0].shadows: true: shadows are drawn of solids alone, and the scene has cells",
     ),
     (
+        {"solid": [{"kind": "torus", "major": 2, "minor": 0.5, **GRAY}]},
+        "light[0].shadows: true: shadows are not drawn of tori and formulas yet, and the scene has "
+        "some",
+    ),
+    (
         {
             "light": [],
             **CELLS,
