@@ -39,12 +39,22 @@ def half_space(normal: Sequence[float] | Array, distance: float) -> Array:
 
 def cube(call: Call) -> list[Array]:
     """``cube(size = [x, y, z], center = false)``."""
+    return _sides(call, 3, "three")
+
+
+def square(call: Call) -> list[Array]:
+    """``square(size = [x, y], center = false)``, a prism without an end along z."""
+    return _sides(call, 2, "two")
+
+
+def _sides(call: Call, axes: int, word: str) -> list[Array]:
+    """Half-spaces across the first ``axes`` axes."""
     size = _argument(call, "size", 0, 1.0)
-    sides = [_number(each) for each in size] if isinstance(size, list) else [_number(size)] * 3
-    if len(sides) != 3:
-        raise Refusal("size is not one number or three")
+    sides = [_number(each) for each in size] if isinstance(size, list) else [_number(size)] * axes
+    if len(sides) != axes:
+        raise Refusal(f"size is not one number or {word}")
     _above_zero(*sides)
-    middle = np.zeros(3) if _argument(call, "center", 1, False) else np.array(sides) / 2
+    middle = np.zeros(axes) if _argument(call, "center", 1, False) else np.array(sides) / 2
     found = []
     for axis, side in enumerate(sides):
         normal = np.eye(3)[axis]
@@ -132,22 +142,6 @@ def polyhedron(call: Call) -> list[Array]:
         found.append(half_space(normal, float((corners @ normal).max())))
     if len(found) < 4:
         raise Empty
-    return found
-
-
-def square(call: Call) -> list[Array]:
-    """``square(size = [x, y], center = false)``, a prism without an end along z."""
-    size = _argument(call, "size", 0, 1.0)
-    sides = [_number(each) for each in size] if isinstance(size, list) else [_number(size)] * 2
-    if len(sides) != 2:
-        raise Refusal("size is not one number or two")
-    _above_zero(*sides)
-    middle = np.zeros(2) if _argument(call, "center", 1, False) else np.array(sides) / 2
-    found = []
-    for axis, side in enumerate(sides):
-        normal = np.eye(3)[axis]
-        found.append(half_space(-normal, side / 2 - middle[axis]))
-        found.append(half_space(normal, side / 2 + middle[axis]))
     return found
 
 
