@@ -280,7 +280,6 @@ FAULTS = [
     ("outward(normal, crossing_at(place)", "outward(normal, crossing_at(0u)"),
     ("region.looks_start + number_at(region, count + k)", "region.looks_start"),
     ("region.looks_start + region.cells + number", "region.looks_start + number"),
-    ("anywhere(wanted) || entry", "entry"),
     ("if !anywhere(goes)", "if anywhere(goes)"),
 ]
 
@@ -386,6 +385,15 @@ def test_a_group_has_more_surfaces_than_a_ray_may_cross() -> None:
     scene["camera"] = {"center": [9.5, 9.5, 900], "look_at": [9.5, 9.5, 0], "up": [0, 1, 0]}
     with pytest.raises(halfstep.SceneError, match="surfaces of one group, more than 255"):
         halfstep.render(scene, backend="numpy")
+
+
+def test_a_fault_in_what_is_skipped_is_seen(
+    adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old, new = "anywhere(wanted) || entry", "entry"
+    monkeypatch.setattr(run_gpu, "compose", lambda needs: compose(needs).replace(old, new))
+    scene = halfstep.load("assembly_17x17")
+    assert differing(scene, ("place",), adapter=adapter.summary.index) != []
 
 
 def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:

@@ -672,6 +672,11 @@ class Draw:
             nothing = rng.random((ROWS, 4)) < 0.1
             for axis in "xyz":
                 inputs["a"][axis][nothing] = 0
+        elif self._function.name == "crossing":
+            # Of some forms F is 0 at the first grid point.
+            ties = (rng.random(ROWS) < 0.2)[BLOCK]
+            form = inputs["form"]
+            form["c"][ties] = form["g"][ties] - form["a"][ties]
         elif self._function.name == "normalized":
             self._make_unit(inputs["a"], np.exp2(rng.integers(-20, 20, (ROWS, 1))))
         elif self._function.name == "shade":
