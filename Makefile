@@ -13,8 +13,9 @@ render: adapter
 	$(PYTHON) -m halfstep render gallery -o gallery.png
 	@echo "the picture is $(CURDIR)/gallery.png"
 
+# Two processes: most tests wait for NumPy or for a compiler, which use one core each.
 test: lavapipe
-	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m pytest
+	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m pytest -n 2 --dist loadfile
 
 # What needs no device and no patience: about a minute on an idle core, lint aside.
 quick: lint
