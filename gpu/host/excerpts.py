@@ -34,8 +34,6 @@ from halfstep.host.tiles import tile_lists
 LEAST_TESTS = 512
 # The largest blocks: about this many lie across a copy. A block is halved twice at once.
 FIRST_BLOCKS, HALVED = 4, 2
-
-
 # A copy has excerpts in any case if its group has more surfaces than this.
 MOST_WHOLE = 16
 # Surfaces of a group that a ray crosses in one tile: it holds where it crosses each.
