@@ -38,21 +38,21 @@ class Rays:
         """Whether each piece has some grid points."""
         return np.asarray(self.last - self.first >= 4 * PIECES)
 
-    def narrowed(self, first: Ints, last: Ints) -> Rays:
-        """From one piece to another, and the grid points next to them."""
+    @property
+    def ends(self) -> Ints:
+        """Grid points between which the pieces are, (PIECES + 1, P)."""
         length = self.last - self.first
-        return Rays(
-            self.first + np.floor_divide(length * first, PIECES),
-            self.first - np.floor_divide(-length * (last + 1), PIECES),
-            self.steps,
-        )
+        return self.first + length * np.arange(PIECES + 1)[:, None] // PIECES
+
+    def narrowed(self, first: Ints, last: Ints) -> Rays:
+        """From one piece to another."""
+        ends, rays = self.ends, np.arange(len(self.first))
+        return Rays(ends[first, rays], ends[last + 1, rays], self.steps)
 
     def places(self) -> tuple[Floats, Floats]:
-        """The middle (PIECES, P) of each piece in u, and half the length (P,) of pieces."""
-        points = np.exp2(self.steps)
-        half = (self.last - self.first) / (points * PIECES)
-        begin = 2 * self.first / points - 1
-        return begin + half * (2 * np.arange(PIECES)[:, None] + 1), half
+        """The middle of each piece in u, and half its length, (PIECES, P)."""
+        ends = 2 * self.ends / np.exp2(self.steps) - 1
+        return (ends[1:] + ends[:-1]) / 2, (ends[1:] - ends[:-1]) / 2
 
 
 def signs(copies: Copies, surface: Ints, blocks: Blocks, rays: Rays) -> tuple[Bytes, Bytes]:
