@@ -102,7 +102,7 @@ def composed(monkeypatch: pytest.MonkeyPatch) -> list[Needs]:
         found.append(needs)
         return compose(needs)
 
-    monkeypatch.setattr("halfstep.run.gpu.compose", noted)
+    monkeypatch.setattr("halfstep.run.shaders.compose", noted)
     return found
 
 

@@ -21,7 +21,6 @@ from halfstep.device import canary
 from halfstep.device.adapters import Adapter
 from halfstep.errors import AdapterError
 from halfstep.host.prepare import prepare
-from halfstep.run import gpu as run_gpu
 from halfstep.run import rounds
 from halfstep.scene import Scene, bundled_scenes, with_overrides
 from halfstep.shader import library, source
@@ -101,7 +100,7 @@ def broken_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
         text = source.compose(needs)
         return text.replace("sight_0 = Sight(\n    root_0.hit,", "sight_0 = Sight(\n    b4(true),")
 
-    monkeypatch.setattr(run_gpu, "compose", faulty)
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
 
 
 @pytest.mark.usefixtures("broken_kernel")
@@ -127,7 +126,7 @@ def plant(
             text = text.replace(old, new)
         return text
 
-    monkeypatch.setattr(run_gpu, "compose", faulty)
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
 
 
 def of_two_quads(needs: Needs) -> bool:

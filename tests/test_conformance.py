@@ -19,6 +19,7 @@ from halfstep.frames.frame import Frame
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.run import gpu as run_gpu
 from halfstep.run.gpu import Device
+from halfstep.run.shaders import ShaderStore
 from halfstep.scene import bundled_scenes
 from halfstep.shader import source
 from halfstep.shader.needs import Needs
@@ -194,8 +195,7 @@ def test_shaders_of_fewer_classes_give_the_same_bits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From the second frame on, tiles that see only some classes have shaders of their own."""
-    monkeypatch.setattr(device, "_chosen_sets", {})
-    monkeypatch.setattr(device, "_pipelines", {})
+    monkeypatch.setattr(device, "_shaders", ShaderStore(device._device, in_parts=True))
     loaded = halfstep.load(scene)
     with halfstep.Renderer(loaded, size=(320, 240), outputs=PLAIN, backend="gpu") as renderer:
         first, second, third = (renderer.render() for _ in range(3))
@@ -268,8 +268,8 @@ def test_a_fault_in_the_kernel_is_seen(
         slips.append(text.count(old))
         return text.replace(old, new)
 
-    monkeypatch.setattr(device, "_pipelines", {})
-    monkeypatch.setattr(run_gpu, "compose", faulty)
+    monkeypatch.setattr(device, "_shaders", ShaderStore(device._device, in_parts=False))
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
     options = {"size": SIZE, "outputs": ["image", "surface", "t", "depth_exit", "normal"]}
     frame = render("figure", "gpu", **options)
     assert sum(slips) > 0

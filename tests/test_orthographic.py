@@ -13,7 +13,6 @@ from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS as ALL_OUTPUTS
 from halfstep.host.camera import view
 from halfstep.host.prepare import prepare
-from halfstep.run import gpu as run_gpu
 from halfstep.scene import Camera, Scene, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
@@ -207,7 +206,7 @@ def test_a_fault_in_the_kernel_is_seen(
         texts.append(compose(needs))
         return texts[-1].replace(old, new)
 
-    monkeypatch.setattr(run_gpu, "compose", faulty)
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
     assert differing(Scene.from_dict(LIT), ("image",), adapter=adapter.summary.index)
     assert any(old in text for text in texts)
 

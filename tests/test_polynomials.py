@@ -12,7 +12,6 @@ import halfstep
 from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.host.prepare import prepare
-from halfstep.run import gpu as run_gpu
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.animation import scene_at
@@ -258,7 +257,7 @@ def test_a_fault_in_the_visit_is_seen(
         changed.append(old in text[start:])
         return text[:start] + text[start:].replace(old, new, 1)
 
-    monkeypatch.setattr(run_gpu, "compose", faulty)
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
     assert any(differences(scene, "gpu") for scene in reversed(WAYS))
     assert any(changed)
 

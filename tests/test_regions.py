@@ -17,7 +17,6 @@ from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
 from halfstep.host.numbers import numbers_of
 from halfstep.host.prepare import prepare
-from halfstep.run import gpu as run_gpu
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 from halfstep.shader.needs import Needs
@@ -294,7 +293,7 @@ def test_a_fault_in_the_kernel_is_seen(
         texts.append(compose(needs))
         return texts[-1].replace(old, new)
 
-    monkeypatch.setattr(run_gpu, "compose", faulty)
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
     monkeypatch.setattr(excerpts, "LEAST_TESTS", 1)
     scene = Scene.from_dict(TWO_CELLS)
     assert differing(
@@ -391,7 +390,9 @@ def test_a_fault_in_what_is_skipped_is_seen(
     adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old, new = "anywhere(wanted) || entry", "entry"
-    monkeypatch.setattr(run_gpu, "compose", lambda needs: compose(needs).replace(old, new))
+    monkeypatch.setattr(
+        "halfstep.run.shaders.compose", lambda needs: compose(needs).replace(old, new)
+    )
     scene = halfstep.load("assembly_17x17")
     assert differing(scene, ("place",), adapter=adapter.summary.index) != []
 

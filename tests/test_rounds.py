@@ -93,7 +93,7 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     scene = with_overrides(load(name), size=SIZE, steps=11, method=method)
     packed = prepare(scene)
     wanted = device_outputs(outputs)
-    monkeypatch.setattr(run_gpu, "compose", counting)
+    monkeypatch.setattr("halfstep.run.shaders.compose", counting)
     monkeypatch.setattr("halfstep.run.framebuffer.MOST_TAGS", 0)
     device = run_gpu.Device(adapter)
     try:

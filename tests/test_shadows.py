@@ -281,7 +281,7 @@ def test_a_fault_in_the_kernel_is_seen(
         texts.append(compose(needs))
         return texts[-1].replace(old, new)
 
-    monkeypatch.setattr(run_gpu, "compose", faulty)
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
     scenes = (in_a_lamp(), many())
     index = adapter.summary.index
     assert any(differing(each, ("image", "shadow"), adapter=index) for each in scenes)

@@ -30,16 +30,16 @@ from halfstep.host.tiles import (
     Classes,
     TileGroup,
     blank_tiles,
-    frequent_sets,
     tile_groups,
 )
 from halfstep.run import rounds, split
 from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, pixel_bytes, written_for
 from halfstep.run.needs import needs_of
+from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
-from halfstep.shader.needs import UNIFORM_BYTES, Needs
-from halfstep.shader.source import SHADOW_BINDINGS, binding_types, compose
+from halfstep.shader.needs import UNIFORM_BYTES
+from halfstep.shader.source import SHADOW_BINDINGS
 
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
 BAND_BYTES = 128 << 20
@@ -124,11 +124,9 @@ class Device(Turns):
             limits["max-storage-buffer-binding-size"], limits["max-buffer-size"]
         )
         self._conveyor = conveyor
-        self._pipelines: dict[Needs, object] = {}
-        self._layouts: dict[tuple[tuple[int, str], ...], object] = {}
+        self._shaders = ShaderStore(self._device, in_parts=self._is_software)
         # The layout and the bindings of the last frame, and the bind group made of them.
         self._bound: tuple[object, object] = None, None
-        self._chosen_sets: dict[Needs, list[Classes]] = {}
         # What the frame buffer shows where nothing is hit, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
         self._buffers: dict[str, GpuBuffer] = {}
@@ -147,8 +145,7 @@ class Device(Turns):
         if device is None:
             return
         self._drop_buffers()
-        self._pipelines.clear()
-        self._layouts.clear()
+        del self._shaders
         self._queries = None
         close_device(device)
 
@@ -222,6 +219,7 @@ class Device(Turns):
         )
         if self._conveyor != needs.conveyor:
             needs = replace(needs, conveyor=self._conveyor)
+        shaders = self._shaders.of(needs)
         frame = frame_record(scene, packed.setup, first_row, rows)
         too_long = rounds.exceed(needs, packed, lists, self.loop_rounds)
         if len(packed.order) > 1 and (too_long or self._is_too_large(packed, lists)):
@@ -236,8 +234,8 @@ class Device(Turns):
             buffer = self._frame_buffer(layout)
         ground = buffer, layout, scene.image.background
         blank = blank_tiles(lists.starts, needs.classes)
-        left_out = self._left_out(needs, ground, blank)
-        sets = self._sets(needs, lists.starts)
+        left_out = self._left_out(shaders, ground, blank)
+        sets = shaders.sets(lists.starts)
         tiles_x = layout.shape[1] // TILE
         records, parts = _parts(tile_groups(lists.starts, needs.classes, tiles_x, sets, left_out))
         contents = {
@@ -263,9 +261,9 @@ class Device(Turns):
                     number: bound[number]
                     if number in bound
                     else self._upload(number, type_, contents[number])
-                    for number, type_ in binding_types(needs).items()
+                    for number, type_ in shaders.types.items()
                 }
-                memory = self._dispatch(needs, parts, bindings, buffer, layout)
+                memory = self._dispatch(shaders, parts, bindings, buffer, layout)
                 content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
                 planes = layout.copies(content, outputs)
                 milliseconds = layout.milliseconds(content) if self._timed else None
@@ -278,14 +276,14 @@ class Device(Turns):
         self._blank = ground, blank
         return planes, milliseconds
 
-    def _left_out(self, needs: Needs, ground: object, blank: Bools) -> Bools:
+    def _left_out(self, shaders: Shaders, ground: object, blank: Bools) -> Bools:
         """Which of the ``blank`` tiles were rendered blank before, and need no rendering."""
         shown, before = self._blank
         # Unknown until this frame succeeds.
         self._blank = None, blank
         # The frame that picks the shaders renders blank tiles too, so that all compile now.
-        decided = not self._is_software or "shadows" in needs.facts or self._chosen_sets.get(needs)
-        return blank & before if shown == ground and decided else np.zeros_like(blank)
+        decided = not shaders.compiles_later
+        return blank & before if decided and shown == ground else np.zeros_like(blank)
 
     def _is_too_large(self, packed: Packed, lists: Lists) -> bool:
         """Whether a binding cannot hold the solids, what they have, or the lists of tiles."""
@@ -313,49 +311,6 @@ class Device(Turns):
         if "key" not in outputs:
             del joined["key"]
         return joined, sum(times) if times else None
-
-    def _sets(self, needs: Needs, starts: U32) -> list[Classes]:
-        """The classes of each shader of a frame.
-
-        A single frame has one shader, as compiling takes longer than rendering. On a software
-        adapter the second frame picks the sets of classes that get a shader of their own.
-        """
-        whole = [needs.classes]
-        # Code for shadows is the same for all classes, and takes longer still to compile.
-        if not self._is_software or "shadows" in needs.facts:
-            return whole
-        if needs not in self._chosen_sets:
-            self._chosen_sets[needs] = []
-            return whole
-        if not self._chosen_sets[needs]:
-            self._chosen_sets[needs] = frequent_sets(starts, needs.classes)
-        return self._chosen_sets[needs]
-
-    def _layout(self, needs: Needs) -> object:
-        """The layout of the bindings of a shader."""
-        types = tuple(binding_types(needs).items())
-        if types not in self._layouts:
-            entries = [
-                {
-                    "binding": number,
-                    "visibility": "COMPUTE",
-                    "buffer": {"type": type_, "has_dynamic_offset": number == 3},
-                }
-                for number, type_ in types
-            ]
-            self._layouts[types] = self._device.create_bind_group_layout(entries=entries)
-        return self._layouts[types]
-
-    def _pipeline(self, needs: Needs) -> object:
-        if needs not in self._pipelines:
-            layout = self._layout(needs)
-            module = self._device.create_shader_module(label="halfstep", code=compose(needs))
-            self._pipelines[needs] = self._device.create_compute_pipeline(
-                label="render",
-                layout=self._device.create_pipeline_layout(bind_group_layouts=[layout]),
-                compute={"module": module, "entry_point": "render"},
-            )
-        return self._pipelines[needs]
 
     def _upload(self, number: int, type_: str, content: Array) -> _Binding:
         """A part of a buffer that holds ``content``."""
@@ -391,7 +346,7 @@ class Device(Turns):
 
     def _dispatch(
         self,
-        needs: Needs,
+        shaders: Shaders,
         parts: list[_Part],
         bindings: dict[int, _Binding],
         frame: GpuBuffer,
@@ -406,10 +361,10 @@ class Device(Turns):
                 "beginning_of_pass_write_index": 0,
                 "end_of_pass_write_index": 1,
             }
-        group = self._bind_group(needs, bindings)
+        group = self._bind_group(shaders.layout, bindings)
         compute = encoder.begin_compute_pass(**timing)
         for part in parts:
-            compute.set_pipeline(self._pipeline(replace(needs, classes=part.classes)))
+            compute.set_pipeline(shaders.pipeline(part.classes))
             compute.set_bind_group(0, group, [part.first * RECORD_BYTES])
             compute.dispatch_workgroups(part.tiles)
         compute.end()
@@ -423,9 +378,8 @@ class Device(Turns):
         memory.map_sync("READ", 0, layout.size)
         return memory
 
-    def _bind_group(self, needs: Needs, bindings: dict[int, _Binding]) -> object:
+    def _bind_group(self, layout: object, bindings: dict[int, _Binding]) -> object:
         """A bind group of parts of buffers, most often that of the last frame."""
-        layout = self._layout(needs)
         if (layout, bindings) != self._bound[0]:
             group = self._device.create_bind_group(
                 layout=layout,

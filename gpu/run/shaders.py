@@ -1,0 +1,103 @@
+"""The shaders that a device keeps from frame to frame, and which of them render a frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from halfstep.contract.arrays import U32
+from halfstep.device.handles import GpuDevice
+from halfstep.host.tiles import Classes, frequent_sets
+from halfstep.shader.needs import Needs
+from halfstep.shader.source import binding_types, compose
+
+
+class Shaders:
+    """The shaders of all frames that need the same: one of all classes, and some of fewer.
+
+    All have the same bindings.
+    """
+
+    def __init__(self, needs: Needs, store: ShaderStore) -> None:
+        """`ShaderStore.of` makes them."""
+        self.needs = needs
+        self.types = binding_types(needs)
+        self.layout = store.layout(self.types)
+        self.has_parts = False
+        # Code for shadows is the same for all classes, and takes longer still to compile.
+        self._may_have_parts = store.in_parts and "shadows" not in needs.facts
+        self._whole = [needs.classes]
+        self._sets: list[Classes] | None = None
+        self._store = store
+        self._pipelines: dict[Classes, object] = {}
+
+    @property
+    def compiles_later(self) -> bool:
+        """Whether the next frame may need shaders that no frame had before."""
+        return self._may_have_parts and not self.has_parts
+
+    def sets(self, starts: U32) -> list[Classes]:
+        """The classes of each shader of a frame whose lists begin at ``starts``, all classes last.
+
+        A single frame has one shader, as compiling takes longer than rendering. On a software
+        adapter the second frame picks the sets of classes that get a shader of their own.
+        """
+        if not self._may_have_parts:
+            return self._whole
+        if self._sets is None:
+            self._sets = []
+            return self._whole
+        if not self._sets:
+            self._sets = frequent_sets(starts, self.needs.classes)
+            self.has_parts = True
+        return self._sets
+
+    def pipeline(self, classes: Classes) -> object:
+        """The shader that knows these classes."""
+        if classes not in self._pipelines:
+            needs = replace(self.needs, classes=classes)
+            self._pipelines[classes] = self._store.pipeline(needs, self.layout)
+        return self._pipelines[classes]
+
+
+class ShaderStore:
+    """All shaders of a device, compiled when a frame first needs them."""
+
+    def __init__(self, device: GpuDevice, *, in_parts: bool) -> None:
+        """``in_parts``: tiles that see few classes get shaders of their own."""
+        self.in_parts = in_parts
+        self._device = device
+        self._of: dict[Needs, Shaders] = {}
+        self._layouts: dict[tuple[tuple[int, str], ...], object] = {}
+        self._pipelines: dict[Needs, object] = {}
+
+    def of(self, needs: Needs) -> Shaders:
+        """The shaders of frames that need this."""
+        if needs not in self._of:
+            self._of[needs] = Shaders(needs, self)
+        return self._of[needs]
+
+    def layout(self, types: dict[int, str]) -> object:
+        """The layout of bindings of these types."""
+        key = tuple(types.items())
+        if key not in self._layouts:
+            entries = [
+                {
+                    "binding": number,
+                    "visibility": "COMPUTE",
+                    "buffer": {"type": type_, "has_dynamic_offset": number == 3},
+                }
+                for number, type_ in key
+            ]
+            self._layouts[key] = self._device.create_bind_group_layout(entries=entries)
+        return self._layouts[key]
+
+    def pipeline(self, needs: Needs, layout: object) -> object:
+        """The compiled shader of ``needs``."""
+        if needs not in self._pipelines:
+            module = self._device.create_shader_module(label="halfstep", code=compose(needs))
+            self._pipelines[needs] = self._device.create_compute_pipeline(
+                label="render",
+                layout=self._device.create_pipeline_layout(bind_group_layouts=[layout]),
+                compute={"module": module, "entry_point": "render"},
+            )
+        return self._pipelines[needs]
