@@ -235,7 +235,7 @@ from halfstep.run.gpu import Device
 device = Device(choose_adapter())
 assert device._together == int(sys.argv[1]), device._together
 device.close()
-sys.exit(main(["check", "gallery", "--size", "64x48"]))
+sys.exit(main(["check", "figure", "--size", "64x48"]))
 """
 
 

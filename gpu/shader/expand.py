@@ -16,6 +16,7 @@ device most.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Collection, Iterator, Mapping
 
@@ -33,15 +34,25 @@ def expand(
 
     Bounds of loops that are written out may have the names of ``constants``.
     """
-    kept = _written_out(_kept(text.splitlines(), facts), constants or {})
-    lines = _ended_late(_repeated(kept, quads))
-    return "".join(f"{line}\n" for line in lines)
+    bounds = tuple(sorted((constants or {}).items())) if WRITTEN_OUT in text else ()
+    return _expanded(text, marks(text) & frozenset(facts), quads, bounds)
 
 
-def marks(text: str) -> set[str]:
+@functools.cache
+def marks(text: str) -> frozenset[str]:
     """The facts that the marks of ``text`` ask for."""
     matches = filter(None, map(_MARKED.fullmatch, text.splitlines()))
-    return {fact.removeprefix("!") for match in matches for fact in match[2].split(" & ")}
+    return frozenset(fact.removeprefix("!") for match in matches for fact in match[2].split(" & "))
+
+
+# The shaders of a scene share most of their stages.
+@functools.lru_cache(maxsize=1024)
+def _expanded(
+    text: str, facts: frozenset[str], quads: int, constants: tuple[tuple[str, int], ...]
+) -> str:
+    kept = _written_out(_kept(text.splitlines(), facts), dict(constants))
+    lines = _ended_late(_repeated(kept, quads))
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _holds(condition: str, facts: Collection[str]) -> bool:
