@@ -1,7 +1,7 @@
 """One tile that sees very many solids, the nearest last: the device against NumPy, bit for bit.
 
 `python -m tests.crowded --solids 100000` takes half an hour and more: NumPy tries one solid after
-another.
+another. ``--steps`` and ``--formats`` choose parts of it.
 """
 
 from __future__ import annotations
@@ -64,9 +64,11 @@ def main() -> None:
     """Compare every number of halvings in both formats."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--solids", type=int, default=100_000)
-    solids = parser.parse_args().solids
-    for number_format, steps in product(FORMATS, STEPS):
-        scene = spheres(solids, steps=steps, number_format=number_format)
+    parser.add_argument("--steps", type=int, nargs="+", default=STEPS)
+    parser.add_argument("--formats", nargs="+", choices=FORMATS, default=FORMATS)
+    options = parser.parse_args()
+    for number_format, steps in product(options.formats, options.steps):
+        scene = spheres(options.solids, steps=steps, number_format=number_format)
         found, expected = (
             halfstep.render(scene, backend=backend, outputs=OUTPUTS) for backend in ("gpu", "numpy")
         )
