@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import inspect
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel
 
+from halfstep.contract.stages import HIDES, STAGES, VISITS
 from halfstep.files.exr import EXR
 from halfstep.frames.outputs import OUTPUTS, Output
+from halfstep.scene.bases import BaseSolid, CutSolid
+from halfstep.scene.solids import SOLID_KINDS
+from halfstep.shader.library import stage
 
 ROOT = Path(__file__).parents[1]
 README, FILES = "README.md", "gpu/files/README.md"
+SCENES, WGSL = "scenes/README.md", "wgsl/README.md"
+# Keys that kinds of solids share.
+_SHARED = {*CutSolid.model_fields, "kind"}
 
 
 def outputs() -> list[str]:
@@ -31,6 +41,53 @@ def files() -> list[str]:
             always = "; always there" if row.name in EXR.always else ""
             rows.append((f"`{row.name}`", row.levels.value, channels + always))
     return _table(("output", "in a PNG", "in an EXR"), rows)
+
+
+def kinds() -> list[str]:
+    """The kinds of solids: parameters, and what their docstrings begin with."""
+    return _table(
+        ("kind", "parameters", "solid"),
+        ((f"`{_kind(each)}`", ", ".join(_parameters(each)), _told(each)) for each in SOLID_KINDS),
+    )
+
+
+def stages() -> list[str]:
+    """The WGSL files of a shader in order, each with its first sentence."""
+    files = [name for each in STAGES for name in (each.file, *each.others)]
+    files += dict.fromkeys(each.file for each in (*VISITS.values(), *HIDES.values()))
+    files.append("hide_list")
+    return _table(
+        ("file", "what it does"),
+        ((f"`{name}.wgsl`", _first_sentence(stage(name))) for name in files),
+    )
+
+
+def _kind(model: type[BaseSolid]) -> str:
+    kind: str = model.model_fields["kind"].default
+    return kind
+
+
+def _parameters(model: type[BaseModel]) -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        if name in _SHARED:
+            continue
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            yield from (f"`{field.alias or name}.{own}`" for own in inner.model_fields)
+        else:
+            yield f"`{field.alias or name}`"
+
+
+def _told(model: type[BaseSolid]) -> str:
+    doc = (inspect.getdoc(model) or "").partition("\n\n")[0].rstrip(".")
+    text = " ".join(doc.split()).replace("<=", "≤").replace("|", "\\|")
+    return re.sub(r"(?<![^\s])-(?=[\s\d])", "−", text)
+
+
+def _first_sentence(text: str) -> str:
+    comment = text.partition("\n\n")[0].replace("\n// ", " ").removeprefix("// ")
+    sentence = comment.partition(". ")[0].split("\n")[0].rstrip(".")
+    return sentence[0].lower() + sentence[1:].replace("->", "→")
 
 
 def _type(row: Output) -> str:
@@ -59,7 +116,7 @@ def written(text: str, table: Sequence[str]) -> str:
 
 
 # Page -> its tables.
-TABLES = {README: (outputs(),), FILES: (files(),)}
+TABLES = {README: (outputs(),), FILES: (files(),), SCENES: (kinds(),), WGSL: (stages(),)}
 
 
 def main() -> None:

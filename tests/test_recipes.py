@@ -72,12 +72,13 @@ class Recipe:
 
 KIND = Recipe(
     "A new kind of solid",
-    6,
+    3,
     (
         "tests/test_kinds.py::test_every_kind_has_a_scene_that_is_true_from_all_sides[taper]",
         "tests/test_readme.py::test_all_kinds_are_listed_with_their_parameters",
         "tests/test_readme.py::test_kinds_of_surfaces_are_those_of_solids_listed_and_the_plane",
     ),
+    after=("tests.tables",),
 )
 OUTPUT = Recipe(
     "A new output from what is there",
@@ -94,6 +95,18 @@ frame = halfstep.render("one_sphere", size=(9, 7), outputs="distance", backend="
 for ending in ("png", "tif", "exr", "npz"):
     halfstep.write(f"distance.{ending}", frame, "distance")
 """,
+    after=("tests.tables",),
+)
+STAGE = Recipe(
+    "A new stage",
+    4,
+    (
+        "tests/test_stages.py::test_no_stage_is_left_out",
+        "tests/test_stages.py::test_every_function_has_a_planted_fault",
+        "tests/test_stages.py::test_the_device_gives_the_bits_of_the_twin[forms-luminance.luminance]",
+        "tests/test_source.py::test_files_as_they_lie_are_wgsl[luminance]",
+        "tests/test_readme.py::test_tables_are_those_that_the_code_prints[wgsl/README.md]",
+    ),
     after=("tests.tables",),
 )
 OPTION = Recipe(
@@ -116,7 +129,7 @@ assert numpy.load("red.npz")["color"][0, 0].tolist() == [1, 0, 0.5]
 assert main(["render", "one_sphere", "-o", "red.npz", "--background", "2,0,0"]) == 2
 """,
 )
-RECIPES = (KIND, OUTPUT, OPTION)
+RECIPES = (KIND, OUTPUT, STAGE, OPTION)
 
 
 def copy_with(folder: Path, steps: Sequence[Hunk]) -> None:
@@ -144,7 +157,8 @@ def faults(folder: Path, recipe: Recipe) -> str:
     environ = {**os.environ, "PYTHONPATH": str(folder / "package")}
     environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # a second less
     commands = [["-m", module] for module in recipe.after]
-    commands.append(["-m", "pytest", "-x", "-q", "--tb=line", *recipe.tests])
+    pytest_ = ["-m", "pytest", "-p", "halfstep.testing.plugin", "-x", "-q", "--tb=line"]
+    commands.append([*pytest_, *recipe.tests])
     commands.append(["-c", recipe.program])
     for command in commands:
         result = subprocess.run(

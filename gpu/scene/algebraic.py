@@ -193,7 +193,7 @@ class ImplicitKey(SolidKey):
 
 
 class Implicit(Algebraic):
-    """What a formula of x, y and z makes <= 0 in a box or a ball, which cuts it.
+    """formula <= 0 within the bounds, which cut it; sheet: formula = 0 itself, two-sided.
 
     Attributes:
         parameters: values of names in the formula.

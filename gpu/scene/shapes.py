@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Literal
+from typing import ClassVar
 
-import numpy as np
 from pydantic import ValidationInfo, field_validator
 
-from halfstep.scene.faults import TABLE_FAULT, Fault, fault, show
+from halfstep.scene.faults import TABLE_FAULT, Fault, fault
 from halfstep.scene.keys import SolidKey
 from halfstep.scene.placement import orientation
 from halfstep.scene.values import (
     Angles,
     Array,
-    Coefficients,
     Direction,
-    Length,
-    Lengths,
     Name,
     Point,
     Table,
@@ -94,107 +90,3 @@ class QuadricShape(Placed, ABC):
 
     @abstractmethod
     def _matrix(self) -> Array: ...
-
-
-class Sphere(QuadricShape):
-    """x² + y² + z² <= radius²."""
-
-    kind: Literal["sphere"] = "sphere"
-    is_ellipsoid: ClassVar[bool] = True
-    radius: Length
-
-    def _matrix(self) -> Array:
-        return np.diag([1.0, 1.0, 1.0, -(self.radius**2)])
-
-
-class Ellipsoid(QuadricShape):
-    """x²/a² + y²/b² + z²/c² <= 1 with semi_axes (a, b, c)."""
-
-    kind: Literal["ellipsoid"] = "ellipsoid"
-    is_ellipsoid: ClassVar[bool] = True
-    semi_axes: Lengths
-
-    def _matrix(self) -> Array:
-        a, b, c = self.semi_axes
-        return np.diag([a**-2, b**-2, c**-2, -1.0])
-
-
-class Cylinder(QuadricShape):
-    """x² + y² <= radius²."""
-
-    kind: Literal["cylinder"] = "cylinder"
-    radius: Length
-
-    def _matrix(self) -> Array:
-        return np.diag([1.0, 1.0, 0.0, -(self.radius**2)])
-
-
-class Cone(QuadricShape):
-    """x² + y² <= slope² z², both nappes unless cut."""
-
-    kind: Literal["cone"] = "cone"
-    slope: Length
-
-    def _matrix(self) -> Array:
-        return np.diag([1.0, 1.0, -(self.slope**2), 0.0])
-
-
-class HyperboloidOneSheet(QuadricShape):
-    """(x² + y²)/waist² - z²/c² <= 1."""
-
-    kind: Literal["hyperboloid_one_sheet"] = "hyperboloid_one_sheet"
-    waist: Length
-    c: Length
-
-    def _matrix(self) -> Array:
-        return np.diag([self.waist**-2, self.waist**-2, -(self.c**-2), -1.0])
-
-
-class HyperboloidTwoSheets(QuadricShape):
-    """(x² + y²)/a² - z²/c² <= -1."""
-
-    kind: Literal["hyperboloid_two_sheets"] = "hyperboloid_two_sheets"
-    bulges: ClassVar[bool] = True
-    a: Length
-    c: Length
-
-    def _matrix(self) -> Array:
-        return np.diag([self.a**-2, self.a**-2, -(self.c**-2), 1.0])
-
-
-class Paraboloid(QuadricShape):
-    """(x² + y²)/a² <= z."""
-
-    kind: Literal["paraboloid"] = "paraboloid"
-    bulges: ClassVar[bool] = True
-    a: Length
-
-    def _matrix(self) -> Array:
-        q = np.diag([self.a**-2, self.a**-2, 0.0, 0.0])
-        q[2, 3] = q[3, 2] = -0.5
-        return q
-
-
-class Quadric(QuadricShape):
-    """F <= 0 with coefficients of (x², y², z², xy, xz, yz, x, y, z, 1)."""
-
-    kind: Literal["quadric"] = "quadric"
-    coefficients: Coefficients
-
-    @field_validator("coefficients")
-    @classmethod
-    def _is_not_constant(cls, coefficients: tuple[float, ...]) -> tuple[float, ...]:
-        if not any(coefficients[:9]):
-            raise fault(f"{show(coefficients)} is 0 but for the last, which is no surface")
-        return coefficients
-
-    def _matrix(self) -> Array:
-        xx, yy, zz, xy, xz, yz, x, y, z, one = self.coefficients
-        return 0.5 * np.array(
-            [
-                [2.0 * xx, xy, xz, x],
-                [xy, 2.0 * yy, yz, y],
-                [xz, yz, 2.0 * zz, z],
-                [x, y, z, 2.0 * one],
-            ]
-        )

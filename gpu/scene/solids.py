@@ -8,16 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_a
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from halfstep.scene import halfspaces, shapes
+from halfstep.scene import halfspaces
 from halfstep.scene.algebraic import Implicit, Torus
 from halfstep.scene.bases import BaseSolid, CutSolid
 from halfstep.scene.faults import fault, show
 from halfstep.scene.formula import Operand
 from halfstep.scene.placement import orientation, tested_axes_of
+from halfstep.scene.shapes import QuadricShape
 from halfstep.scene.values import (
     Array,
+    Coefficients,
     Faces,
     HalfSpace,
+    Length,
     Lengths,
     Point,
     Table,
@@ -44,12 +47,35 @@ class _QuadricSolid(CutSolid, Part, ABC):
     """A second-order solid F <= 0, cut by planes: system (4)."""
 
 
-class Sphere(shapes.Sphere, _QuadricSolid):
+class SphereShape(QuadricShape):
+    """x² + y² + z² <= radius²."""
+
+    kind: Literal["sphere"] = "sphere"
+    is_ellipsoid: ClassVar[bool] = True
+    radius: Length
+
+    def _matrix(self) -> Array:
+        return np.diag([1.0, 1.0, 1.0, -(self.radius**2)])
+
+
+class Sphere(SphereShape, _QuadricSolid):
     """x² + y² + z² <= radius²."""
 
 
-class Ellipsoid(shapes.Ellipsoid, _QuadricSolid):
-    """x²/a² + y²/b² + z²/c² <= 1 with semi_axes (a, b, c)."""
+class EllipsoidShape(QuadricShape):
+    """x²/a² + y²/b² + z²/c² <= 1, semi_axes (a, b, c)."""
+
+    kind: Literal["ellipsoid"] = "ellipsoid"
+    is_ellipsoid: ClassVar[bool] = True
+    semi_axes: Lengths
+
+    def _matrix(self) -> Array:
+        a, b, c = self.semi_axes
+        return np.diag([a**-2, b**-2, c**-2, -1.0])
+
+
+class Ellipsoid(EllipsoidShape, _QuadricSolid):
+    """x²/a² + y²/b² + z²/c² <= 1, semi_axes (a, b, c)."""
 
 
 class _Revolution(_QuadricSolid, ABC):
@@ -61,19 +87,62 @@ class _Revolution(_QuadricSolid, ABC):
         return low, math.inf if self.z_max is None else self.z_max
 
 
-class Cylinder(shapes.Cylinder, _Revolution):
+class CylinderShape(QuadricShape):
+    """x² + y² <= radius²."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    radius: Length
+
+    def _matrix(self) -> Array:
+        return np.diag([1.0, 1.0, 0.0, -(self.radius**2)])
+
+
+class Cylinder(CylinderShape, _Revolution):
     """x² + y² <= radius²."""
 
 
-class Cone(shapes.Cone, _Revolution):
+class ConeShape(QuadricShape):
+    """x² + y² <= slope² z², both nappes unless cut."""
+
+    kind: Literal["cone"] = "cone"
+    slope: Length
+
+    def _matrix(self) -> Array:
+        return np.diag([1.0, 1.0, -(self.slope**2), 0.0])
+
+
+class Cone(ConeShape, _Revolution):
     """x² + y² <= slope² z², both nappes unless cut."""
 
 
-class HyperboloidOneSheet(shapes.HyperboloidOneSheet, _Revolution):
+class HyperboloidOneSheetShape(QuadricShape):
+    """(x² + y²)/waist² - z²/c² <= 1."""
+
+    kind: Literal["hyperboloid_one_sheet"] = "hyperboloid_one_sheet"
+    waist: Length
+    c: Length
+
+    def _matrix(self) -> Array:
+        return np.diag([self.waist**-2, self.waist**-2, -(self.c**-2), -1.0])
+
+
+class HyperboloidOneSheet(HyperboloidOneSheetShape, _Revolution):
     """(x² + y²)/waist² - z²/c² <= 1."""
 
 
-class HyperboloidTwoSheets(shapes.HyperboloidTwoSheets, _Revolution):
+class HyperboloidTwoSheetsShape(QuadricShape):
+    """(x² + y²)/a² - z²/c² <= -1."""
+
+    kind: Literal["hyperboloid_two_sheets"] = "hyperboloid_two_sheets"
+    bulges: ClassVar[bool] = True
+    a: Length
+    c: Length
+
+    def _matrix(self) -> Array:
+        return np.diag([self.a**-2, self.a**-2, -(self.c**-2), 1.0])
+
+
+class HyperboloidTwoSheets(HyperboloidTwoSheetsShape, _Revolution):
     """(x² + y²)/a² - z²/c² <= -1."""
 
     def ends(self) -> tuple[float, float]:
@@ -84,7 +153,20 @@ class HyperboloidTwoSheets(shapes.HyperboloidTwoSheets, _Revolution):
         return low, -self.c if -self.c < high < self.c else high
 
 
-class Paraboloid(shapes.Paraboloid, _Revolution):
+class ParaboloidShape(QuadricShape):
+    """(x² + y²)/a² <= z."""
+
+    kind: Literal["paraboloid"] = "paraboloid"
+    bulges: ClassVar[bool] = True
+    a: Length
+
+    def _matrix(self) -> Array:
+        q = np.diag([self.a**-2, self.a**-2, 0.0, 0.0])
+        q[2, 3] = q[3, 2] = -0.5
+        return q
+
+
+class Paraboloid(ParaboloidShape, _Revolution):
     """(x² + y²)/a² <= z."""
 
     def ends(self) -> tuple[float, float]:
@@ -93,12 +175,37 @@ class Paraboloid(shapes.Paraboloid, _Revolution):
         return max(low, 0.0), high
 
 
-class Quadric(shapes.Quadric, _QuadricSolid):
-    """F <= 0 with coefficients of (x², y², z², xy, xz, yz, x, y, z, 1)."""
+class GeneralQuadricShape(QuadricShape):
+    """F <= 0, coefficients of x², y², z², xy, xz, yz, x, y, z and 1, also where it is flat."""
+
+    kind: Literal["quadric"] = "quadric"
+    coefficients: Coefficients
+
+    @field_validator("coefficients")
+    @classmethod
+    def _is_not_constant(cls, coefficients: tuple[float, ...]) -> tuple[float, ...]:
+        if not any(coefficients[:9]):
+            raise fault(f"{show(coefficients)} is 0 but for the last, which is no surface")
+        return coefficients
+
+    def _matrix(self) -> Array:
+        xx, yy, zz, xy, xz, yz, x, y, z, one = self.coefficients
+        return 0.5 * np.array(
+            [
+                [2.0 * xx, xy, xz, x],
+                [xy, 2.0 * yy, yz, y],
+                [xz, yz, 2.0 * zz, z],
+                [x, y, z, 2.0 * one],
+            ]
+        )
+
+
+class Quadric(GeneralQuadricShape, _QuadricSolid):
+    """F <= 0, coefficients of x², y², z², xy, xz, yz, x, y, z and 1, also where it is flat."""
 
 
 class Box(Part):
-    """|x| <= sx/2, |y| <= sy/2, |z| <= sz/2 with size (sx, sy, sz)."""
+    """Centred on its origin, with sides of size (sx, sy, sz) along its axes."""
 
     kind: Literal["box"] = "box"
     size: Lengths
@@ -119,7 +226,7 @@ class Box(Part):
 
 
 class Polyhedron(Part):
-    """Convex polyhedron, system (5): n·x' <= d for every row of the key ``half_spaces``.
+    """n·x <= d for all rows [nx, ny, nz, d], (5): bounded and not empty, but maybe flat.
 
     The rows as given are the attribute `rows`.
     """
@@ -161,9 +268,9 @@ NO_PATCH = "the plane does not meet this box in an area"
 
 
 class PlanePatch(BaseSolid):
-    """The part inside a world box of the plane through origin across the axis: eq. (14).
+    """The part inside a world box of the plane through origin across axis, (14); two-sided.
 
-    It has no inside and is seen from both sides. Its normal is the third column of
+    It has no inside. Its normal is the third column of
     `world_from_local`. The world axis a normal is parallel to is never tested against the box.
     """
 
@@ -224,6 +331,10 @@ QuadricSolid = (
     | Paraboloid
     | Quadric
 )
+# The function F of each, by name.
+QUADRIC_SHAPES: dict[str, type[QuadricShape]] = {
+    kind.__name__: kind.__bases__[0] for kind in get_args(QuadricSolid)
+}
 AlgebraicSolid = Torus | Implicit
 AnyPart = Annotated[QuadricSolid | Box | Polyhedron, Field(discriminator="kind")]
 Solid = Annotated[

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
+import inspect
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 
 import numpy as np
 from pydantic import Field
 
-from halfstep.scene import shapes
 from halfstep.scene.formula import MAX_ID, Sense
-from halfstep.scene.shapes import Placed
+from halfstep.scene.shapes import Placed, QuadricShape
+from halfstep.scene.solids import QUADRIC_SHAPES
 from halfstep.scene.values import Array, made_of_kind
 
 SurfaceId = Annotated[int, Field(ge=1, le=MAX_ID)]
@@ -28,6 +29,7 @@ class Surface(Placed):
         return made_of_kind(cls, Surface, SURFACE_KINDS, keys)
 
     if TYPE_CHECKING:
+        kind: str
 
         def __init__(self, *, kind: str, **keys: Any) -> None: ...
 
@@ -42,38 +44,6 @@ class Surface(Placed):
         raise NotImplementedError
 
 
-class SphereSurface(shapes.Sphere, Surface):
-    """x² + y² + z² = radius²."""
-
-
-class EllipsoidSurface(shapes.Ellipsoid, Surface):
-    """x²/a² + y²/b² + z²/c² = 1 with semi_axes (a, b, c)."""
-
-
-class CylinderSurface(shapes.Cylinder, Surface):
-    """x² + y² = radius²."""
-
-
-class ConeSurface(shapes.Cone, Surface):
-    """x² + y² = slope² z², both nappes."""
-
-
-class HyperboloidOneSheetSurface(shapes.HyperboloidOneSheet, Surface):
-    """(x² + y²)/waist² - z²/c² = 1."""
-
-
-class HyperboloidTwoSheetsSurface(shapes.HyperboloidTwoSheets, Surface):
-    """(x² + y²)/a² - z²/c² = -1."""
-
-
-class ParaboloidSurface(shapes.Paraboloid, Surface):
-    """(x² + y²)/a² = z."""
-
-
-class QuadricSurface(shapes.Quadric, Surface):
-    """F = 0 with coefficients of (x², y², z², xy, xz, yz, x, y, z, 1)."""
-
-
 class PlaneSurface(Surface):
     """The plane through `origin` across `axis`: F is z of its own coordinates, n·x - d."""
 
@@ -86,16 +56,21 @@ class PlaneSurface(Surface):
         return matrix
 
 
-AnySurface = Annotated[
-    SphereSurface
-    | EllipsoidSurface
-    | CylinderSurface
-    | ConeSurface
-    | HyperboloidOneSheetSurface
-    | HyperboloidTwoSheetsSurface
-    | ParaboloidSurface
-    | QuadricSurface
-    | PlaneSurface,
-    Field(discriminator="kind"),
-]
-SURFACE_KINDS: tuple[type[Surface], ...] = get_args(get_args(AnySurface)[0])
+def _surface_of(name: str, shape: type[QuadricShape]) -> type[Surface]:
+    """The kind of surface where the F of a kind of solid is 0."""
+    doc = inspect.getdoc(shape)
+    assert doc is not None
+    own = {"__doc__": doc.replace("<=", "="), "__module__": __name__}
+    return type(f"{name}Surface", (shape, Surface), own)
+
+
+SURFACE_KINDS: tuple[type[Surface], ...] = (
+    *(_surface_of(name, shape) for name, shape in QUADRIC_SHAPES.items()),
+    PlaneSurface,
+)
+# Pickles find a class by its name.
+globals().update({kind.__name__: kind for kind in SURFACE_KINDS})
+if TYPE_CHECKING:
+    AnySurface = Surface
+else:
+    AnySurface = Annotated[Union[SURFACE_KINDS], Field(discriminator="kind")]  # noqa: UP007
