@@ -13,7 +13,8 @@ import halfstep
 from halfstep.errors import SceneError
 from halfstep.models import Look, load
 from halfstep.models.openmc_reading import ROOTS
-from tests.model_frames import judged
+from tests.model_frames import STEPS, judged
+from tests.openmc_oracle import Oracle
 
 MODELS = Path(__file__).with_name("models")
 SIZE = (60, 45)
@@ -62,6 +63,46 @@ def test_frames_show_what_the_file_says(name: str, look: Look, least: int) -> No
     assert found["wrong"] == found["skipped"] == 0, found
     assert found["judged"] > least, found
     assert found["misses"] > 100, found
+
+
+SLICE = """<plots><plot id="1" type="slice" basis="{basis}" color_by="cell">
+<origin>{origin}</origin><width>{width} {width}</width><pixels>40 40</pixels></plot></plots>"""
+# What is right of the picture, what is up, and where the viewer is.
+BASES = {"xy": (0, 1, 2), "xz": (0, 2, 1), "yz": (1, 2, 0)}
+
+
+@pytest.mark.parametrize("basis", BASES)
+@pytest.mark.parametrize(
+    ("name", "origin", "width"),
+    [
+        ("hexagons", (0.07, 0.13, 0.11), 6.0),
+        ("turned", (0.21, -0.16, 0.09), 5.0),
+        ("quadrics", (0.3, 0.2, -0.1), 8.0),
+        ("instances", (0.03, 0.02, 0.01), 5.0),
+    ],
+)
+def test_a_slice_shows_the_cell_of_every_point(
+    basis: str, name: str, origin: tuple[float, float, float], width: float, tmp_path: Path
+) -> None:
+    path, text = tmp_path / "geometry.xml", (MODELS / f"{name}.xml").read_text()
+    numbers = " ".join(map(str, origin))
+    plots = SLICE.format(basis=basis, origin=numbers, width=width)
+    path.write_text(text.replace("</model>", f"{plots}</model>"))
+    (tmp_path / "plots.xml").write_text(plots)
+    scene = load(path, Look(plot=1))
+    frame = halfstep.render(scene, backend="numpy", steps=STEPS, outputs=("cell", "depth"))
+    right, up, _ = BASES[basis]
+    rows, columns = np.mgrid[:40, :40]
+    points = np.tile(np.array(origin), (1600, 1))
+    points[:, right] += ((columns.ravel() + 0.5) / 40 - 0.5) * width
+    points[:, up] -= ((rows.ravel() + 0.5) / 40 - 0.5) * width
+    found, sure = Oracle(path, width).locate(points)
+    sure = sure.reshape(40, 40)
+    assert (frame.cell == found.reshape(40, 40))[sure].all()
+    assert sure.sum() > 1400
+    assert len(np.unique(frame.cell)) >= 2
+    # What is shown lies in the plane.
+    assert np.abs(frame.depth[frame.cell >= 0] - width).max() < 1e-3 * width
 
 
 def test_the_oracle_finds_what_is_wrong() -> None:

@@ -626,10 +626,11 @@ PLOTS = """<plots>
   <color id="4" rgb="0 0 255"/><opaque_ids>4</opaque_ids><light_position>1 2 3</light_position>
 </plot>
 <plot id="2" type="wireframe_raytrace"><camera_position>9 9 9</camera_position></plot>
-<plot id="3" type="slice"/>
+<plot id="3" type="voxel"/>
 <plot id="4" type="solid_raytrace"><camera_position>9 9</camera_position><color id="1" rgb="1 2"/>
 <pixels>4</pixels><field_of_view>180</field_of_view><color_by>universe</color_by></plot>
-<plot id="5" type="phong" orthographic_width="5" camera_position="9 9 9"/>
+<plot id="5" type="phong" orthographic_width="5" camera_position="9 9 9" pixels="30 20"/>
+<plot id="6" basis="zz" width="0 1"/>
 </plots>"""
 
 
@@ -656,12 +657,65 @@ def test_a_plot_says_how_a_model_is_seen(tmp_path: Path) -> None:
         assert visible(load(both, Look(plot=2))) == [1, 2]
 
 
+def test_rays_of_a_plot_or_as_an_option_says_are_parallel(tmp_path: Path) -> None:
+    (tmp_path / "plots.xml").write_text(PLOTS)
+    camera = opened(tmp_path, PLOTTED, Look(plot=5)).camera
+    # The width is given, and 2 rows stand for 3 columns.
+    assert camera.orthographic_height == pytest.approx(5 * 2 / 3)
+    assert camera.fov_degrees is None
+    for look in (Look(plot=5, fov_degrees=20), Look(plot=1, fov_degrees=20)):
+        assert opened(tmp_path, PLOTTED, look).camera.fov_degrees == 20
+    for look in (Look(plot=1, orthographic_height=15), Look(orthographic_height=15)):
+        scene = opened(tmp_path, PLOTTED, look)
+        assert scene.camera.orthographic_height == 15
+        frame = halfstep.render(scene, size=(40, 40), backend="numpy", outputs=("solid",))
+        # A ball of radius 5, or half of it.
+        area = (frame.solid >= 0).mean() * 15**2
+        assert area == pytest.approx(25 * np.pi, rel=0.05) or look.plot == 1
+    for keys, message in (
+        ({"fov_degrees": 3, "orthographic_height": 3}, "--fov, --orthographic: only one may be"),
+        ({"orthographic_height": 0}, "--orthographic: 0 is not between 1e-15 and "),
+        ({"orthographic_height": float("nan")}, "--orthographic: nan is not between"),
+        ({"fov_degrees": 180}, "--fov: 180 is not between 0 and 180"),
+    ):
+        with pytest.raises(UsageError, match=message):
+            Look(**keys)
+
+
+def test_a_slice_has_the_colours_of_its_plot(tmp_path: Path) -> None:
+    plots = """<plots><plot id="1" origin="0 0 0" width="20 10" pixels="40 20" color_by="material">
+<color id="4" rgb="0 255 0"/><mask components="4" background="0 0 255"/>
+<background>255 0 0</background></plot><plot id="2" origin="0 0 0" width="20 10" pixels="40 40"
+color_by="cell"/></plots>"""
+    (tmp_path / "plots.xml").write_text(plots)
+    inside = PLOTTED.replace("-1 -2", "-1 -2 3").replace("-1 2", "-1 2 3")
+    hole = f'{inside}<surface id="3" type="z-cylinder" coeffs="0 0 2"/>'
+    cells = f'{hole}<cell id="3" material="void" region="-1 -3"/>'
+    scene = opened(tmp_path, cells.replace('type="z-plane"', 'type="y-plane"'), Look(plot=1))
+    image = halfstep.render(scene, backend="numpy").image
+    colors = {"outside": (255, 0, 0), "void": (255, 255, 255), "4": (0, 255, 0), "6": (0, 0, 255)}
+    assert image[10, 2].tolist() == list(colors["outside"])
+    assert image[10, 20].tolist() == list(colors["void"])
+    assert image[16, 20].tolist() == list(colors["4"])
+    assert image[3, 20].tolist() == list(colors["6"])
+    with pytest.warns(UserWarning, match="pixels that are not square; it is drawn 40x20"):
+        assert opened(tmp_path, cells, Look(plot=2)).image.height == 20
+
+
 @pytest.mark.parametrize(
     ("number", "message"),
     [
-        (3, "--plot: plot 3 of plots.xml is a slice; drawn are those traced by rays"),
-        (5, "--plot: plot 5 of plots.xml has parallel rays, which are not drawn"),
-        (9, "--plot: there is no plot 9 in plots.xml; there are 1, 2, 3, 4, 5"),
+        (
+            3,
+            "--plot: plot 3 of plots.xml is a voxel; drawn are slices and those traced by rays",
+        ),
+        (9, "--plot: there is no plot 9 in plots.xml; there are 1, 2, 3, 4, 5, 6"),
+        (
+            6,
+            "plots.xml: line 12, column 1: plot 6: basis: zz is none of xy, xz, yz\n"
+            "plots.xml: line 12, column 1: plot 6: origin: missing\n"
+            "plots.xml: line 12, column 1: plot 6: width: 0 is not > 0",
+        ),
         (
             4,
             "plots.xml: line 9, column 1: plot 4: color_by: universe is neither cell nor material\n"

@@ -40,6 +40,12 @@ def add_look(command: argparse.ArgumentParser) -> None:
     group.add_argument("--eye", metavar="X,Y,Z", type=_point, help="where the camera is")
     group.add_argument("--look-at", metavar="X,Y,Z", type=_point, help="what it looks at")
     group.add_argument("--fov", metavar="DEGREES", type=float, help="vertical angle of view")
+    group.add_argument(
+        "--orthographic",
+        metavar="HEIGHT",
+        type=float,
+        help="parallel rays; the height of what the picture shows",
+    )
     group.add_argument("--plot", metavar="N", type=int, help="as plot N of the file shows it")
 
 
@@ -56,6 +62,7 @@ def look_of(arguments: argparse.Namespace) -> Look:
         eye=arguments.eye,
         look_at=arguments.look_at,
         fov_degrees=arguments.fov,
+        orthographic_height=arguments.orthographic,
         plot=arguments.plot,
     )
 

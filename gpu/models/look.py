@@ -14,9 +14,10 @@ import numpy as np
 
 from halfstep.errors import UsageError
 from halfstep.scene import placement
-from halfstep.scene.faults import show
+from halfstep.scene.faults import SMALLEST_LENGTH, show
 from halfstep.scene.formula import Formula, Leaf, Sense, parse, with_leaves
-from halfstep.scene.values import Array, Vector
+from halfstep.scene.tables import VIEW_KEYS
+from halfstep.scene.values import LARGEST, Array, Vector
 
 Table = dict[str, Any]
 COLORS = ("material", "cell", "group")
@@ -54,7 +55,8 @@ class Look:
         view: one of `VIEWS`.
         eye: where the camera is.
         look_at: what is in the middle of the picture.
-        fov_degrees: vertical angle of view.
+        fov_degrees: vertical angle of view; or
+        orthographic_height: how much the picture shows from bottom to top, along parallel rays.
         plot: the number of a plot of the file, which says all this; what is given replaces it.
     """
 
@@ -66,6 +68,7 @@ class Look:
     eye: Vector | None = None
     look_at: Vector | None = None
     fov_degrees: float | None = None
+    orthographic_height: float | None = None
     plot: int | None = None
 
     def __post_init__(self) -> None:
@@ -80,6 +83,21 @@ class Look:
         ):
             if word is not None and word not in words:
                 raise UsageError(f"{option}: {show(word)} is none of {', '.join(words)}")
+        fov, height = self.fov_degrees, self.orthographic_height
+        if fov is not None and height is not None:
+            raise UsageError("--fov, --orthographic: only one may be given")
+        if fov is not None and not 0 < fov < 180:
+            raise UsageError(f"--fov: {fov:g} is not between 0 and 180")
+        if height is not None and not SMALLEST_LENGTH <= height <= LARGEST:
+            raise UsageError(
+                f"--orthographic: {height:g} is not between {SMALLEST_LENGTH:g} and {LARGEST:g}"
+            )
+
+    @property
+    def angle_or_height(self) -> Table:
+        """The key of the camera that says how much it sees, if that is given."""
+        keys = {"fov_degrees": self.fov_degrees, "orthographic_height": self.orthographic_height}
+        return {key: value for key, value in keys.items() if value is not None}
 
 
 def color_of(number: int) -> list[float]:
@@ -182,12 +200,11 @@ def camera_of(look: Look, box: Array, given: Table | None = None) -> Table:
         UsageError: it would look from where it looks at, or along what is up.
     """
     direction, upwards = VIEWS[look.view or "iso"]
-    fov = FOV_DEGREES if look.fov_degrees is None else look.fov_degrees
-    if not 0 < fov < 180:
-        raise UsageError(f"--fov: {fov:g} is not between 0 and 180")
+    wanted = look.angle_or_height
     if given is not None and look.view is None:
-        asked = {"center": look.eye, "look_at": look.look_at, "fov_degrees": look.fov_degrees}
-        return given | {key: each for key, each in asked.items() if each is not None}
+        asked = {"center": look.eye, "look_at": look.look_at}
+        kept = {key: each for key, each in given.items() if not wanted or key not in VIEW_KEYS}
+        return kept | wanted | {key: each for key, each in asked.items() if each is not None}
     center = box.mean(axis=0)
     target = center if look.look_at is None else np.array(look.look_at)
     if look.eye is not None:
@@ -197,14 +214,15 @@ def camera_of(look: Look, box: Array, given: Table | None = None) -> Table:
         if np.linalg.norm(np.cross(placement.unit(target - eye), upwards)) < 1e-6:
             upwards = (0.0, 1.0, 0.0) if abs(upwards[1]) < 0.5 else (0.0, 0.0, 1.0)
     else:
-        eye = target + _distance(box, target, direction, upwards, fov) * placement.unit(
-            np.array(direction)
-        )
+        # Parallel rays start as far away.
+        fov = wanted.get("fov_degrees", FOV_DEGREES)
+        away = _distance(box, target, direction, upwards, fov)
+        eye = target + away * placement.unit(np.array(direction))
     return {
         "center": eye.tolist(),
         "look_at": target.tolist(),
         "up": list(upwards),
-        "fov_degrees": fov,
+        **(wanted or {"fov_degrees": FOV_DEGREES}),
     }
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from halfstep.errors import UsageError
 from halfstep.models.look import Look, Table, color_of
 from halfstep.models.openmc import Cell, Geometry
-from halfstep.models.openmc_plots import Plot
+from halfstep.models.openmc_plots import WHITE, Plot
 from halfstep.scene.faults import hint, show
 
 VOID = "void"
@@ -44,7 +44,7 @@ class Shown:
         self._only = self._named("--only", look.only) if look.only else None
         materials = {material for cell in geometry.cells for material in cell.materials}
         # Of a model without materials the void is all there is to see.
-        self._is_void_seen = materials == {None}
+        self._is_void_seen = materials == {None} or (plot is not None and plot.shows_void)
         self._tables: dict[str, Table] = {}
         self._titles: dict[int, str] = {}
         given = list(geometry.materials.values())
@@ -86,6 +86,8 @@ class Shown:
         numbers = {"material": material, "cell": cell.id, "group": cell.universe}
         number = numbers[self._color_by]
         if material is None:
+            if number is None and self._plot is not None and self._plot.shows_void:
+                return {"color": WHITE}
             return {"color": self._color(cell.id if number is None else number)}
         name = self._titles[material]
         if self._color_by != "material":
@@ -98,6 +100,9 @@ class Shown:
         return {"material": name}
 
     def _color(self, number: int) -> list[float]:
+        mask = None if self._plot is None else self._plot.mask
+        if mask is not None and number not in mask.components:
+            return mask.color
         return self._colors.get(number) or color_of(number)
 
     def _named(self, option: str, names: Iterable[str]) -> _Named:

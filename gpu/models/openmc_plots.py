@@ -1,25 +1,35 @@
-"""Plots of OpenMC that are traced by rays: where the camera is, what is seen, and in which colours.
+"""Plots of OpenMC: where the camera is, what is seen, and in which colours.
 
-Of a plot's keys those are read that Halfstep can draw. Angles of view are horizontal there.
+Of a plot's keys those are read that Halfstep can draw. Angles of view are horizontal there. A slice
+is what parallel rays see of a model from which all before the plane is cut away.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from halfstep.errors import UsageError
 from halfstep.models.fields import Fields
-from halfstep.models.look import COLORS, Table, linear
+from halfstep.models.look import COLORS, VIEWS, Table, linear
 from halfstep.models.markup import Document, Element, read
-from halfstep.scene.values import Vector
+from halfstep.scene.values import Array
 
-SOLID, WIRES = "solid_raytrace", "wireframe_raytrace"
+SLICE, SOLID, WIRES = "slice", "solid_raytrace", "wireframe_raytrace"
 _OLD_NAMES = {"phong": SOLID, "projection": WIRES}
 FOV_DEGREES = 70.0
 SIZE = (400, 400)
+# Of a slice across two axes, the third, and the side of the plane that the viewer is not on.
+_BASES = {"xy": ("z", "<=", -1), "xz": ("y", ">=", 1), "yz": ("x", "<=", -1)}
+# What is left behind the plane, so that nothing is seen where no cell is, in parts of the width.
+_THICKNESS = 2.0**-17
+WHITE = [1.0, 1.0, 1.0]
+# Colours as they are, whatever way a face is turned.
+_FLAT = {"ambient": {"color": WHITE}, "light": [{"direction": [0, 0, 1], "color": [0, 0, 0]}]}
 
 
 @dataclass(frozen=True)
@@ -28,23 +38,40 @@ class Plot:
 
     Attributes:
         title: what it is called, for people.
-        is_solid: solids are drawn, not their edges.
+        kind: `SLICE`, `SOLID` or `WIRES`.
         color_by: ``material`` or ``cell``.
         colors: linear RGB by the number of a material or cell.
         opaque: numbers of the materials or cells that are seen; None for all but void.
         camera: keys of the scene's camera.
-        image: keys of the scene's image.
-        light: position of the light, None where it shines from the camera.
+        tables: others of the scene: the image, and the light where it is not the camera's.
+        clip: what is left, as ``--clip`` says it.
+        mask: what has one colour.
+        around: (2, 3), the part of the world that a slice shows.
     """
 
     title: str
-    is_solid: bool
+    kind: str
     color_by: str
     colors: dict[int, list[float]]
-    opaque: frozenset[int] | None
     camera: Table
-    image: Table
-    light: Vector | None
+    tables: Table
+    opaque: frozenset[int] | None = None
+    clip: tuple[str, ...] = ()
+    mask: Mask | None = None
+    around: Array | None = None
+
+    @property
+    def shows_void(self) -> bool:
+        """Whether it shows cells that have no material."""
+        return self.kind == SLICE
+
+
+@dataclass(frozen=True)
+class Mask:
+    """What a slice shows in one colour: all but some materials or cells."""
+
+    components: frozenset[int]
+    color: list[float]
 
 
 def read_plot(path: Path, given: str, number: int) -> Plot:
@@ -71,7 +98,7 @@ def read_plot(path: Path, given: str, number: int) -> Plot:
         raise UsageError(f"--plot: there is no plot {number} in {document.name}; there are {known}")
     plot = _plot(document, numbers[number], number)
     document.check()
-    if not plot.is_solid:
+    if plot.kind == WIRES:
         warnings.warn(f"{plot.title} is of wires; it is drawn solid", stacklevel=2)
     return plot
 
@@ -81,44 +108,108 @@ def _plot(document: Document, element: Element, number: int) -> Plot:
     kind = fields.text("type", "slice").lower()
     kind = _OLD_NAMES.get(kind, kind)
     title = f"plot {number} of {document.name}"
-    if kind not in (SOLID, WIRES):
-        raise UsageError(f"--plot: {title} is a {kind}; drawn are those traced by rays")
-    if fields.value("orthographic_width") is not None:
-        raise UsageError(f"--plot: {title} has parallel rays, which are not drawn")
+    if kind not in (SLICE, SOLID, WIRES):
+        raise UsageError(f"--plot: {title} is a {kind}; drawn are slices and those traced by rays")
     color_by = fields.text("color_by", "cell").lower()
     if color_by not in COLORS[:2]:
         fields.fault(f"color_by: {color_by} is neither cell nor material")
-    width, height = SIZE
+    colors = _colors(document, element)
+    size = SIZE
     if fields.value("pixels") is not None and (pixels := fields.integers("pixels", least=1)):
         if len(pixels) == 2:
-            width, height = pixels
+            size = pixels[0], pixels[1]
         else:
             fields.fault("pixels: are not two numbers")
+    plot = Plot(title, kind, color_by, colors, {}, {})
+    if kind == SLICE:
+        return _slice(document, element, plot, size)
+    return _raytrace(fields, plot, size)
+
+
+def _raytrace(fields: Fields, plot: Plot, size: tuple[int, int]) -> Plot:
+    width, height = size
+    camera: Table = {
+        "center": fields.floats("camera_position", [3]),
+        "look_at": fields.floats("look_at", [3], required=False) or (0.0, 0.0, 0.0),
+        "up": fields.floats("up", [3], required=False) or (0.0, 0.0, 1.0),
+    }
     across = fields.floats("field_of_view", [1], required=False) or (FOV_DEGREES,)
     if not 0 < across[0] < 180:
         fields.fault(f"field_of_view: {across[0]:g} is not between 0 and 180")
         across = (FOV_DEGREES,)
-    up = math.tan(math.radians(across[0]) / 2) * height / width
+    parallel = fields.floats("orthographic_width", [1], required=False) or (0.0,)
+    if parallel[0] < 0:
+        fields.fault(f"orthographic_width: {parallel[0]:g} is not >= 0")
+    elif parallel[0]:
+        camera["orthographic_height"] = parallel[0] * height / width
+    else:
+        up = math.tan(math.radians(across[0]) / 2) * height / width
+        camera["fov_degrees"] = math.degrees(2 * math.atan(up))
     light = fields.floats("light_position", [3], required=False)
     opaque = fields.integers("opaque_ids") if fields.value("opaque_ids") is not None else None
-    return Plot(
-        title=title,
-        is_solid=kind == SOLID,
-        color_by=color_by,
-        colors=_colors(document, element),
+    image = {"width": width, "height": height, "background": _rgb(fields, "background") or WHITE}
+    tables: Table = {"image": image}
+    if light is not None:
+        tables["light"] = [{"position": list(light)}]
+    return replace(
+        plot,
+        camera=camera,
+        tables=tables,
         opaque=None if opaque is None else frozenset(opaque),
+    )
+
+
+def _slice(document: Document, element: Element, plot: Plot, size: tuple[int, int]) -> Plot:
+    fields = Fields(document, element)
+    basis = fields.text("basis", "xy").lower()
+    if basis not in _BASES:
+        fields.fault(f"basis: {basis} is none of {', '.join(_BASES)}")
+        basis = "xy"
+    origin = fields.floats("origin", [3]) or (0.0, 0.0, 0.0)
+    extent = fields.floats("width", [2]) or (1.0, 1.0)
+    if min(extent) <= 0:
+        fields.fault(f"width: {min(extent):g} is not > 0")
+        extent = (1.0, 1.0)
+    columns, rows = size
+    # Pixels are square.
+    square = max(round(columns * extent[1] / extent[0]), 1)
+    if square != rows:
+        message = f"{plot.title} has pixels that are not square; it is drawn {columns}x{square}"
+        warnings.warn(message, stacklevel=2)
+    direction, up = VIEWS[basis]
+    center = np.array(origin) + max(extent) * np.array(direction)
+    letter, side, sign = _BASES[basis]
+    axis = "xyz".index(letter)
+    behind = origin[axis] + sign * _THICKNESS * max(extent)
+    # More than is seen in the plane.
+    reach = np.full(3, max(extent))
+    around = np.array([origin - reach, origin + reach])
+    around[:, axis] = sorted((origin[axis], behind))
+    mask = None
+    for table in element.find_all("mask"):
+        of_mask = Fields(document, table)
+        components = of_mask.integers("components") or ()
+        mask = Mask(frozenset(components), _rgb(of_mask, "background") or WHITE)
+    other = ">=" if side == "<=" else "<="
+    return replace(
+        plot,
         camera={
-            "center": fields.floats("camera_position", [3]),
-            "look_at": fields.floats("look_at", [3], required=False) or (0.0, 0.0, 0.0),
-            "up": fields.floats("up", [3], required=False) or (0.0, 0.0, 1.0),
-            "fov_degrees": math.degrees(2 * math.atan(up)),
+            "center": center.tolist(),
+            "look_at": list(origin),
+            "up": list(up),
+            "orthographic_height": extent[1],
         },
-        image={
-            "width": width,
-            "height": height,
-            "background": _rgb(fields, "background") or [1.0, 1.0, 1.0],
+        tables={
+            "image": {
+                "width": columns,
+                "height": square,
+                "background": _rgb(fields, "background") or WHITE,
+            },
+            **_FLAT,
         },
-        light=None if light is None else (light[0], light[1], light[2]),
+        clip=(f"{letter} {side} {origin[axis]!r} & {letter} {other} {behind!r}",),
+        mask=mask,
+        around=around,
     )
 
 

@@ -65,17 +65,14 @@ def scene_tables(geometry: Geometry, look: Look, plot: Plot | None = None) -> Mo
     model = _Builder(geometry, look, plot).model(look)
     if plot is None:
         return model
-    tables = {"image": plot.image, **model.tables}
-    if plot.light is not None:
-        tables["light"] = [{"position": list(plot.light)}]
-    return replace(model, tables=tables, camera=plot.camera)
+    return replace(model, tables=plot.tables | model.tables, camera=plot.camera)
 
 
 class _Builder:
     """The groups of a scene, each built when it is first needed."""
 
     def __init__(self, geometry: Geometry, look: Look, plot: Plot | None) -> None:
-        self._geometry = geometry
+        self._geometry, self._plot = geometry, plot
         self._shown = Shown(geometry, look, plot)
         self._boxes = {cell.id: box_of_cell(geometry, cell) for cell in geometry.cells}
         self._groups: dict[str, Table] = {}
@@ -93,8 +90,10 @@ class _Builder:
         tables, boxes = self._universe_tables(geometry.root, {}, chosen=False)
         for number in sorted(self._empty):
             warnings.warn(f"{geometry.name}: cell {number}: its region is empty", stacklevel=2)
-        clip = clip_of(look.clip, 1 + max(geometry.surfaces, default=0))
-        ended = end_of(geometry.name, tables["cell"], boxes, clip)
+        texts = look.clip if self._plot is None else (*self._plot.clip, *look.clip)
+        clip = clip_of(texts, 1 + max(geometry.surfaces, default=0))
+        around = None if self._plot is None else self._plot.around
+        ended = end_of(geometry.name, tables["cell"], boxes, clip, around)
         tables["surface"] += ended.surfaces
         tables["material"] = self._shown.materials
         tables["group"] = [*self._groups.values()]

@@ -117,7 +117,13 @@ class Ended:
     box: Array
 
 
-def end_of(name: str, cells: Sequence[Table], boxes: Sequence[Array | None], clip: Clip) -> Ended:
+def end_of(
+    name: str,
+    cells: Sequence[Table],
+    boxes: Sequence[Array | None],
+    clip: Clip,
+    around: Array | None = None,
+) -> Ended:
     """Hide the cells outside of a model, and cut all others where it is cut or nothing ends it.
 
     A cell without an end along an axis along which others end is what is around the model.
@@ -127,6 +133,8 @@ def end_of(name: str, cells: Sequence[Table], boxes: Sequence[Array | None], cli
         cells: tables of the outermost cells; they are changed.
         boxes: around what is seen of each, None where that is nothing.
         clip: what is left of it.
+        around: (2, 3), the part of the world that is looked at, if that is known: it ends what
+            nothing else ends, so that no cell is outside.
 
     Raises:
         SceneError: nothing is shown.
@@ -134,7 +142,7 @@ def end_of(name: str, cells: Sequence[Table], boxes: Sequence[Array | None], cli
     seen = [ix for ix, box in enumerate(boxes) if box is not None]
     found = np.array([boxes[ix] for ix in seen]).reshape(-1, 2, 3)
     has_end = np.isfinite(found).all(axis=1)
-    is_outside = (~has_end & has_end.any(axis=0)).any(axis=1)
+    is_outside = (~has_end & has_end.any(axis=0)).any(axis=1) & (around is None)
     for place, ix in enumerate(seen):
         if is_outside[place]:
             axes = ", ".join("xyz"[axis] for axis in np.flatnonzero(~has_end[place]))
@@ -150,13 +158,13 @@ def end_of(name: str, cells: Sequence[Table], boxes: Sequence[Array | None], cli
         raise SceneError(f"{name}: {NOTHING}")
     box = np.array([left[:, 0].min(axis=0), left[:, 1].max(axis=0)])
     surfaces, region = [*clip.surfaces], clip.region
-    for axis, side, distance in _missing_ends(box):
+    for axis, side, distance in _missing_ends(box) if around is None else _open_ends(box, around):
         number = clip.first + len(surfaces)
         surfaces.append(plane(axis, distance, number))
         region = both(region, Sense(number, positive=side == 0))
         box[side, axis] = distance
-    open_axes = [axis for axis in range(3) if not has_end[~is_outside][:, axis].any()]
-    for axis in open_axes:
+    is_open = ~has_end[~is_outside].any(axis=0) & (around is None)
+    for axis in np.flatnonzero(is_open).tolist():
         low, high = box[:, axis]
         warnings.warn(
             f"{name}: nothing ends it along {'xyz'[axis]}; shown is {low:g} to {high:g}",
@@ -166,7 +174,16 @@ def end_of(name: str, cells: Sequence[Table], boxes: Sequence[Array | None], cli
         if not is_outside[place] and region is not None:
             own: Formula | None = cells[ix].get("region")
             cells[ix]["region"] = both(own, region)
+    if around is not None:
+        box = np.array([np.maximum(box[0], around[0]), np.minimum(box[1], around[1])])
     return Ended(surfaces, box)
+
+
+def _open_ends(box: Array, around: Array) -> list[tuple[int, int, float]]:
+    """`_missing_ends`, where the part of the world that is looked at has them."""
+    sides, axes = np.nonzero(np.isinf(box))
+    pairs = zip(sides.tolist(), axes.tolist(), strict=True)
+    return [(axis, side, float(around[side, axis])) for side, axis in pairs]
 
 
 def _missing_ends(box: Array) -> list[tuple[int, int, float]]:
