@@ -263,23 +263,25 @@ FAULTS = [
     ("let opens = (word & OPENS) != 0u", "let opens = (word & CLOSES) != 0u"),
     ("level_0 = either_held(closes, level_1, level_0);", ""),
     ("level_1 = either_held(opens, level_0, level_1);", ""),
-    ("~inner.until, inner.surface", "inner.until, inner.surface"),
+    ("~inner.until, inner.side", "inner.until, inner.side"),
     ("(word & TURN) != 0u", "(word & POSITIVE) != 0u"),
-    ("word >> NUMBER", "place"),
+    ("word >> SIDE", "place"),
     ("(word & LEAF) != 0u", "true"),
-    ("select(place.surface, seen.held.surface, goes)", "seen.held.surface"),
+    ("select(place.side, seen.held.side, goes)", "seen.held.side"),
     ("| (only == i4(scan.number))", "| (only != i4(scan.number))"),
     ("scan.number + select(0, 1, ends)", "scan.number"),
     ("scan = read_word(scan, words[1], path, q, only);", ""),
     ("region.first_group, region.end_group", "region.first_group, region.first_group + 1u"),
     ("keep_crossing(region.flat_count + k,", "keep_crossing(k,"),
     ("+ (number - region.planes)", "+ number"),
-    ("let surface = cell * i4(i32(region.surfaces))", "let surface = cell"),
+    ("u4(cell * region.surfaces)", "u4(cell)"),
     ("shown.q <= i4(region.last)", "shown.q < i4(0)"),
     ("position_before(beyond.q,", "position_before(shown.q,"),
-    ("outward(normal, crossing_at(place)", "outward(normal, crossing_at(0u)"),
-    ("region.looks_start + number_at(region, count + k)", "region.looks_start"),
-    ("region.looks_start + region.cells + number", "region.looks_start + number"),
+    ("outward(normal, nearest_0.met)", "normal"),
+    ("let u = f4(nearest_0.position)", "let u = f4(0.0)"),
+    ("+ select(u4(0u), own, here)", ""),
+    ("region.looks_start + cell", "region.looks_start"),
+    ("region.looks_start + region.cells + face", "region.looks_start + face"),
     ("if !anywhere(goes)", "if anywhere(goes)"),
 ]
 
@@ -387,13 +389,27 @@ def test_a_group_has_more_surfaces_than_a_ray_may_cross() -> None:
         halfstep.render(scene, backend="numpy")
 
 
-def test_a_fault_in_what_is_skipped_is_seen(
-    adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("anywhere(wanted) || entry", "entry"),
+        ("left_0 == u4(number)", "left_0 != u4(NO_REGION)"),
+        ("(nearest_0.met.region == u4(number)) & shows_surface", "shows_surface"),
+    ],
+)
+def test_a_fault_in_what_of_many_copies_is_looked_up_is_seen(
+    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    old, new = "anywhere(wanted) || entry", "entry"
-    monkeypatch.setattr(run_gpu, "compose", lambda needs: compose(needs).replace(old, new))
+    texts: list[str] = []
+
+    def faulty(needs: Needs) -> str:
+        texts.append(compose(needs))
+        return texts[-1].replace(old, new)
+
+    monkeypatch.setattr(run_gpu, "compose", faulty)
     scene = halfstep.load("assembly_17x17")
-    assert differing(scene, ("place",), adapter=adapter.summary.index) != []
+    assert differing(scene, ("place", "surface", "normal"), adapter=adapter.summary.index) != []
+    assert any(old in text for text in texts)
 
 
 def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:

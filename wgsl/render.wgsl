@@ -12,7 +12,7 @@ fn keep_block(solid: Solid) {
     sight_0,
     slope_0,  //? normal
     certificate_0,  //? error
-    paint_0,  //? regions & color
+    met_0,  //? regions
     turned_0,  //? shadows
   );
 }
@@ -57,6 +57,7 @@ fn render(
   {
     i_0 = i4(i32(column + QUAD_0 * LANES)) + i4(0, 1, 2, 3);
     nearest_0 = NOTHING;
+    met_0 = NOTHING_MET;  //? regions
   }
   {  //? list_ellipsoid
     let first = tile.starts[LIST_ELLIPSOID];
@@ -65,8 +66,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_ellipsoid(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -78,8 +77,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_quadric(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -91,8 +88,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_quadric_inside(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -104,8 +99,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_polyhedron(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -117,8 +110,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_polyhedron_inside(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -130,35 +121,7 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_patch(solid, j - solid.center_y);
-      keep_block(solid);
-    }
-  }
-  {  //? list_region
-    let first = tile.starts[LIST_REGION];
-    let end = tile.starts[LIST_REGION + 1u];
-    for (var entry = first; entry < end; entry++) {
-      entry = next_entry(entry, end, j);
-      let region = region_at(tile_solids[entry]);
-      let solid = solid_at(region.solid);
-      // each quad
-      x_0 = i_0 - i4(solid.center_x);
-      visit_region(region, solid, j - solid.center_y);
-      keep_block(solid);
-    }
-  }
-  {  //? list_region_inside
-    let first = tile.starts[LIST_REGION_INSIDE];
-    let end = tile.starts[LIST_REGION_INSIDE + 1u];
-    for (var entry = first; entry < end; entry++) {
-      entry = next_entry(entry, end, j);
-      let region = region_at(tile_solids[entry]);
-      let solid = solid_at(region.solid);
-      // each quad
-      x_0 = i_0 - i4(solid.center_x);
-      visit_region_inside(region, solid, j - solid.center_y);
       keep_block(solid);
     }
   }
@@ -169,12 +132,39 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_polynomial(solid, j - solid.center_y);
       keep_block(solid);
     }
   }
+  {  //? list_region
+    let first = tile.starts[LIST_REGION];
+    let end = tile.starts[LIST_REGION + 1u];
+    for (var entry = first; entry < end; entry++) {
+      entry = next_entry(entry, end, j);
+      let number = tile_solids[entry];
+      let region = region_at(number);
+      let solid = solid_at(region.solid);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region(number, region, solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_region_inside
+    let first = tile.starts[LIST_REGION_INSIDE];
+    let end = tile.starts[LIST_REGION_INSIDE + 1u];
+    for (var entry = first; entry < end; entry++) {
+      entry = next_entry(entry, end, j);
+      let number = tile_solids[entry];
+      let region = region_at(number);
+      let solid = solid_at(region.solid);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region_inside(number, region, solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  finish_regions(j);  //? regions
   {  //? shadows
     let first = tile.starts[0];
     let end = tile.starts[CLASSES];

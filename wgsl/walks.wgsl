@@ -38,10 +38,10 @@ fn read_word(scan: Scan, word: u32, path: Path, q: i4, only: i4) -> Scan {
     crossing = in_cells(crossing, path.wider != is_positive);
   }
   let e = literal_at(crossing, q, path.never, (word & TURN) != 0u);
-  let leaf = Held(select(i4(LEAST), e, (word & LEAF) != 0u), i4(i32(word >> NUMBER)));
+  let leaf = Held(select(i4(LEAST), e, (word & LEAF) != 0u), i4(i32(word >> SIDE)));
   inner = later(inner, leaf);
   let closes = (word & CLOSES) != 0u;
-  let closed = later(outer_level(), Held(~inner.until, inner.surface));
+  let closed = later(outer_level(), Held(~inner.until, inner.side));
   inner = either_held(closes, closed, inner);
   close_level(closes);
   let ends = (word & CELL_ENDS) != 0u;
@@ -51,7 +51,7 @@ fn read_word(scan: Scan, word: u32, path: Path, q: i4, only: i4) -> Scan {
   return Scan(
     Held(
       select(scan.total.until, chosen.until, counts),
-      select(scan.total.surface, chosen.surface, counts),
+      select(scan.total.side, chosen.side, counts),
     ),
     either_held(ends, NOTHING_HELD, inner),
     select(scan.cell, i4(scan.number), holds),
@@ -72,7 +72,7 @@ fn look(path: Path, q: i4, only: i4) -> Look {
 }
 
 // The first grid point from begin on where the region holds, or does not, as wanted: never or more
-// where there is none. A place where the walk begins keeps its surface.
+// where there is none. A place where the walk begins keeps its side.
 fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
   var place = begin;
   loop {
@@ -80,7 +80,7 @@ fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
     let holds = seen.held.until >= i4(0);
     let goes = (holds != b4(want)) & (place.q < i4(path.never));
     place.cell = seen.cell;
-    place.surface = select(place.surface, seen.held.surface, goes);
+    place.side = select(place.side, seen.held.side, goes);
     place.q = select(place.q, select(~seen.held.until, seen.held.until, holds), goes);
     if !anywhere(goes) {
       break;

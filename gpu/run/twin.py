@@ -17,10 +17,11 @@ from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene
-from halfstep.twin import encode, finish, keep, shadows
+from halfstep.twin import encode, finish, finish_regions, keep, shadows
 from halfstep.twin.chosen import Chosen, chosen_for, module
 from halfstep.twin.lanes import F32
 from halfstep.twin.normal import Vector
+from halfstep.twin.region import NO_REGION, NOTHING_MET
 from halfstep.twin.shade import Light
 from halfstep.twin.sight import Seen
 
@@ -79,8 +80,8 @@ class Band:
         region: tuple[Any, ...] = ()
         if klass in (Class.REGION, Class.REGION_INSIDE):
             assert regions is not None
-            region, rest = (regions.records[member],), (regions,)
-            row = int(region[0]["solid"])
+            region, rest = (member, regions.records[member]), (regions,)
+            row = int(regions.records[member]["solid"])
         elif klass == Class.POLYNOMIAL:
             rest = (self._packed.polynomials,)
         solid = self._packed.solids[row]
@@ -96,7 +97,7 @@ class Band:
             seen.sight,
             seen.slope,
             seen.certificate,
-            seen.paint,
+            NOTHING_MET if seen.met is None else seen.met,
             np.zeros(x.shape, np.uint32) if seen.turned is None else seen.turned,
             self._keys,
             facts,
@@ -106,6 +107,7 @@ class Band:
 
     def finish(self) -> Planes:
         """The requested outputs of all pixels."""
+        self._finish_regions()
         nearest, outputs = self._nearest, self._outputs
         planes: Planes = {"surface": nearest.surface}
         if "key" in outputs:
@@ -141,6 +143,25 @@ class Band:
         if "image" in outputs:
             planes["image"] = image_of(planes["color"])
         return planes
+
+    def _finish_regions(self) -> None:
+        """Look up what copies of groups show, each on the pixels that show it."""
+        regions, shown = self._lists.regions, self._nearest.met.region
+        for number in np.unique(shown[shown != NO_REGION]).tolist():
+            assert regions is not None
+            region = regions.records[number]
+            j, i = (places.astype(np.int32) for places in np.nonzero(shown == number))
+            new = finish_regions.finish_region(
+                region,
+                self._packed.solids[int(region["solid"])],
+                regions,
+                _each(_part, self._nearest, window=(j, i)),
+                i,
+                j + np.int32(self._first_row),
+                self._facts,
+            )
+            every = np.ones(len(j), bool)
+            _each(_put, self._nearest, new, window=(j, i), shown=every)
 
 
 def image_of(color: F32) -> Bytes:

@@ -93,6 +93,8 @@ class Needs:
             wanted.add("broadcast")
         if self.has_regions:
             wanted.add("regions")
+        if "shadows" in wanted or wanted >= {"regions", "normal"}:
+            wanted.add("position")
         if self.balls:
             wanted.add("ball")
         return frozenset(wanted)

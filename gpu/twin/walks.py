@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, PLACE, POSITIVE, TURN
+from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, OPENS, PLACE, POSITIVE, SIDE, TURN
 from halfstep.twin.chosen import Chosen, Offset
 from halfstep.twin.crossings import Crossing, in_cells
 from halfstep.twin.lanes import I32, Form, FormErrors
@@ -51,9 +51,9 @@ def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
             if path.over_cells:
                 crossing = in_cells(crossing, path.wider != is_positive)
             e = literal_at(crossing, q, path.never, bool(word & TURN))
-            inner = later(inner, Held(e, np.full(q.shape, word >> NUMBER, np.int32)))
+            inner = later(inner, Held(e, np.full(q.shape, word >> SIDE, np.int32)))
         if word & CLOSES:
-            inner = later(stack.pop(), Held(~inner.until, inner.surface))
+            inner = later(stack.pop(), Held(~inner.until, inner.side))
         if word & CELL_ENDS:
             counts = (only == ANY_CELL) | (only == number)
             holds = counts & (inner.until >= 0) & (cell == ANY_CELL)
@@ -68,7 +68,7 @@ def walk(crossings: Sequence[Crossing], path: Path, want: bool, begin: Place, on
     """The first grid point from ``begin`` on where the region holds, or does not, as wanted.
 
     It is ``path.never`` or more where there is none. Where a walk goes nowhere, its place keeps its
-    surface.
+    side.
     """
     place = begin
     while True:
@@ -77,10 +77,10 @@ def walk(crossings: Sequence[Crossing], path: Path, want: bool, begin: Place, on
         holds = until >= 0
         goes = (holds != want) & (place.q < path.never)
         if not goes.any():
-            return Place(place.q, place.surface, seen.cell)
+            return Place(place.q, place.side, seen.cell)
         place = Place(
             np.where(goes, np.where(holds, until, ~until), place.q),
-            np.where(goes, seen.held.surface, place.surface),
+            np.where(goes, seen.held.side, place.side),
             place.cell,
         )
 
