@@ -229,6 +229,7 @@ TWO_CELLS = {
             "material": "steel",
         },
         {"name": "pin", "region": "hole & ~bite", "color": [0.2, 0.7, 0.3]},
+        {"name": "unseen", "region": "slab & bite | bite - ball", "visible": False},
     ],
 }
 WITHIN = {"center": [-0.5, 0.3, 0.1], "look_at": [0.5, -0.6, 0.3], "fov_degrees": 80}
@@ -306,6 +307,29 @@ def test_a_fault_in_the_kernel_is_seen(
 
 
 @pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("max(scan.twice, min(scan.total.until", "max(scan.twice, max(scan.total.until"),
+        ("path.with_hidden || ", ""),
+        ("(word & HIDDEN) == 0u", "(word & HIDDEN) != 0u"),
+        ("before.q, place.q <= i4(region.last)", "before.q, b4(true)"),
+        ("if which == WALK_NONE {", "if which == WALK_AGAIN {"),
+    ],
+)
+def test_a_fault_in_overlaps_and_gaps_is_seen(
+    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def faulty(needs: Needs) -> str:
+        text = compose(needs)
+        assert old in text
+        return text.replace(old, new)
+
+    monkeypatch.setattr(run_gpu, "compose", faulty)
+    scene = Scene.from_dict(TWO_CELLS)
+    assert differing(scene, ("overlap", "gap"), adapter=adapter.summary.index)
+
+
+@pytest.mark.parametrize(
     ("steps", "number_format"), [(2, "float32"), (9, "fixed32"), (18, "float32")]
 )
 def test_excerpts_show_what_whole_programs_show(
@@ -333,7 +357,7 @@ def test_excerpts_show_what_whole_programs_show(
             small = with_overrides(scene, size=(80, 64), steps=steps, number_format=number_format)
             for shown in (outputs, ("depth", "cell", "surface")):
                 frames.append(halfstep.render(small, backend="numpy", outputs=shown))
-            lists = excerpts.lists_of(prepare(small), 0, 64, leaving=False)
+            lists = excerpts.lists_of(prepare(small), 0, 64, frozenset())
             assert lists.regions is not None
             shorter += len(lists.members) * (1 if least == 1 else -1)
         for found, whole in ((frames[0], frames[2]), (frames[1], frames[3])):
@@ -459,6 +483,53 @@ def test_exits_are_where_rays_leave_their_cell() -> None:
         assert (off > 4 * step).mean() < 0.01, (seed, trial)
         compared += alike.sum()
     assert compared > 3_000, seed
+
+
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+def test_overlaps_and_gaps_are_where_cells_are_two_or_none(number_format: str) -> None:
+    """Also of cells that are not shown; where no surfaces are nearer than cells of the grid."""
+    seed = 23
+    rng = np.random.default_rng(seed)
+    overlaps = gaps = neither = wrong = 0
+    for trial in range(60):
+        matrices, cells = random_cells(rng)
+        inside = Literal(0, positive=False)
+        literals = (Literal(1, positive=True), Literal(2, positive=False))
+        hidden = [Intersection((inside, *literals))]
+        if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+            continue
+        boxes = [box_of(normal_form(cell, plain(len(matrices))), matrices) for cell in cells]
+        # What is asked for is within the box of what is shown.
+        if not np.allclose(np.abs(np.array(boxes)).max(axis=0), 1.2):
+            continue
+        shown = [{"region": text_of(cell), "color": [0.2, 0.5, 0.7]} for cell in cells]
+        more = [{"region": text_of(region), "visible": False} for region in hidden]
+        accuracy = {"steps": 18, "number_format": number_format}
+        scene = scene_of(
+            matrices, cells, random_camera(rng), accuracy=accuracy, cell=[*shown, *more]
+        )
+        outputs = ("overlap", "gap", "depth", "cell")
+        frame = halfstep.render(scene, backend="numpy", outputs=outputs)
+        # What is not shown changes nothing of what is.
+        alone = halfstep.render(scene, backend="numpy", outputs=("depth", "cell"))
+        assert np.array_equal(frame.depth, alone.depth, equal_nan=True), (seed, trial)
+        assert (frame.cell == alone.cell).all(), (seed, trial)
+        setup = prepare(scene).setup
+        j, i = np.mgrid[:HEIGHT, :WIDTH]
+        directions = setup.view.directions(i, j).reshape(-1, 3)
+        exact = truth(matrices, cells, setup.view.eye, directions, setup.near, setup.far, hidden)
+        step = 2.0**-17 * (setup.far - setup.near)
+        clear = exact.thin > 8 * step
+        for name in ("overlap", "gap"):
+            found, true = getattr(frame, name).ravel()[clear], getattr(exact, name)[clear]
+            off = np.where(np.isnan(true), ~np.isnan(found), ~(np.abs(found - true) < 4 * step))
+            wrong += off.sum()
+        overlaps += (~np.isnan(exact.overlap[clear])).sum()
+        gaps += (~np.isnan(exact.gap[clear])).sum()
+        neither += np.isnan(exact.overlap[clear]).sum()
+    assert min(overlaps, gaps, neither) > 500, (seed, overlaps, gaps, neither)
+    # Grazing rays may be off by more than some steps.
+    assert wrong < 0.005 * (overlaps + gaps), (seed, wrong, overlaps, gaps)
 
 
 def test_normals_point_out_of_the_cell() -> None:

@@ -272,6 +272,7 @@ FAULTS = [
     ("keep.keep", "!confirmed", "confirmed"),
     ("keep.keep", "sight.left, left_at", "sight.hit, left_at"),
     ("keep.keep", "old.shininess", "u4(0u)"),
+    ("keep.sooner_key", "q <= i4", "q < i4"),
     ("keep.keep", "+ u * solid.depth_half", "- u * solid.depth_half"),
     ("finish.finish", "> u4(0u)", ">= u4(0u)"),
     ("finish.finish", "-direction.y", "direction.y"),

@@ -14,6 +14,8 @@ struct Nearest {
   shininess: u4,  // exponent of its highlight  //? gloss
   depth: f4,  // along the view axis  //? point_lights
   met: Met,  // of a region, nothing where a solid is none  //? regions
+  overlap: Key,  // depth where two cells of a region are  //? overlap
+  gap: Key,  // depth where none is between two  //? gap
   position: i4,  // on its ray, of the solid that shows it  //? position
   turned: u4,  // which side of that is seen, as of `other_side`  //? shadows
   dark: u4,  // bits of lights that do not reach it  //? shadows
@@ -33,6 +35,8 @@ const NOTHING: Nearest = Nearest(
   u4(0u),  //? gloss
   f4(0.0),  //? point_lights
   NOTHING_MET,  //? regions
+  FAR,  //? overlap
+  FAR,  //? gap
   i4(0),  //? position
   u4(0u),  //? shadows
   u4(0u),  //? shadows
@@ -81,8 +85,17 @@ fn keep(
     select(old.shininess, shininess, nearer),  //? gloss
     select(old.depth, solid.depth_middle + u * solid.depth_half, nearer),  //? point_lights
     either_met(nearer, met, old.met),  //? regions
+    old.overlap,  //? overlap
+    old.gap,  //? gap
     select(old.position, sight.position, nearer),  //? position
     select(old.turned, turned, nearer),  //? shadows
     old.dark,  //? shadows
   );
+}
+
+// The key of a grid point of a region, if that is on the rays and sooner than the old one.
+fn sooner_key(old: Key, q: i4, region: Region, solid: Solid) -> Key {
+  let position = position_before(max(q, i4(1)), solid.steps);
+  let key = depth_key(position, solid.steps, solid.key_high, solid.key_low, solid.key_shift);
+  return lesser_key(q <= i4(region.last), key, old);
 }

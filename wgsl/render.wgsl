@@ -28,8 +28,9 @@ fn next_entry(first: u32, end: u32, j: i32) -> u32 {
     // each quad
     {
       var seen_0 = is_within(region, i_0, j);
-      let is_behind = is_nearer(nearest_0.key, u4(0u), near_key(region), u4(0u));  //? !error
-      seen_0 = seen_0 & !is_behind;  //? !error
+      let near = near_key(region);  //? !error & !claims
+      let is_behind = is_nearer(nearest_0.key, u4(0u), near, u4(0u));  //? !error & !claims
+      seen_0 = seen_0 & !is_behind;  //? !error & !claims
       wanted = wanted | seen_0;
     }
     if anywhere(wanted) || entry + 1u >= end {
@@ -195,6 +196,10 @@ fn render(
     store(PLANE_ERROR + 3u, at, nearest_0.doubt.low);  //? store_error
     store(PLANE_ERROR + 4u, at, bitcast<u4>(nearest_0.bound));  //? store_error
     store(PLANE_SHADOW, at, nearest_0.dark);  //? store_shadow & shadows
+    store(PLANE_OVERLAP, at, nearest_0.overlap.high);  //? store_overlap & overlap
+    store(PLANE_OVERLAP + 1u, at, nearest_0.overlap.low);  //? store_overlap & overlap
+    store(PLANE_GAP, at, nearest_0.gap.high);  //? store_gap & gap
+    store(PLANE_GAP + 1u, at, nearest_0.gap.low);  //? store_gap & gap
   }
   store_image(  //? store_image
     place,

@@ -34,12 +34,20 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
     var beyond = entry;  //? leaving
     var into = Between(i4(0), i4(0));  //? error
     var out_of = into;  //? error & opened
+    let never = (1i << solid.steps) + 1;  //? claims
+    var overlap = i4(never);  //? overlap
+    var gap = i4(never);  //? gap
+    var before = entry;  //? gap
     var last_walk = WALK_ENTRY;
     last_walk = WALK_BEYOND;  //? leaving
+    last_walk = WALK_AGAIN;  //? claims
     last_walk = WALK_SURELY_IN;  //? error
     last_walk = WALK_SURELY_OUT;  //? error & opened
     // One loop for all walks: compiled once.
     for (var which = 0u; which < last_walk + 1u; which++) {
+      if which == WALK_OVERLAP {  //? error & !claims
+        which = WALK_PERHAPS_IN;
+      }
       var begin = place_at(first_of(which, region));
       var only = i4(ANY_CELL);
       if which == WALK_BEYOND {
@@ -48,8 +56,22 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
       if is_out(which) {
         only = entry.cell;
       }
+      var wanted = !is_out(which);
+      if which == WALK_NONE {  //? gap
+        wanted = false;
+      }
+      if which == WALK_NONE || which == WALK_AGAIN {  //? gap
+        begin = before;
+      }
       let path = path_of(which, region, solid.steps);
-      let place = walk(path, !is_out(which), begin, only);
+      let place = walk(path, wanted, begin, only);
+      if which == WALK_OVERLAP {  //? overlap
+        overlap = place.q;
+      }
+      if which == WALK_AGAIN {  //? gap
+        gap = select(i4(never), before.q, place.q <= i4(region.last));
+      }
+      before = place;  //? gap
       if which == WALK_ENTRY {
         entry = place;
       }
@@ -76,6 +98,10 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
     let within = is_within(region, x_0 + i4(solid.center_x), y + solid.center_y);
     var hit = (shown.q <= i4(region.last)) & within;
     hit = hit & !inside;  //? !opened
+    overlap = select(i4(never), overlap, within);  //? overlap
+    gap = select(i4(never), gap, within);  //? gap
+    nearest_0.overlap = sooner_key(nearest_0.overlap, overlap, region, solid);  //? overlap
+    nearest_0.gap = sooner_key(nearest_0.gap, gap, region, solid);  //? gap
     met_0 = Met(u4(number), shown.side, shown.cell);
     sight_0 = Sight(
       hit,

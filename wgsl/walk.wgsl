@@ -49,6 +49,8 @@ struct Path {
   never: i32,
   over_cells: bool,  // q are cells, not grid points
   wider: bool,  // a literal holds in a cell if anywhere in it, else if all over it
+  with_hidden: bool,  // cells count that are not shown  //? hidden
+  twice: bool,  // it holds where two cells do  //? overlap
 }
 
 // e of F <= 0, or of its complement if turn.

@@ -12,6 +12,7 @@ TURN = 1 << 11  # its truth is complemented: by its sign, by its level, or by ne
 OPENS = 1 << 12
 CLOSES = 1 << 13
 CELL_ENDS = 1 << 14
+HIDDEN = 1 << 15  # the cell that ends is not shown
 SIDE = 16  # bits from here on: the side of the literal's surface
 POSITIVE = 1 << SIDE  # the literal is F > 0, not F <= 0
 NUMBER = SIDE + 1  # bits from here on: the number of its surface in its group

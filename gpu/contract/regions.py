@@ -18,6 +18,7 @@ class PackedRegions:
     words: U32  # what excerpts list, and their programs
     most_surfaces: int  # of an excerpt
     levels: int  # that a program of an excerpt opens at once
+    has_hidden: bool  # programs have cells that are not shown
 
     @property
     def arrays(self) -> tuple[Records | U32, ...]:

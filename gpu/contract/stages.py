@@ -133,6 +133,10 @@ FACTS = {
     "point_lights": "colours are needed, and a light has a place",
     "parallel": "colours are needed, and rays are parallel",
     "error": "it is asked how far a depth may be off",
+    "overlap": "it is asked where two cells of a copy overlap, and there are copies",
+    "gap": "the same of gaps between cells",
+    "claims": "one of the two is asked",
+    "hidden": "programs have cells that are not shown",
     "curved": "the solid has a quadric",
     "flat": "the solid is a polyhedron",
     "patch": "the solid is a bounded plane",
@@ -155,7 +159,7 @@ FACTS = {
         f"store_{name}": f"the device writes the output {name}"
         for name in (
             *("surface", "key", "exit", "color", "normal", "error", "image", "tag"),
-            "shadow",
+            *("shadow", "overlap", "gap"),
         )
     },
 }

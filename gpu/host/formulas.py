@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.contract.arrays import U32, Bools, Bytes, Ints
-from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, POSITIVE, TURN
+from halfstep.contract.program import (
+    CELL_ENDS,
+    CLOSES,
+    HIDDEN,
+    LEAF,
+    NUMBER,
+    OPENS,
+    POSITIVE,
+    TURN,
+)
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 
 # Excerpts of a formula that are kept from frame to frame.
@@ -144,10 +153,12 @@ class Formula:
     Attributes:
         nodes: all of them.
         roots: of each cell the node that is its region.
+        hidden: (C,), cells that are not shown.
     """
 
-    def __init__(self, regions: Sequence[Region]) -> None:
-        """``regions``, in normal form; none of them is constant."""
+    def __init__(self, regions: Sequence[Region], hidden: Bools | None = None) -> None:
+        """``regions``, in normal form; none that is shown is constant. By default all are shown."""
+        self.hidden = np.zeros(len(regions), bool) if hidden is None else hidden
         self.nodes: list[Node] = []
         self.roots = [self._added(region) for region in regions]
         self._literals = [ix for ix, node in enumerate(self.nodes) if node.kind is Literal]
@@ -181,7 +192,7 @@ class Formula:
             inside: (S, P), a bit for each piece of a block all over which a surface has F <= 0.
             outside: (S, P), the same for F > 0.
             known: of larger blocks.
-            cut: (P,), what lies behind the first piece where a cell holds is not seen.
+            cut: (P,), what lies behind the first piece where a shown cell holds is not seen.
             narrow: (P,), pieces before or behind all cells are not seen.
         """
         count = inside.shape[1]
@@ -199,7 +210,8 @@ class Formula:
             if known is not None:
                 true[ix] |= known.true[ix]
                 false[ix] |= known.false[ix]
-        holds = np.bitwise_or.reduce(true[self.roots], axis=0)
+        shown = [root for root, hides in zip(self.roots, self.hidden, strict=True) if not hides]
+        holds = np.bitwise_or.reduce(true[shown], axis=0)
         perhaps = ~np.bitwise_and.reduce(false[self.roots], axis=0)
         first, last = np.where(narrow, [_LOWEST[perhaps], _HIGHEST[perhaps]], [[0], [7]])
         last = np.where(cut & (holds != 0), np.minimum(_LOWEST[holds], last), last)
@@ -240,7 +252,8 @@ class Formula:
     @functools.cached_property
     def whole(self) -> Excerpt:
         """All of it."""
-        return self._excerpt(np.ones(self.literal_count, bool), np.zeros(len(self.roots), bool))
+        everywhere = [self.nodes[root] == Node(Intersection) for root in self.roots]
+        return self._excerpt(np.ones(self.literal_count, bool), np.array(everywhere, bool))
 
     def _excerpt(self, live: Bools, holds: Bools) -> Excerpt:
         surfaces = np.unique(self.literal_surfaces[live])
@@ -258,7 +271,7 @@ class Formula:
                 self._write(words, root, left, places, is_and=False)
             else:
                 continue
-            words[-1] |= CELL_ENDS
+            words[-1] |= CELL_ENDS | HIDDEN * bool(self.hidden[cell])
             cells.append(cell)
         opened = np.cumsum([bool(word & OPENS) - bool(word & CLOSES) for word in words])
         closing = np.array([bool(word & CLOSES) for word in words], np.int64)

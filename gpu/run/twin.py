@@ -39,7 +39,7 @@ class Band:
         chosen: Chosen | None = None,
     ) -> None:
         """``chosen``: other stages than those of the number format."""
-        self._lists = lists_of(packed, first_row, rows, leaving="exit" in outputs)
+        self._lists = lists_of(packed, first_row, rows, outputs)
         needs = needs_of(packed, self._lists.regions, scene.accuracy.method, outputs)
         self._packed, self._first_row, self._outputs = packed, first_row, outputs
         self._method, self._facts = needs.method, needs.facts
@@ -88,6 +88,7 @@ class Band:
         x = i - solid["center_x"]
         y = j + np.int32(self._first_row) - solid["center_y"]
         seen: Seen = run(*region, solid, *rest, x, y, self._chosen, facts)
+        claims = seen.claims
         # A tile at the end of the picture has pixels beyond it.
         here = np.minimum(j, rows - 1), np.minimum(i, width - 1)
         old = _each(_part, self._nearest, window=here)
@@ -102,6 +103,12 @@ class Band:
             self._keys,
             facts,
         )
+        if claims is not None:
+            record = region[1]
+            new = new._replace(
+                overlap=keep.sooner_key(new.overlap, claims.overlap, record, solid),
+                gap=keep.sooner_key(new.gap, claims.gap, record, solid),
+            )
         shown = (j < rows) & (i < width)
         _each(_put, self._nearest, new, window=(j[shown], i[shown]), shown=shown)
 
@@ -110,10 +117,13 @@ class Band:
         self._finish_regions()
         nearest, outputs = self._nearest, self._outputs
         planes: Planes = {"surface": nearest.surface}
-        if "key" in outputs:
-            planes["key"] = joined_key(*nearest.key)
-        if "exit" in outputs:
-            planes["exit"] = joined_key(*nearest.leaves)
+        keys = {
+            "key": nearest.key,
+            "exit": nearest.leaves,
+            "overlap": nearest.overlap,
+            "gap": nearest.gap,
+        }
+        planes |= {name: joined_key(*key) for name, key in keys.items() if name in outputs}
         if "error" in outputs:
             planes["low"], planes["doubt"] = joined_key(*nearest.low), joined_key(*nearest.doubt)
             planes["bound"] = nearest.bound

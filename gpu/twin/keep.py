@@ -11,7 +11,7 @@ from halfstep.twin.certify import Certificate, confirms, least_key
 from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.nearest import FAR, Key, depth_key, either_key, lesser_key
 from halfstep.twin.normal import NO_VECTOR, Vector, either
-from halfstep.twin.region import NOTHING_MET, either_met
+from halfstep.twin.region import NOTHING_MET, either_met, position_before
 from halfstep.twin.sight import Met, Sight
 
 # Of one of the modules of keys.
@@ -54,6 +54,8 @@ class Nearest(NamedTuple):
     shininess: U32  # exponent of its highlight
     depth: F32  # along the view axis
     met: Met  # of a region, nothing where a solid is none
+    overlap: Key  # depth where two cells of a region are
+    gap: Key  # depth where none is between two
     position: I32  # on its ray, of the solid that shows it
     turned: U32  # which side of that is seen, as of `other_side`
     dark: U32  # bits of lights that do not reach it
@@ -75,6 +77,8 @@ def nothing(keys: Keys) -> Nearest:
         shininess=none,
         depth=zero,
         met=NOTHING_MET,
+        overlap=FAR,
+        gap=FAR,
         position=np.zeros((), np.int32),
         turned=none,
         dark=none,
@@ -134,3 +138,12 @@ def keep(
     if "shadows" in facts:
         new = new._replace(turned=np.where(nearer, turned, old.turned))
     return new
+
+
+def sooner_key(old: Key, q: I32, region: np.void, solid: np.void) -> Key:
+    """The key of a grid point of a region, if that is on the rays and sooner than the old one."""
+    steps, shift = int(solid["steps"]), int(solid["key_shift"])
+    start = Key(*(np.asarray(solid[name]) for name in ("key_high", "key_low")))
+    position = position_before(np.maximum(q, np.int32(1)), steps)
+    key = depth_key(position, steps, start, shift)
+    return lesser_key(q <= region["last"], key, old)

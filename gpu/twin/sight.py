@@ -30,6 +30,13 @@ class Met(NamedTuple):
     cell: I32
 
 
+class Claims(NamedTuple):
+    """Grid points where two cells of a region are, and where none is between two."""
+
+    overlap: I32
+    gap: I32
+
+
 class Seen(NamedTuple):
     """What a visit finds of a solid; slope and certificate are empty where no fact asks."""
 
@@ -37,4 +44,5 @@ class Seen(NamedTuple):
     slope: Vector  # along the normal of the solid at the sight
     certificate: Certificate  # what is certain of the solid
     met: Met | None = None  # of a region
+    claims: Claims | None = None  # of a region
     turned: U32 | None = None  # which side is seen, as of `other_side`; None is the outer one

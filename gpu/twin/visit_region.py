@@ -21,7 +21,7 @@ from halfstep.twin.cross import crossed, doubted, line_crossed
 from halfstep.twin.lanes import I32
 from halfstep.twin.normal import NO_VECTOR
 from halfstep.twin.region import is_within, position_before, shows_surface
-from halfstep.twin.sight import Met, Seen, Sight
+from halfstep.twin.sight import Claims, Met, Seen, Sight
 from halfstep.twin.solid import eye_sure, starts_at_eye
 from halfstep.twin.walk import ANY_CELL, Place
 from halfstep.twin.walks import (
@@ -78,18 +78,14 @@ def visit_region(
     shape = (x + 0 * y).shape
     any_cell = np.full(shape, ANY_CELL)
     places: dict[Walk, Place] = {}
-    last_walk = Walk.ENTRY
-    if "leaving" in facts:
-        last_walk = Walk.BEYOND
-    if "error" in facts:
-        last_walk = Walk.SURELY_OUT if "opened" in facts else Walk.SURELY_IN
-    for which in list(Walk)[: last_walk + 1]:
+    for which in _walks(facts):
         begin = (
-            places[Walk.ENTRY] if which == Walk.BEYOND else place_at(first_of(which, region), shape)
+            places[_AFTER[which]] if which in _AFTER else place_at(first_of(which, region), shape)
         )
         only = places[Walk.ENTRY].cell if is_out(which) else any_cell
         path = path_of(which, program, count, steps)
-        places[which] = walk(crossings, path, not is_out(which), begin, only)
+        wanted = not is_out(which) and which != Walk.NONE
+        places[which] = walk(crossings, path, wanted, begin, only)
     entry = shown = places[Walk.ENTRY]
     beyond = places.get(Walk.BEYOND, entry)
     inside = entry.q == region["first"]
@@ -142,4 +138,28 @@ def visit_region(
             region,
             solid["last_step"],
         )
-    return Seen(sight, NO_VECTOR, certificate, met)
+    overlap = gap = np.full(shape, (1 << steps) + 1, np.int32)
+    if "overlap" in facts:
+        overlap = np.where(within, places[Walk.OVERLAP].q, overlap)
+    if "gap" in facts:
+        ends = within & (places[Walk.AGAIN].q <= region["last"])
+        gap = np.where(ends, places[Walk.NONE].q, gap)
+    return Seen(sight, NO_VECTOR, certificate, met, Claims(overlap, gap))
+
+
+# Walks that begin where another one ends.
+_AFTER = {Walk.BEYOND: Walk.ENTRY, Walk.NONE: Walk.ANY, Walk.AGAIN: Walk.NONE}
+
+
+def _walks(facts: Collection[str]) -> list[Walk]:
+    """The walks that are asked for, in order."""
+    last = Walk.BEYOND if "leaving" in facts else Walk.ENTRY
+    found = list(Walk)[: last + 1]
+    if "overlap" in facts:
+        found.append(Walk.OVERLAP)
+    if "gap" in facts:
+        found += [Walk.ANY, Walk.NONE, Walk.AGAIN]
+    if "error" in facts:
+        last = Walk.SURELY_OUT if "opened" in facts else Walk.SURELY_IN
+        found += list(Walk)[Walk.PERHAPS_IN : last + 1]
+    return found

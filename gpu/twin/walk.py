@@ -57,6 +57,8 @@ class Path(NamedTuple):
     never: np.int32
     over_cells: bool  # q are cells, not grid points
     wider: bool  # a literal holds in a cell if anywhere in it, else if all over it
+    with_hidden: bool  # cells count that are not shown
+    twice: bool  # it holds where two cells do
 
 
 class Place(NamedTuple):
