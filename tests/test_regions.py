@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping
 from typing import Any
 
@@ -458,6 +459,36 @@ def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:
     bite = thing & (frame.surface == 1)
     red, _, blue = (frame.color[bite] / frame.color[bite].max()).mean(axis=0)
     assert red > 1.5 * blue
+
+
+def test_a_pixel_tells_the_way_to_its_cell() -> None:
+    scene = halfstep.load("assembly_17x17")
+    frame = halfstep.render(scene, size=SIZE, backend="numpy", outputs=("cell", "place"))
+    paths = {
+        (int(cell), int(place)): frame.cell_path(*pixel)
+        for *pixel, cell, place in zip(
+            *np.nonzero(frame.cell >= 0),
+            frame.cell[frame.cell >= 0],
+            frame.place[frame.cell >= 0],
+            strict=True,
+        )
+    }
+    assert len(paths) > 100
+    for (_, place), lines in paths.items():
+        if place < 0:
+            assert lines == ["cell nozzle"]
+            continue
+        row, column = divmod(place, 17)
+        group, lattice, where = lines[0].split(", ", 2)
+        assert group in ("group pin", "group guide")
+        assert (lattice, where) == ("lattice[0]", f"row {row}, column {column}")
+        assert lines[1:] in (["cell fuel"], ["cell cladding"], ["cell tube"])
+        assert (group == "group guide") == (lines[1] == "cell tube")
+    assert frame.cell_path(0, 0) == []
+    with pytest.raises(IndexError, match="row 48, column 0 is not in a frame of 64x48"):
+        frame.cell_path(48, 0)
+    with pytest.raises(halfstep.UsageError, match="does not know the scene"):
+        pickle.loads(pickle.dumps(frame)).cell_path(0, 0)
 
 
 def test_exits_are_where_rays_leave_their_cell() -> None:

@@ -22,6 +22,7 @@ from halfstep.frames.outputs import (
     steps_by_solid,
 )
 from halfstep.frames.passes import Pass, Prepared, render_pass
+from halfstep.frames.paths import Paths
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import Solids, prepare
 from halfstep.models import as_scene
@@ -247,7 +248,12 @@ class Renderer:
                 found, taken = render_pass(self._backend, prepared.scene, one)
                 arrays |= found
                 times += taken
-        return Frame({name: arrays[name] for name in prepared.outputs}, self._info(prepared, times))
+        # Of the pixel centres, which come first.
+        shown = arrays["solid"]
+        assert isinstance(shown, Lookup)
+        paths = Paths(prepared.scene, prepared.packed.surfaces.numbers, shown.numbers)
+        kept = {name: arrays[name] for name in prepared.outputs}
+        return Frame(kept, self._info(prepared, times), paths)
 
     def _solids_of(self, scene: Scene, *, hidden: bool) -> tuple[Solids, str]:
         """The solids of ``scene`` and their digest; most often they are the same as before."""
