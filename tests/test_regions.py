@@ -607,6 +607,31 @@ def test_coincident_faces_leave_no_skin() -> None:
     assert (radius[on_end] > 0.499).all()
 
 
+def test_parts_that_abut_show_no_face_between_them() -> None:
+    """A box and a disc end in one plane across which they are one: no pixel shows it."""
+    scene = {
+        "format": 1,
+        "camera": {"center": [3, -4, 5], "look_at": [1, 0, 0], "fov_degrees": 40},
+        "accuracy": {"steps": 9},
+        "part": [
+            {"name": "base", "kind": "box", "size": [2, 2, 0.5]},
+            {
+                "name": "end",
+                "kind": "cylinder",
+                "radius": 1.3,
+                "z_min": -0.25,
+                "z_max": 0.25,
+                "origin": [1, 0, 0],
+            },
+        ],
+        "cell": [{"region": "base | end", "color": [1, 1, 1]}],
+    }
+    frame = halfstep.render(scene, size=(200, 200), backend="numpy", outputs=("surface",))
+    assert (frame.surface == 5).sum() > 2_000
+    # The plane x = 1 of the box is seen from nowhere.
+    assert (frame.surface == 1).sum() == 0
+
+
 def test_neighbours_that_share_a_surface_leave_no_gap() -> None:
     """Of two halves of a ball no ray passes between: it hits what the whole ball hits."""
     half = {"id": 1, "kind": "plane", "axis": [0.3, 0.2, 0.9], "origin": [0.01, 0.02, 0.03]}

@@ -143,6 +143,7 @@ FACTS = {
     "ball": "a ball bounds a solid that has a polynomial",
     "regions": "tiles may see a copy of a group of cells",
     "opened": "rays may start inside the solid",
+    **{f"levels_{k}": f"programs open {k} levels at once or more" for k in range(2, 7)},
     "broadcast": "invocations of a subgroup fetch records together",
     "shadows": "lights have shadows, and these are needed, for themselves or for colours",
     "far_lights": "the same of lights far away",

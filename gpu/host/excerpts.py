@@ -221,7 +221,7 @@ class _Written:
         self._parts: list[U32] = []
         self._length = 0
         self._rows: list[tuple[int, ...]] = []
-        self._most_surfaces = self._levels = 0
+        self._most_surfaces = 0
 
     def add_all(self, number: int, left: _Left) -> Ints:
         """Rows (P,) of what is left of a program in P tiles, -1 where nothing is."""
@@ -257,7 +257,6 @@ class _Written:
         self._length += length + len(parts[-1])
         self._parts += parts
         self._most_surfaces = max(self._most_surfaces, len(excerpt.surfaces))
-        self._levels = max(self._levels, excerpt.levels)
         return len(self._rows) - 1
 
     def regions(self, distinct: Ints) -> PackedRegions:
@@ -295,7 +294,6 @@ class _Written:
             records=records,
             words=words,
             most_surfaces=self._most_surfaces,
-            levels=self._levels,
         )
 
 

@@ -7,6 +7,7 @@ no OR, no literal stands twice in one of them, and none stands beside its own co
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -26,6 +27,8 @@ from halfstep.contract.program import (
 )
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 
+# Where literals are hoisted, no more levels are made than this.
+MOST_LEVELS = 6
 # Excerpts of a formula that are kept from frame to frame.
 MOST_KNOWN = 1 << 14
 # The lowest and the highest bit of a byte, 8 and -1 where there is none.
@@ -68,6 +71,65 @@ def joined(kind: type[Intersection] | type[Union], members: Sequence[Region]) ->
                 return other(())
             found[part] = None
     return next(iter(found)) if len(found) == 1 else kind(tuple(found))
+
+
+def hoisted(region: Region, most: int = MOST_LEVELS) -> Region:
+    """A region in normal form with literals taken out that several members share.
+
+    (A & X) | (A & Y) becomes A & (X | Y), and the dual. Programs are shorter, and where a ray comes
+    into both X and Y through A, no surface between X and Y can give its name to the point. Where
+    it would have more than ``most`` levels nothing is taken out.
+    """
+    if isinstance(region, Literal):
+        return region
+    assert isinstance(region, Intersection | Union)
+    kind = type(region)
+    other = Union if kind is Intersection else Intersection
+    members = [hoisted(member, most - 1) for member in region.of]
+    tried: set[frozenset[Literal]] = set()
+    while True:
+        leaves = [_leaves(one, other) for one in members]
+        counts = Counter(
+            part for one in members for part in _members(one, other) if isinstance(part, Literal)
+        )
+        groups: dict[frozenset[Literal], list[int]] = {}
+        for leaf in (leaf for leaf, count in counts.items() if count > 1):
+            holding = [ix for ix, own in enumerate(leaves) if leaf in own]
+            groups.setdefault(frozenset.intersection(*(leaves[ix] for ix in holding)), holding)
+        left = [shared for shared in groups if shared not in tried]
+        if not left:
+            return joined(kind, members)
+        # What saves most literals; of equals what takes most out at once.
+        best = max(left, key=lambda shared: (len(shared) * (len(groups[shared]) - 1), len(shared)))
+        tried.add(best)
+        holding = groups[best]
+        rests = [
+            joined(other, [part for part in _members(members[ix], other) if part not in best])
+            for ix in holding
+        ]
+        order = [part for part in _members(members[holding[0]], other) if part in best]
+        new = joined(other, [*order, hoisted(joined(kind, rests), most - 2)])
+        if _levels(new) < most:
+            members[holding[0]] = new
+            members = [one for ix, one in enumerate(members) if ix not in holding[1:]]
+
+
+def _levels(region: Region) -> int:
+    """How many operators lie in one another."""
+    if isinstance(region, Literal):
+        return 0
+    assert isinstance(region, Intersection | Union)
+    return 1 + max(map(_levels, region.of), default=0)
+
+
+def _members(region: Region, kind: type[Intersection] | type[Union]) -> Sequence[Region]:
+    """The members of an AND or OR; anything else is the only member of one."""
+    return region.of if isinstance(region, kind) else (region,)
+
+
+def _leaves(region: Region, kind: type[Intersection] | type[Union]) -> frozenset[Literal]:
+    """Those that are literals."""
+    return frozenset(one for one in _members(region, kind) if isinstance(one, Literal))
 
 
 def literals(region: Region) -> list[Literal]:

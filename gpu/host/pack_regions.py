@@ -101,7 +101,7 @@ def pack_regions(
         words=np.zeros(0, np.uint32),
         appearances=looks.records,
         most_surfaces=0,
-        levels=0,
+        levels=max(one.formula.whole.levels for one in programs),
         has_hidden=any(one.formula.hidden.any() for one in programs),
     )
 

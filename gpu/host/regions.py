@@ -21,6 +21,7 @@ from halfstep.host.formulas import (
     Formula,
     Senses,
     decided,
+    hoisted,
     joined,
     literals,
     normal_form,
@@ -130,7 +131,7 @@ def compiled(
         planes=planes,
         functions=np.array(kept, np.int64),
         cells=taken[some],
-        formula=Formula([merged[ix] for ix in some], ~is_shown[some]),
+        formula=Formula([hoisted(merged[ix]) for ix in some], ~is_shown[some]),
         thinnest=least_distance(own[..., sorted(seen)], radius),
         seen=np.isin(np.arange(len(kept)), sorted(seen)),
     )

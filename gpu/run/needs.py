@@ -39,7 +39,7 @@ def needs_of(
         together=together,
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
-        levels=0 if regions is None else _enough(regions.levels),
+        levels=0 if regions is None else regions.levels,
         hidden=regions is not None and regions.has_hidden,
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
         shadows=0 if shadows is None else len(shadows.views),

@@ -35,7 +35,7 @@ MOST_LIGHT_ROUNDS = 1 << 12
 
 
 # Levels of programs that shaders have in variables of their own.
-FEW_LEVELS = 4
+FEW_LEVELS = 6
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Needs:
     # where a load takes a third of the time; for records fetched together only.
     uniform: bool = False
     surfaces: int = 0  # the most of a region, or a little more
-    levels: int = 0  # the most that a region's program opens at once, or a little more
+    levels: int = 0  # the most that a region's program opens at once
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest of a polynomial of the scene
     balls: bool = False  # a ball bounds one of its solids
@@ -99,6 +99,7 @@ class Needs:
             wanted.add("broadcast")
         if self.has_regions:
             wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
+            wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
         if "shadows" in wanted or wanted >= {"regions", "normal"}:
             wanted.add("position")
         if self.balls:
