@@ -275,11 +275,10 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
             plain[key] = -1 if program is None else len(found)
             if program is not None:
                 found.append(Owned(program, group, first_cell))
-        if plain[key] < 0:
-            continue
-        whole = found[plain[key]].program
+        whole = None if plain[key] < 0 else found[plain[key]].program
         kept, own = _cut_copies(copies, whole, shown, hidden=hidden)
-        parts.append((plain[key], copies.number[kept], copies.maps[kept]))
+        if whole is not None:
+            parts.append((plain[key], copies.number[kept], copies.maps[kept]))
         for ix, program in own:
             parts.append((len(found), copies.number[ix], copies.maps[ix]))
             found.append(Owned(program, group, first_cell))
@@ -367,14 +366,16 @@ def _matrices_of(group: Fragment) -> Floats:
 
 
 def _cut_copies(
-    copies: Copies, whole: Program, shown: Bools, *, hidden: bool
+    copies: Copies, whole: Program | None, shown: Bools, *, hidden: bool
 ) -> tuple[Ints, list[tuple[Ints, Program]]]:
     """Which copies regions around them leave whole, and the programs of those that they cut.
 
     Copies that are cut alike, as those in a lattice are, share a program. The others are cut away.
+    A group without a program of its own is everywhere, or nowhere.
     """
     state = np.ones(len(copies.number), np.int8)
-    box = whole.middle + whole.box
+    everywhere = np.array([[-np.inf] * 3, [np.inf] * 3])
+    box = everywhere if whole is None else whole.middle + whole.box
     given: list[tuple[Region, Floats]] = []
     for within in copies.within:
         matrices = _matrices_of(within.group)
