@@ -28,6 +28,8 @@ class Truth(NamedTuple):
     inside: Bools  # the ray starts in a cell, and shows where it leaves it
     thin: Floats  # the shortest piece that some cell has or lacks, in depth
     leaves: Floats  # where it leaves the cell, the far plane where it does not
+    overlap: Floats  # where it first is in two cells, NaN where nowhere
+    gap: Floats  # where it first is in none, after one and before another one; NaN
 
 
 def holds(region: Region, values: Wide) -> Bools:
@@ -50,6 +52,7 @@ def truth(
     directions: Floats,
     near: float,
     far: float,
+    hidden: Sequence[Region] = (),
 ) -> Truth:
     """What rays show.
 
@@ -60,6 +63,7 @@ def truth(
         directions: (R, 3), per unit of depth.
         near: depth where rays start.
         far: depth where they end.
+        hidden: cells that are not seen, but may overlap others and fill gaps.
     """
     start = np.broadcast_to(eye, directions.shape).astype(np.longdouble)
     start = np.column_stack([start, np.ones(len(start), np.longdouble)])
@@ -78,9 +82,9 @@ def truth(
     ends = np.full((1, len(rays)), far, np.longdouble)
     times = np.sort(np.concatenate([events, ends, ends - far + near]), axis=0)
     middle = (times[1:] + times[:-1]) / 2
-    there = np.array(
-        [holds(cell, (a[:, None] * middle + b[:, None]) * middle + c[:, None]) for cell in cells]
-    )
+    values = (a[:, None] * middle + b[:, None]) * middle + c[:, None]
+    claims = np.array([holds(cell, values) for cell in (*cells, *hidden)])
+    there = claims[: len(cells)]
     some = times[1:] > times[:-1]
     first = np.argmax(some, axis=0)
     cell_at = np.where(there.any(axis=0), np.argmax(there, axis=0), -1)
@@ -103,4 +107,19 @@ def truth(
         inside,
         pieces.min(axis=0).astype(np.float64),
         np.where(hit, leaves, np.nan).astype(np.float64),
+        _first(times, some & (claims.sum(axis=0) > 1)),
+        _first(times, some & _is_between(some & claims.any(axis=0), some & ~claims.any(axis=0))),
     )
+
+
+def _first(times: Wide, chosen: Bools) -> Floats:
+    """Where the first of chosen pieces (P, R) begins, NaN where there is none."""
+    begins = times[chosen.argmax(axis=0), np.arange(chosen.shape[1])]
+    return np.where(chosen.any(axis=0), begins, np.nan).astype(np.float64)
+
+
+def _is_between(full: Bools, empty: Bools) -> Bools:
+    """Empty pieces (P, R) with full ones before and behind them."""
+    before = np.logical_or.accumulate(full, axis=0)
+    behind = np.logical_or.accumulate(full[::-1], axis=0)[::-1]
+    return empty & before & behind

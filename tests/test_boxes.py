@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, POSITIVE, TURN
 from halfstep.host.boxes import box_of
-from halfstep.host.formulas import Formula, Senses, decided, literals, normal_form, truth
+from halfstep.host.formulas import Formula, Senses, decided, hoisted, literals, normal_form, truth
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 
 Floats = NDArray[np.float64]
@@ -96,6 +96,31 @@ def test_normal_form_means_the_same() -> None:
         assert (holds(found, positive) == holds(region, positive)).all(), (seed, region)
         constant += found in (Union(()), Intersection(()))
     assert constant > 10, seed
+
+
+def test_literals_that_members_share_are_hoisted() -> None:
+    a, b, c, d = (Literal(ix, positive=False) for ix in range(4))
+    both = Intersection((a, Union((b, c))))
+    assert hoisted(Union((Intersection((a, b)), Intersection((a, c))))) == both
+    assert hoisted(Union((a, Intersection((a, c))))) == a
+    assert hoisted(Intersection((Union((a, b)), Union((c, a)), d))) == Intersection(
+        (Union((a, Intersection((b, c)))), d)
+    )
+
+
+def test_hoisting_keeps_what_regions_mean() -> None:
+    seed = 5
+    rng = np.random.default_rng(seed)
+    shorter = 0
+    for _ in range(500):
+        region = normal_form(random_region(rng, 5, 4), plain(5))
+        found = hoisted(region)
+        positive = rng.random((5, 64)) < 0.5
+        assert is_normal(found), (seed, region)
+        assert (holds(found, positive) == holds(region, positive)).all(), (seed, region)
+        assert len(literals(found)) <= len(literals(region)), (seed, region)
+        shorter += len(literals(found)) < len(literals(region))
+    assert shorter > 50, seed
 
 
 def test_merged_surfaces_turn_their_literals() -> None:

@@ -42,6 +42,8 @@ CONTRACT: dict[str, tuple[tuple[int, ...], type, float | None]] = {
     "cell": ((), np.int32, -1),
     "material": ((), np.int32, -1),
     "shadow": ((), np.uint32, 0),
+    "overlap": ((), np.float64, None),
+    "gap": ((), np.float64, None),
 }
 # Twice what `STEPS` halvings of the deepest solid of the gallery leave, along the ray.
 DISTANCE = 3e-4

@@ -76,3 +76,23 @@ def test_a_side_without_an_end_is_decided_where_the_others_leave_it() -> None:
     # That of a pin alone, which no copy has, and one for all elements.
     assert len(found.owned) == 2
     assert found.programs[1].count == 7
+
+
+def test_what_is_everywhere_is_seen_where_a_region_around_it_ends() -> None:
+    """A group of one cell without a region fills a ball, and is the ball."""
+    water = {"name": "water", "cell": [{"id": 5, "color": BLUE}]}
+    scene = {
+        "format": 1,
+        "camera": {"center": [4, 0, 0], "look_at": [0, 0, 0]},
+        "accuracy": {"steps": 12},
+        "surface": [{"id": 1, "kind": "sphere", "radius": 1}],
+        "group": [water],
+        "cell": [{"region": "-1", "fill": "water"}],
+    }
+    outputs = ("cell", "depth")
+    frame = halfstep.render(scene, size=(60, 45), backend="numpy", outputs=outputs)
+    whole = {**scene, "group": [], "cell": [{"id": 5, "region": "-1", "color": BLUE}]}
+    ball = halfstep.render(whole, size=(60, 45), backend="numpy", outputs=outputs)
+    assert (frame.cell == 5).sum() > 300
+    assert (frame.cell == ball.cell).all()
+    np.testing.assert_array_equal(frame.depth, ball.depth)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping
 from typing import Any
 
@@ -228,6 +229,7 @@ TWO_CELLS = {
             "material": "steel",
         },
         {"name": "pin", "region": "hole & ~bite", "color": [0.2, 0.7, 0.3]},
+        {"name": "unseen", "region": "slab & bite | bite - ball", "visible": False},
     ],
 }
 WITHIN = {"center": [-0.5, 0.3, 0.1], "look_at": [0.5, -0.6, 0.3], "fov_degrees": 80}
@@ -262,23 +264,25 @@ FAULTS = [
     ("let opens = (word & OPENS) != 0u", "let opens = (word & CLOSES) != 0u"),
     ("level_0 = either_held(closes, level_1, level_0);", ""),
     ("level_1 = either_held(opens, level_0, level_1);", ""),
-    ("~inner.until, inner.surface", "inner.until, inner.surface"),
+    ("~inner.until, inner.side", "inner.until, inner.side"),
     ("(word & TURN) != 0u", "(word & POSITIVE) != 0u"),
-    ("word >> NUMBER", "place"),
+    ("word >> SIDE", "place"),
     ("(word & LEAF) != 0u", "true"),
-    ("select(place.surface, seen.held.surface, goes)", "seen.held.surface"),
+    ("select(place.side, seen.held.side, goes)", "seen.held.side"),
     ("| (only == i4(scan.number))", "| (only != i4(scan.number))"),
     ("scan.number + select(0, 1, ends)", "scan.number"),
     ("scan = read_word(scan, words[1], path, q, only);", ""),
     ("region.first_group, region.end_group", "region.first_group, region.first_group + 1u"),
     ("keep_crossing(region.flat_count + k,", "keep_crossing(k,"),
     ("+ (number - region.planes)", "+ number"),
-    ("let surface = cell * i4(i32(region.surfaces))", "let surface = cell"),
+    ("u4(cell * region.surfaces)", "u4(cell)"),
     ("shown.q <= i4(region.last)", "shown.q < i4(0)"),
     ("position_before(beyond.q,", "position_before(shown.q,"),
-    ("outward(normal, crossing_at(place)", "outward(normal, crossing_at(0u)"),
-    ("region.looks_start + number_at(region, count + k)", "region.looks_start"),
-    ("region.looks_start + region.cells + number", "region.looks_start + number"),
+    ("outward(normal, nearest_0.met)", "normal"),
+    ("let u = f4(nearest_0.position)", "let u = f4(0.0)"),
+    ("+ select(u4(0u), own, here)", ""),
+    ("region.looks_start + cell", "region.looks_start"),
+    ("region.looks_start + region.cells + face", "region.looks_start + face"),
     ("if !anywhere(goes)", "if anywhere(goes)"),
 ]
 
@@ -300,6 +304,29 @@ def test_a_fault_in_the_kernel_is_seen(
         scene, ("image", "normal", "cell", "surface", "depth_exit"), adapter=adapter.summary.index
     )
     assert any(old in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("max(scan.twice, min(scan.total.until", "max(scan.twice, max(scan.total.until"),
+        ("path.with_hidden || ", ""),
+        ("(word & HIDDEN) == 0u", "(word & HIDDEN) != 0u"),
+        ("before.q, place.q <= i4(region.last)", "before.q, b4(true)"),
+        ("if which == WALK_NONE {", "if which == WALK_AGAIN {"),
+    ],
+)
+def test_a_fault_in_overlaps_and_gaps_is_seen(
+    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def faulty(needs: Needs) -> str:
+        text = compose(needs)
+        assert old in text
+        return text.replace(old, new)
+
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
+    scene = Scene.from_dict(TWO_CELLS)
+    assert differing(scene, ("overlap", "gap"), adapter=adapter.summary.index)
 
 
 @pytest.mark.parametrize(
@@ -330,7 +357,7 @@ def test_excerpts_show_what_whole_programs_show(
             small = with_overrides(scene, size=(80, 64), steps=steps, number_format=number_format)
             for shown in (outputs, ("depth", "cell", "surface")):
                 frames.append(halfstep.render(small, backend="numpy", outputs=shown))
-            lists = excerpts.lists_of(prepare(small), 0, 64, leaving=False)
+            lists = excerpts.lists_of(prepare(small), 0, 64, frozenset())
             assert lists.regions is not None
             shorter += len(lists.members) * (1 if least == 1 else -1)
         for found, whole in ((frames[0], frames[2]), (frames[1], frames[3])):
@@ -386,15 +413,27 @@ def test_a_group_has_more_surfaces_than_a_ray_may_cross() -> None:
         halfstep.render(scene, backend="numpy")
 
 
-def test_a_fault_in_what_is_skipped_is_seen(
-    adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("anywhere(wanted) || entry", "entry"),
+        ("left_0 == u4(number)", "left_0 != u4(NO_REGION)"),
+        ("(nearest_0.met.region == u4(number)) & shows_surface", "shows_surface"),
+    ],
+)
+def test_a_fault_in_what_of_many_copies_is_looked_up_is_seen(
+    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    old, new = "anywhere(wanted) || entry", "entry"
-    monkeypatch.setattr(
-        "halfstep.run.shaders.compose", lambda needs: compose(needs).replace(old, new)
-    )
+    texts: list[str] = []
+
+    def faulty(needs: Needs) -> str:
+        texts.append(compose(needs))
+        return texts[-1].replace(old, new)
+
+    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
     scene = halfstep.load("assembly_17x17")
-    assert differing(scene, ("place",), adapter=adapter.summary.index) != []
+    assert differing(scene, ("place", "surface", "normal"), adapter=adapter.summary.index) != []
+    assert any(old in text for text in texts)
 
 
 def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:
@@ -421,6 +460,36 @@ def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:
     assert red > 1.5 * blue
 
 
+def test_a_pixel_tells_the_way_to_its_cell() -> None:
+    scene = halfstep.load("assembly_17x17")
+    frame = halfstep.render(scene, size=SIZE, backend="numpy", outputs=("cell", "place"))
+    paths = {
+        (int(cell), int(place)): frame.cell_path(*pixel)
+        for *pixel, cell, place in zip(
+            *np.nonzero(frame.cell >= 0),
+            frame.cell[frame.cell >= 0],
+            frame.place[frame.cell >= 0],
+            strict=True,
+        )
+    }
+    assert len(paths) > 100
+    for (_, place), lines in paths.items():
+        if place < 0:
+            assert lines == ["cell nozzle"]
+            continue
+        row, column = divmod(place, 17)
+        group, lattice, where = lines[0].split(", ", 2)
+        assert group in ("group pin", "group guide")
+        assert (lattice, where) == ("lattice[0]", f"row {row}, column {column}")
+        assert lines[1:] in (["cell fuel"], ["cell cladding"], ["cell tube"])
+        assert (group == "group guide") == (lines[1] == "cell tube")
+    assert frame.cell_path(0, 0) == []
+    with pytest.raises(IndexError, match="row 48, column 0 is not in a frame of 64x48"):
+        frame.cell_path(48, 0)
+    with pytest.raises(halfstep.UsageError, match="does not know the scene"):
+        pickle.loads(pickle.dumps(frame)).cell_path(0, 0)
+
+
 def test_exits_are_where_rays_leave_their_cell() -> None:
     seed = 5
     rng = np.random.default_rng(seed)
@@ -444,6 +513,53 @@ def test_exits_are_where_rays_leave_their_cell() -> None:
         assert (off > 4 * step).mean() < 0.01, (seed, trial)
         compared += alike.sum()
     assert compared > 3_000, seed
+
+
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+def test_overlaps_and_gaps_are_where_cells_are_two_or_none(number_format: str) -> None:
+    """Also of cells that are not shown; where no surfaces are nearer than cells of the grid."""
+    seed = 23
+    rng = np.random.default_rng(seed)
+    overlaps = gaps = neither = wrong = 0
+    for trial in range(60):
+        matrices, cells = random_cells(rng)
+        inside = Literal(0, positive=False)
+        literals = (Literal(1, positive=True), Literal(2, positive=False))
+        hidden = [Intersection((inside, *literals))]
+        if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+            continue
+        boxes = [box_of(normal_form(cell, plain(len(matrices))), matrices) for cell in cells]
+        # What is asked for is within the box of what is shown.
+        if not np.allclose(np.abs(np.array(boxes)).max(axis=0), 1.2):
+            continue
+        shown = [{"region": text_of(cell), "color": [0.2, 0.5, 0.7]} for cell in cells]
+        more = [{"region": text_of(region), "visible": False} for region in hidden]
+        accuracy = {"steps": 18, "number_format": number_format}
+        scene = scene_of(
+            matrices, cells, random_camera(rng), accuracy=accuracy, cell=[*shown, *more]
+        )
+        outputs = ("overlap", "gap", "depth", "cell")
+        frame = halfstep.render(scene, backend="numpy", outputs=outputs)
+        # What is not shown changes nothing of what is.
+        alone = halfstep.render(scene, backend="numpy", outputs=("depth", "cell"))
+        assert np.array_equal(frame.depth, alone.depth, equal_nan=True), (seed, trial)
+        assert (frame.cell == alone.cell).all(), (seed, trial)
+        setup = prepare(scene).setup
+        j, i = np.mgrid[:HEIGHT, :WIDTH]
+        directions = setup.view.directions(i, j).reshape(-1, 3)
+        exact = truth(matrices, cells, setup.view.eye, directions, setup.near, setup.far, hidden)
+        step = 2.0**-17 * (setup.far - setup.near)
+        clear = exact.thin > 8 * step
+        for name in ("overlap", "gap"):
+            found, true = getattr(frame, name).ravel()[clear], getattr(exact, name)[clear]
+            off = np.where(np.isnan(true), ~np.isnan(found), ~(np.abs(found - true) < 4 * step))
+            wrong += off.sum()
+        overlaps += (~np.isnan(exact.overlap[clear])).sum()
+        gaps += (~np.isnan(exact.gap[clear])).sum()
+        neither += np.isnan(exact.overlap[clear]).sum()
+    assert min(overlaps, gaps, neither) > 500, (seed, overlaps, gaps, neither)
+    # Grazing rays may be off by more than some steps.
+    assert wrong < 0.005 * (overlaps + gaps), (seed, wrong, overlaps, gaps)
 
 
 def test_normals_point_out_of_the_cell() -> None:
@@ -488,6 +604,31 @@ def test_coincident_faces_leave_no_skin() -> None:
     on_end = np.abs(np.abs(frame.position[..., 2][hit]) - 1) < 1e-3
     assert on_end.sum() > 500
     assert (radius[on_end] > 0.499).all()
+
+
+def test_parts_that_abut_show_no_face_between_them() -> None:
+    """A box and a disc end in one plane across which they are one: no pixel shows it."""
+    scene = {
+        "format": 1,
+        "camera": {"center": [3, -4, 5], "look_at": [1, 0, 0], "fov_degrees": 40},
+        "accuracy": {"steps": 9},
+        "part": [
+            {"name": "base", "kind": "box", "size": [2, 2, 0.5]},
+            {
+                "name": "end",
+                "kind": "cylinder",
+                "radius": 1.3,
+                "z_min": -0.25,
+                "z_max": 0.25,
+                "origin": [1, 0, 0],
+            },
+        ],
+        "cell": [{"region": "base | end", "color": [1, 1, 1]}],
+    }
+    frame = halfstep.render(scene, size=(200, 200), backend="numpy", outputs=("surface",))
+    assert (frame.surface == 5).sum() > 2_000
+    # The plane x = 1 of the box is seen from nowhere.
+    assert (frame.surface == 1).sum() == 0
 
 
 def test_neighbours_that_share_a_surface_leave_no_gap() -> None:

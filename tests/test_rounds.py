@@ -98,7 +98,7 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     device = run_gpu.Device(adapter)
     try:
         planes, _ = device.render_band(scene, packed, 0, SIZE[1], wanted)
-        lists = lists_of(packed, 0, SIZE[1], leaving="exit" in wanted)
+        lists = lists_of(packed, 0, SIZE[1], wanted)
         needs = needs_of(packed, lists.regions, method, wanted, together=device._together)
     finally:
         device.close()

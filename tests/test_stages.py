@@ -33,7 +33,6 @@ from halfstep.twin.nearest import Key
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial import Offset
 from halfstep.twin.shade import Light
-from halfstep.twin.sight import Paint
 from halfstep.twin.values import Value
 
 Array = NDArray[Any]
@@ -273,6 +272,7 @@ FAULTS = [
     ("keep.keep", "!confirmed", "confirmed"),
     ("keep.keep", "sight.left, left_at", "sight.hit, left_at"),
     ("keep.keep", "old.shininess", "u4(0u)"),
+    ("keep.sooner_key", "q <= i4", "q < i4"),
     ("keep.keep", "+ u * solid.depth_half", "- u * solid.depth_half"),
     ("finish.finish", "> u4(0u)", ">= u4(0u)"),
     ("finish.finish", "-direction.y", "direction.y"),
@@ -340,7 +340,8 @@ FAULTS = [
     ("certify_region.part_of", "q >= ends.high", "q > ends.high"),
     ("certify_region.settled", "inside | outside", "inside & outside"),
     ("certify_region.certify_region", "between.point - shown.q", "shown.q - between.point"),
-    ("region.paint_of", "solid.color[2]", "solid.color[1]"),
+    ("region.either_met", "other.side, chosen.side", "chosen.side, other.side"),
+    ("region.shows_surface", ">> u4(1u)", ">> u4(0u)"),
     ("solid.other_side", "1u, 2u", "2u, 1u"),
     ("beam_fixed.coordinate", "+ half)", ")"),
     ("beam_fixed.affine", "* by_y", "* by_x"),
@@ -382,8 +383,7 @@ FAULTS = [
     ("region.is_within", "y <= region.bottom", "y < region.bottom"),
     ("region.position_before", "+ 1)", ")"),
     ("region.plane_normal", "plane.normal[2]", "plane.normal[1]"),
-    ("region.outward", "falls != met.inside", "falls"),
-    ("region.painted", "look.specular", "look.color[0]"),
+    ("region.outward", "== i4(1)", "== i4(0)"),
     ("cross.crossed", "k < steps", "k + 1u < steps"),
     ("cross.line_crossed", "k < steps", "k + 1u < steps"),
     ("cross.doubted", "select(-by, by, raised)", "by"),
@@ -535,6 +535,8 @@ class Draw:
             case "until":
                 few = rng.integers(-3, 4, shape)
                 return np.where(rng.random(shape) < 0.5, few, self._usual(name, leaf))
+            case "side":
+                return rng.integers(0, 16, shape)
             case "left" | "right" | "top" | "bottom":
                 return rng.integers(-3, 4, shape)
             case "by":
@@ -730,8 +732,6 @@ def _argument(
             return chosen_for(function.format, "visible")
         case "keys":
             return keys
-        case "paint":
-            return _as_twin(given["paint"], Paint)
         case "facts":
             return FACTS
         case "like":

@@ -25,9 +25,7 @@ var<private> slope_0: Vector;  // along the normal of the solid at the sight
 // each quad
 var<private> certificate_0: Certificate;  // what is certain of the solid
 // each quad
-var<private> met_0: Met;  // of a region  //? regions
-// each quad
-var<private> paint_0: Paint;  // how the solid looks  //? regions & color
+var<private> met_0: Met;  // of a region, nothing where the solid is none  //? regions
 // each quad
 var<private> turned_0: u4;  // 1 or 2 where the solid shows its other side  //? shadows
 // each quad

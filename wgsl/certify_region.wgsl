@@ -73,7 +73,6 @@ fn certify_region(
   hit: b4,
   inside: b4,
   within: b4,
-  number: i4,
   between: Between,
   certain: b4,
   begun: b4,
@@ -88,5 +87,5 @@ fn certify_region(
   let sure_miss = !hit & (between.cell >= i4(region.last)) & begun;
   let bound = select(f4(UNBOUNDED), off * last_step, sure_hit);
   let near = !hit | (bound <= f4(LARGEST_BOUND));
-  return Certificate(((sure_hit | sure_miss) & near) | !within, hit, number, inside, bound);
+  return Certificate(((sure_hit | sure_miss) & near) | !within, hit, i4(0), inside, bound);
 }

@@ -13,7 +13,10 @@ struct Nearest {
   specular: f4,  // weight of its highlight  //? gloss
   shininess: u4,  // exponent of its highlight  //? gloss
   depth: f4,  // along the view axis  //? point_lights
-  position: i4,  // on its ray, of the solid that shows it  //? shadows
+  met: Met,  // of a region, nothing where a solid is none  //? regions
+  overlap: Key,  // depth where two cells of a region are  //? overlap
+  gap: Key,  // depth where none is between two  //? gap
+  position: i4,  // on its ray, of the solid that shows it  //? position
   turned: u4,  // which side of that is seen, as of `other_side`  //? shadows
   dark: u4,  // bits of lights that do not reach it  //? shadows
 }
@@ -31,7 +34,10 @@ const NOTHING: Nearest = Nearest(
   f4(0.0),  //? gloss
   u4(0u),  //? gloss
   f4(0.0),  //? point_lights
-  i4(0),  //? shadows
+  NOTHING_MET,  //? regions
+  FAR,  //? overlap
+  FAR,  //? gap
+  i4(0),  //? position
   u4(0u),  //? shadows
   u4(0u),  //? shadows
 );
@@ -43,7 +49,7 @@ fn keep(
   sight: Sight,
   slope: Vector,  //? normal
   certificate: Certificate,  //? error
-  paint: Paint,  //? regions & color
+  met: Met,  //? regions
   turned: u4,  //? shadows
 ) -> Nearest {
   let key = key_at(sight.position, solid);
@@ -64,11 +70,8 @@ fn keep(
     f4(solid.color[1]),
     f4(solid.color[2]),
   );
-  color = paint.color;  //? regions & color
   var specular = f4(solid.specular);  //? gloss
-  specular = paint.specular;  //? regions & gloss
   var shininess = u4(solid.shininess);  //? gloss
-  shininess = paint.shininess;  //? regions & gloss
   return Nearest(
     either_nearest(nearer, key, old.key),
     select(old.surface, surface, nearer),
@@ -81,8 +84,18 @@ fn keep(
     select(old.specular, specular, nearer),  //? gloss
     select(old.shininess, shininess, nearer),  //? gloss
     select(old.depth, solid.depth_middle + u * solid.depth_half, nearer),  //? point_lights
-    select(old.position, sight.position, nearer),  //? shadows
+    either_met(nearer, met, old.met),  //? regions
+    old.overlap,  //? overlap
+    old.gap,  //? gap
+    select(old.position, sight.position, nearer),  //? position
     select(old.turned, turned, nearer),  //? shadows
     old.dark,  //? shadows
   );
+}
+
+// The key of a grid point of a region, if that is on the rays and sooner than the old one.
+fn sooner_key(old: Key, q: i4, region: Region, solid: Solid) -> Key {
+  let position = position_before(max(q, i4(1)), solid.steps);
+  let key = depth_key(position, solid.steps, solid.key_high, solid.key_low, solid.key_shift);
+  return lesser_key(q <= i4(region.last), key, old);
 }

@@ -1,15 +1,19 @@
 // Levels of a program that are open around the one at hand, a few: each in a variable of its own.
 
 var<private> level_0: Held;
-var<private> level_1: Held;
-var<private> level_2: Held;
-var<private> level_3: Held;
+var<private> level_1: Held;  //? levels_2
+var<private> level_2: Held;  //? levels_3
+var<private> level_3: Held;  //? levels_4
+var<private> level_4: Held;  //? levels_5
+var<private> level_5: Held;  //? levels_6
 
 // Opens a level inside one where something holds so far.
 fn open_level(opens: bool, held: Held) {
-  level_3 = either_held(opens, level_2, level_3);
-  level_2 = either_held(opens, level_1, level_2);
-  level_1 = either_held(opens, level_0, level_1);
+  level_5 = either_held(opens, level_4, level_5);  //? levels_6
+  level_4 = either_held(opens, level_3, level_4);  //? levels_5
+  level_3 = either_held(opens, level_2, level_3);  //? levels_4
+  level_2 = either_held(opens, level_1, level_2);  //? levels_3
+  level_1 = either_held(opens, level_0, level_1);  //? levels_2
   level_0 = either_held(opens, held, level_0);
 }
 
@@ -20,7 +24,9 @@ fn outer_level() -> Held {
 
 // Closes the level at hand.
 fn close_level(closes: bool) {
-  level_0 = either_held(closes, level_1, level_0);
-  level_1 = either_held(closes, level_2, level_1);
-  level_2 = either_held(closes, level_3, level_2);
+  level_0 = either_held(closes, level_1, level_0);  //? levels_2
+  level_1 = either_held(closes, level_2, level_1);  //? levels_3
+  level_2 = either_held(closes, level_3, level_2);  //? levels_4
+  level_3 = either_held(closes, level_4, level_3);  //? levels_5
+  level_4 = either_held(closes, level_5, level_4);  //? levels_6
 }

@@ -3,13 +3,13 @@
 
 var<private> open_levels: u32;
 var<private> outer_until: array<i4, LEVELS>;
-var<private> outer_surface: array<i4, LEVELS>;
+var<private> outer_side: array<i4, LEVELS>;
 
 // Opens a level inside one where something holds so far.
 fn open_level(opens: bool, held: Held) {
   if opens {
     outer_until[open_levels] = held.until;
-    outer_surface[open_levels] = held.surface;
+    outer_side[open_levels] = held.side;
     open_levels++;
   }
 }
@@ -17,7 +17,7 @@ fn open_level(opens: bool, held: Held) {
 // What holds so far of the level around the one at hand.
 fn outer_level() -> Held {
   let place = max(open_levels, 1u) - 1u;
-  return Held(outer_until[place], outer_surface[place]);
+  return Held(outer_until[place], outer_side[place]);
 }
 
 // Closes the level at hand.

@@ -1,23 +1,30 @@
-// A region -> where its pixels are, and how what rays meet of it looks.
+// A region -> where its pixels are, and what its points show.
 
-// Where a ray meets a region, and whether it starts inside: then it is shown where the ray leaves
-// the cell.
+// Which record of a region shows a point, the side of the surface there, and the place of the cell
+// among those that the record lists. What these are is looked up once, at the end: until then the
+// point has the number of the region's first surface.
 struct Met {
-  shown: Place,
-  inside: b4,
+  region: u4,
+  side: i4,
+  cell: i4,
 }
 
-// How a point of a region looks.
-struct Paint {
-  color: Vector,  // linear
-  specular: f4,
-  shininess: u4,
+// No region.
+const NO_REGION: u32 = 0xFFFFFFFFu;
+const NOTHING_MET: Met = Met(u4(NO_REGION), i4(0), i4(0));
+
+// `chosen` in some pixels, else `other`.
+fn either_met(some: b4, chosen: Met, other: Met) -> Met {
+  return Met(
+    select(other.region, chosen.region, some),
+    select(other.side, chosen.side, some),
+    select(other.cell, chosen.cell, some),
+  );
 }
 
-// How a solid looks.
-fn paint_of(solid: Solid) -> Paint {
-  let color = Vector(f4(solid.color[0]), f4(solid.color[1]), f4(solid.color[2]));
-  return Paint(color, f4(solid.specular), u4(solid.shininess));
+// Whether a surface of the region is what is met.
+fn shows_surface(met: Met, number: u32) -> b4 {
+  return (met.side >> u4(1u)) == i4(i32(number));
 }
 
 // Whether pixels, in column x and row y of the picture, are in the rectangle of a region.
@@ -36,20 +43,9 @@ fn plane_normal(plane: Flat) -> Vector {
   return Vector(f4(plane.normal[0]), f4(plane.normal[1]), f4(plane.normal[2]));
 }
 
-// The gradient of a surface, or its opposite, so that it points out of the region: F falls where
-// the ray gets into F <= 0.
-fn outward(gradient: Vector, crossing: Crossing, met: Met) -> Vector {
-  let falls = (met.shown.q == ends_of(crossing).low) != is_outside(crossing);
+// The gradient of a surface, or its opposite, so that it points out of the region: the gradient
+// itself points into it where its side is F > 0.
+fn outward(gradient: Vector, met: Met) -> Vector {
   let back = Vector(-gradient.x, -gradient.y, -gradient.z);
-  return either(falls != met.inside, gradient, back);
-}
-
-// A paint, or that of a cell or a surface where it is what is met.
-fn painted(old: Paint, look: Appearance, here: b4) -> Paint {
-  let color = Vector(f4(look.color[0]), f4(look.color[1]), f4(look.color[2]));
-  return Paint(
-    either(here, color, old.color),
-    select(old.specular, f4(look.specular), here),
-    select(old.shininess, u4(look.shininess), here),
-  );
+  return either((met.side & i4(1)) == i4(1), back, gradient);
 }

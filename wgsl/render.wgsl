@@ -12,7 +12,7 @@ fn keep_block(solid: Solid) {
     sight_0,
     slope_0,  //? normal
     certificate_0,  //? error
-    paint_0,  //? regions & color
+    met_0,  //? regions
     turned_0,  //? shadows
   );
 }
@@ -28,8 +28,9 @@ fn next_entry(first: u32, end: u32, j: i32) -> u32 {
     // each quad
     {
       var seen_0 = is_within(region, i_0, j);
-      let is_behind = is_nearer(nearest_0.key, u4(0u), near_key(region), u4(0u));  //? !error
-      seen_0 = seen_0 & !is_behind;  //? !error
+      let near = near_key(region);  //? !error & !claims
+      let is_behind = is_nearer(nearest_0.key, u4(0u), near, u4(0u));  //? !error & !claims
+      seen_0 = seen_0 & !is_behind;  //? !error & !claims
       wanted = wanted | seen_0;
     }
     if anywhere(wanted) || entry + 1u >= end {
@@ -57,6 +58,7 @@ fn render(
   {
     i_0 = i4(i32(column + QUAD_0 * LANES)) + i4(0, 1, 2, 3);
     nearest_0 = NOTHING;
+    met_0 = NOTHING_MET;  //? regions
   }
   {  //? list_ellipsoid
     let first = tile.starts[LIST_ELLIPSOID];
@@ -65,8 +67,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_ellipsoid(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -78,8 +78,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_quadric(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -91,8 +89,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_quadric_inside(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -104,8 +100,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_polyhedron(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -117,8 +111,6 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_polyhedron_inside(solid, j - solid.center_y);
       keep_block(solid);
     }
@@ -130,35 +122,7 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_patch(solid, j - solid.center_y);
-      keep_block(solid);
-    }
-  }
-  {  //? list_region
-    let first = tile.starts[LIST_REGION];
-    let end = tile.starts[LIST_REGION + 1u];
-    for (var entry = first; entry < end; entry++) {
-      entry = next_entry(entry, end, j);
-      let region = region_at(tile_solids[entry]);
-      let solid = solid_at(region.solid);
-      // each quad
-      x_0 = i_0 - i4(solid.center_x);
-      visit_region(region, solid, j - solid.center_y);
-      keep_block(solid);
-    }
-  }
-  {  //? list_region_inside
-    let first = tile.starts[LIST_REGION_INSIDE];
-    let end = tile.starts[LIST_REGION_INSIDE + 1u];
-    for (var entry = first; entry < end; entry++) {
-      entry = next_entry(entry, end, j);
-      let region = region_at(tile_solids[entry]);
-      let solid = solid_at(region.solid);
-      // each quad
-      x_0 = i_0 - i4(solid.center_x);
-      visit_region_inside(region, solid, j - solid.center_y);
       keep_block(solid);
     }
   }
@@ -169,12 +133,39 @@ fn render(
       let solid = solid_at(tile_solids[entry]);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      // each quad
-      paint_0 = paint_of(solid);  //? regions & color
       visit_polynomial(solid, j - solid.center_y);
       keep_block(solid);
     }
   }
+  {  //? list_region
+    let first = tile.starts[LIST_REGION];
+    let end = tile.starts[LIST_REGION + 1u];
+    for (var entry = first; entry < end; entry++) {
+      entry = next_entry(entry, end, j);
+      let number = tile_solids[entry];
+      let region = region_at(number);
+      let solid = solid_at(region.solid);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region(number, region, solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  {  //? list_region_inside
+    let first = tile.starts[LIST_REGION_INSIDE];
+    let end = tile.starts[LIST_REGION_INSIDE + 1u];
+    for (var entry = first; entry < end; entry++) {
+      entry = next_entry(entry, end, j);
+      let number = tile_solids[entry];
+      let region = region_at(number);
+      let solid = solid_at(region.solid);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region_inside(number, region, solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
+  finish_regions(j);  //? regions
   {  //? shadows
     let first = tile.starts[0];
     let end = tile.starts[CLASSES];
@@ -205,6 +196,10 @@ fn render(
     store(PLANE_ERROR + 3u, at, nearest_0.doubt.low);  //? store_error
     store(PLANE_ERROR + 4u, at, bitcast<u4>(nearest_0.bound));  //? store_error
     store(PLANE_SHADOW, at, nearest_0.dark);  //? store_shadow & shadows
+    store(PLANE_OVERLAP, at, nearest_0.overlap.high);  //? store_overlap & overlap
+    store(PLANE_OVERLAP + 1u, at, nearest_0.overlap.low);  //? store_overlap & overlap
+    store(PLANE_GAP, at, nearest_0.gap.high);  //? store_gap & gap
+    store(PLANE_GAP + 1u, at, nearest_0.gap.low);  //? store_gap & gap
   }
   store_image(  //? store_image
     place,

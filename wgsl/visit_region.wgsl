@@ -1,6 +1,6 @@
 // A copy of a group of cells -> its visible point: its surfaces on one grid, then a walk.
 
-fn visit_region(region: Region, solid: Solid, y: i32) {
+fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
   let count = counted(region);
   for (var k = 0u; k < region.flat_count; k++) {
     let plane = plane_at(region, k);
@@ -34,57 +34,78 @@ fn visit_region(region: Region, solid: Solid, y: i32) {
     var beyond = entry;  //? leaving
     var into = Between(i4(0), i4(0));  //? error
     var out_of = into;  //? error & opened
+    let never = (1i << solid.steps) + 1;  //? claims
+    var overlap = i4(never);  //? overlap
+    var gap = i4(never);  //? gap
+    var before = entry;  //? gap
     var last_walk = WALK_ENTRY;
     last_walk = WALK_BEYOND;  //? leaving
+    last_walk = WALK_AGAIN;  //? claims
     last_walk = WALK_SURELY_IN;  //? error
     last_walk = WALK_SURELY_OUT;  //? error & opened
     // One loop for all walks: compiled once.
-    for (var number = 0u; number < last_walk + 1u; number++) {
-      var begin = place_at(first_of(number, region));
+    for (var which = 0u; which < last_walk + 1u; which++) {
+      if which == WALK_OVERLAP {  //? error & !claims
+        which = WALK_PERHAPS_IN;
+      }
+      var begin = place_at(first_of(which, region));
       var only = i4(ANY_CELL);
-      if number == WALK_BEYOND {
+      if which == WALK_BEYOND {
         begin = entry;
       }
-      if is_out(number) {
+      if is_out(which) {
         only = entry.cell;
       }
-      let path = path_of(number, region, solid.steps);
-      let place = walk(path, !is_out(number), begin, only);
-      if number == WALK_ENTRY {
+      var wanted = !is_out(which);
+      if which == WALK_NONE {  //? gap
+        wanted = false;
+      }
+      if which == WALK_NONE || which == WALK_AGAIN {  //? gap
+        begin = before;
+      }
+      let path = path_of(which, region, solid.steps);
+      let place = walk(path, wanted, begin, only);
+      if which == WALK_OVERLAP {  //? overlap
+        overlap = place.q;
+      }
+      if which == WALK_AGAIN {  //? gap
+        gap = select(i4(never), before.q, place.q <= i4(region.last));
+      }
+      before = place;  //? gap
+      if which == WALK_ENTRY {
         entry = place;
       }
-      if number == WALK_BEYOND {  //? leaving
+      if which == WALK_BEYOND {  //? leaving
         beyond = place;
       }
-      if number == WALK_PERHAPS_IN {  //? error
+      if which == WALK_PERHAPS_IN {  //? error
         into.cell = place.q;
       }
-      if number == WALK_SURELY_IN {  //? error
+      if which == WALK_SURELY_IN {  //? error
         into.point = place.q;
       }
-      if number == WALK_PERHAPS_OUT {  //? error & opened
+      if which == WALK_PERHAPS_OUT {  //? error & opened
         out_of.cell = place.q;
       }
-      if number == WALK_SURELY_OUT {  //? error & opened
+      if which == WALK_SURELY_OUT {  //? error & opened
         out_of.point = place.q;
       }
     }
     let inside = entry.q == i4(region.first);
     var shown = entry;
     shown.q = select(entry.q, beyond.q, inside);  //? opened
-    shown.surface = select(entry.surface, beyond.surface, inside);  //? opened
+    shown.side = select(entry.side, beyond.side, inside);  //? opened
     let within = is_within(region, x_0 + i4(solid.center_x), y + solid.center_y);
     var hit = (shown.q <= i4(region.last)) & within;
     hit = hit & !inside;  //? !opened
-    met_0 = Met(shown, inside);
-    var cell = i4(0);
-    for (var k = 0u; k < region.cell_count; k++) {
-      cell = select(cell, i4(i32(number_at(region, count + k))), shown.cell == i4(i32(k)));
-    }
-    let surface = cell * i4(i32(region.surfaces)) + shown.surface;
+    overlap = select(i4(never), overlap, within);  //? overlap
+    gap = select(i4(never), gap, within);  //? gap
+    nearest_0.overlap = sooner_key(nearest_0.overlap, overlap, region, solid);  //? overlap
+    nearest_0.gap = sooner_key(nearest_0.gap, gap, region, solid);  //? gap
+    met_0 = Met(u4(number), shown.side, shown.cell);
     sight_0 = Sight(
       hit,
-      surface,
+      i4(0),
       position_before(shown.q, solid.steps),
       beyond.q <= i4(region.last),  //? exit
       position_before(beyond.q, solid.steps),  //? exit
@@ -100,45 +121,13 @@ fn visit_region(region: Region, solid: Solid, y: i32) {
     for (var k = 0u; k < count; k++) {  //? error
       let sure = crossing_at(SURELY + k);
       let maybe = crossing_at(PERHAPS + k);
-      let is_shown = shown.surface == i4(i32(number_at(region, k)));
+      let is_shown = shows_surface(met_0, number_at(region, k));
       certain &= settled(sure, maybe, into) | is_shown;
       begun_surely &= settled(sure, maybe, near) | b4(region.start_end < 0);
     }
     certificate_0 = certify_region(  //? error
-      shown, hit, inside, within, surface, into, certain, begun_surely, region, solid.last_step
+      shown, hit, inside, within, into, certain, begun_surely, region, solid.last_step
     );
     slope_0 = NO_VECTOR;  //? normal
-  }
-  for (var k = 0u; k < region.flat_count; k++) {  //? normal
-    let normal = plane_normal(plane_at(region, k));
-    let number = i4(i32(number_at(region, k)));
-    // each quad
-    slope_0 = either(
-      met_0.shown.surface == number, outward(normal, crossing_at(k), met_0), slope_0
-    );
-  }
-  for (var k = 0u; k < region.curved_count; k++) {  //? normal
-    let quadric = quadric_at(region, k);
-    let place = region.flat_count + k;
-    let number = i4(i32(number_at(region, place)));
-    // each quad
-    {
-      let u = f4(sight_0.position) * solid.last_step;
-      let normal = gradient(quadric.gradient, f4(x_0), f32(y), u);
-      slope_0 = either(
-        met_0.shown.surface == number, outward(normal, crossing_at(place), met_0), slope_0
-      );
-    }
-  }
-  for (var k = 0u; k < region.cell_count; k++) {  //? color
-    let look = appearance_at(region.looks_start + number_at(region, count + k));
-    // each quad
-    paint_0 = painted(paint_0, look, met_0.shown.cell == i4(i32(k)));
-  }
-  for (var k = 0u; k < region.face_count; k++) {  //? color
-    let number = number_at(region, count + region.cell_count + k);
-    let look = appearance_at(region.looks_start + region.cells + number);
-    // each quad
-    paint_0 = painted(paint_0, look, met_0.shown.surface == i4(i32(number)));
   }
 }

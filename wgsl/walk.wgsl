@@ -16,10 +16,11 @@ const LEAST: i32 = i32(-0x80000000);
 // No cell in particular.
 const ANY_CELL: i32 = -1;
 
-// Until where a truth lasts, as e, and the number of the surface that ends it.
+// Until where a truth lasts, as e, and the side of the surface that ends it: twice its number in
+// the group, and one more if that truth is F > 0.
 struct Held {
   until: i4,
-  surface: i4,
+  side: i4,
 }
 
 // What holds nowhere.
@@ -32,11 +33,10 @@ struct Look {
   cell: i4,
 }
 
-// Where a walk is: a grid point, the number of the surface that was crossed last, and the cell
-// there.
+// Where a walk is: a grid point, the side of the surface that was crossed last, and the cell there.
 struct Place {
   q: i4,
-  surface: i4,
+  side: i4,
   cell: i4,
 }
 
@@ -49,6 +49,8 @@ struct Path {
   never: i32,
   over_cells: bool,  // q are cells, not grid points
   wider: bool,  // a literal holds in a cell if anywhere in it, else if all over it
+  with_hidden: bool,  // cells count that are not shown  //? hidden
+  twice: bool,  // it holds where two cells do  //? overlap
 }
 
 // e of F <= 0, or of its complement if turn.
@@ -64,11 +66,11 @@ fn later(first: Held, second: Held) -> Held {
   let greater = second.until > first.until;
   return Held(
     select(first.until, second.until, greater),
-    select(first.surface, second.surface, greater),
+    select(first.side, second.side, greater),
   );
 }
 
 // One of two.
 fn either_held(first: bool, yes: Held, no: Held) -> Held {
-  return Held(select(no.until, yes.until, first), select(no.surface, yes.surface, first));
+  return Held(select(no.until, yes.until, first), select(no.side, yes.side, first));
 }

@@ -20,6 +20,7 @@ fn keep_crossing(place: u32, crossing: Crossing) {
 // is open; the first cell that holds; and which cell comes next.
 struct Scan {
   total: Held,
+  twice: i4,  // e of what holds of two cells  //? overlap
   inner: Held,
   cell: i4,
   number: i32,
@@ -38,21 +39,25 @@ fn read_word(scan: Scan, word: u32, path: Path, q: i4, only: i4) -> Scan {
     crossing = in_cells(crossing, path.wider != is_positive);
   }
   let e = literal_at(crossing, q, path.never, (word & TURN) != 0u);
-  let leaf = Held(select(i4(LEAST), e, (word & LEAF) != 0u), i4(i32(word >> NUMBER)));
+  let leaf = Held(select(i4(LEAST), e, (word & LEAF) != 0u), i4(i32(word >> SIDE)));
   inner = later(inner, leaf);
   let closes = (word & CLOSES) != 0u;
-  let closed = later(outer_level(), Held(~inner.until, inner.surface));
+  let closed = later(outer_level(), Held(~inner.until, inner.side));
   inner = either_held(closes, closed, inner);
   close_level(closes);
   let ends = (word & CELL_ENDS) != 0u;
-  let counts = ((only == i4(ANY_CELL)) | (only == i4(scan.number))) & b4(ends);
+  var counts = ((only == i4(ANY_CELL)) | (only == i4(scan.number))) & b4(ends);
+  counts = counts & b4(path.with_hidden || (word & HIDDEN) == 0u);  //? hidden
   let holds = counts & (inner.until >= i4(0)) & (scan.cell == i4(ANY_CELL));
   let chosen = later(scan.total, inner);
+  // The second greatest of all e says where two cells hold.
+  let both = max(scan.twice, min(scan.total.until, inner.until));  //? overlap
   return Scan(
     Held(
       select(scan.total.until, chosen.until, counts),
-      select(scan.total.surface, chosen.surface, counts),
+      select(scan.total.side, chosen.side, counts),
     ),
+    select(scan.twice, both, counts),  //? overlap
     either_held(ends, NOTHING_HELD, inner),
     select(scan.cell, i4(scan.number), holds),
     scan.number + select(0, 1, ends),
@@ -62,17 +67,25 @@ fn read_word(scan: Scan, word: u32, path: Path, q: i4, only: i4) -> Scan {
 // A region at grid points. Of its cells only the one counts that is named, or any where that is
 // ANY_CELL.
 fn look(path: Path, q: i4, only: i4) -> Look {
-  var scan = Scan(NOTHING_HELD, NOTHING_HELD, i4(ANY_CELL), 0);
+  var scan = Scan(
+    NOTHING_HELD,
+    i4(LEAST),  //? overlap
+    NOTHING_HELD,
+    i4(ANY_CELL),
+    0,
+  );
   for (var k = path.first_group; k < path.end_group; k++) {
     let words = words_at(k);
     scan = read_word(scan, words[0], path, q, only);
     scan = read_word(scan, words[1], path, q, only);
   }
-  return Look(scan.total, scan.cell);
+  var held = scan.total;
+  held.until = select(held.until, scan.twice, path.twice);  //? overlap
+  return Look(held, scan.cell);
 }
 
 // The first grid point from begin on where the region holds, or does not, as wanted: never or more
-// where there is none. A place where the walk begins keeps its surface.
+// where there is none. A place where the walk begins keeps its side.
 fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
   var place = begin;
   loop {
@@ -80,7 +93,7 @@ fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
     let holds = seen.held.until >= i4(0);
     let goes = (holds != b4(want)) & (place.q < i4(path.never));
     place.cell = seen.cell;
-    place.surface = select(place.surface, seen.held.surface, goes);
+    place.side = select(place.side, seen.held.side, goes);
     place.q = select(place.q, select(~seen.held.until, seen.held.until, holds), goes);
     if !anywhere(goes) {
       break;
@@ -89,14 +102,19 @@ fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
   return place;
 }
 
-// The walks, in order: where rays get into the region, where out of the cell they got into, and for
-// certificates where they do so perhaps and surely.
+// The walks, in order: where rays get into the region; where out of the cell they got into; where
+// into two cells; where into any, shown or not, then out of all, then into one again; and for
+// certificates where they get in and out perhaps and surely.
 const WALK_ENTRY: u32 = 0u;
 const WALK_BEYOND: u32 = 1u;
-const WALK_PERHAPS_IN: u32 = 2u;
-const WALK_SURELY_IN: u32 = 3u;
-const WALK_PERHAPS_OUT: u32 = 4u;
-const WALK_SURELY_OUT: u32 = 5u;
+const WALK_OVERLAP: u32 = 2u;
+const WALK_ANY: u32 = 3u;
+const WALK_NONE: u32 = 4u;
+const WALK_AGAIN: u32 = 5u;
+const WALK_PERHAPS_IN: u32 = 6u;
+const WALK_SURELY_IN: u32 = 7u;
+const WALK_PERHAPS_OUT: u32 = 8u;
+const WALK_SURELY_OUT: u32 = 9u;
 
 // Whether a walk leads out of a cell.
 fn is_out(walk: u32) -> bool {
@@ -129,7 +147,15 @@ fn path_of(walk: u32, region: Region, steps: u32) -> Path {
   let never = (1i << steps) + select(1, 0, over_cells);
   let wider = over_cells && !is_out(walk);
   return Path(
-    region.first_group, region.end_group, negative, positive, never, over_cells, wider
+    region.first_group,
+    region.end_group,
+    negative,
+    positive,
+    never,
+    over_cells,
+    wider,
+    walk >= WALK_OVERLAP && walk <= WALK_AGAIN,  //? hidden
+    walk == WALK_OVERLAP,  //? overlap
   );
 }
 

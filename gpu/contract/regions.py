@@ -17,7 +17,8 @@ class PackedRegions:
     appearances: Records
     words: U32  # what excerpts list, and their programs
     most_surfaces: int  # of an excerpt
-    levels: int  # that a program of an excerpt opens at once
+    levels: int  # that a program opens at once
+    has_hidden: bool  # programs have cells that are not shown
 
     @property
     def arrays(self) -> tuple[Records | U32, ...]:

@@ -8,7 +8,9 @@ from typing import NotRequired, TypedDict
 import numpy as np
 
 from halfstep.contract.arrays import Array
+from halfstep.errors import UsageError
 from halfstep.frames.outputs import OUTPUTS, Lookup, Output
+from halfstep.frames.paths import Paths
 from halfstep.frames.png import png
 
 
@@ -43,9 +45,12 @@ class Frame:
 
     info: Info
 
-    def __init__(self, arrays: Mapping[str, Array | Lookup], info: Info) -> None:
+    def __init__(
+        self, arrays: Mapping[str, Array | Lookup], info: Info, paths: Paths | None = None
+    ) -> None:
         self._arrays = dict(arrays)
         self.info = info
+        self._paths = paths
 
     def __getattr__(self, name: str) -> Array:
         if name not in OUTPUTS:
@@ -62,7 +67,8 @@ class Frame:
 
     def __getstate__(self) -> dict[str, object]:
         # Without what arrays are found from, which is larger than they are.
-        return {"_arrays": {name: getattr(self, name) for name in self._arrays}, "info": self.info}
+        arrays = {name: getattr(self, name) for name in self._arrays}
+        return {"_arrays": arrays, "info": self.info, "_paths": None}
 
     def __dir__(self) -> Iterable[str]:
         return [*super().__dir__(), *self._arrays]
@@ -84,7 +90,21 @@ class Frame:
 
     def only(self, outputs: Iterable[str]) -> Frame:
         """The frame with some of its arrays."""
-        return Frame({name: self._arrays[name] for name in outputs}, self.info)
+        return Frame({name: self._arrays[name] for name in outputs}, self.info, self._paths)
+
+    def cell_path(self, row: int, column: int) -> list[str]:
+        """What a pixel shows: a line for each level from the scene to the solid or the cell.
+
+        A copy of a group is told by the group and by where it is, as the place, or the row and the
+        column in a lattice. Where the background is seen there is no line.
+
+        Raises:
+            IndexError: there is no such pixel.
+            UsageError: the frame was pickled or copied, and does not know its scene any more.
+        """
+        if self._paths is None:
+            raise UsageError("this frame is a copy, which does not know the scene")
+        return self._paths.at(row, column)
 
 
 def _described(row: Output) -> str:

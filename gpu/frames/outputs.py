@@ -124,6 +124,15 @@ def _error(band: Band) -> Floats:
     return np.where(clear, np.where(band.hit, error, 0.0), np.inf)
 
 
+def _claims(band: Band, name: str) -> Floats:
+    """Depths of the keys of a plane, NaN where there is none."""
+    if band.packed.regions is None:
+        return np.full(band.number.shape, np.nan)
+    key = band.planes[name]
+    depth = key.astype(np.float64) * band.unit * band.packed.setup.far
+    return np.where(key == FAR_KEY, np.nan, depth)
+
+
 def _shadow(band: Band) -> Array:
     none = np.zeros(band.number.shape, np.uint32)
     return none if band.packed.shadows is None else band.planes["shadow"]
@@ -330,7 +339,29 @@ _ROWS = (
         levels=Levels.NUMBER,
         channels=("shadow",),
     ),
+    Output(
+        name="overlap",
+        type=np.float64,
+        meaning="depth where a ray first is in two cells of a copy of a group, shown or not",
+        miss="NaN where there is none, hit or not",
+        sources=("overlap",),
+        of=lambda band: _claims(band, "overlap"),
+        judged=Judged.NOT,
+        channels=("overlap",),
+    ),
+    Output(
+        name="gap",
+        type=np.float64,
+        meaning="depth where a ray first leaves all cells of a copy that it comes into again",
+        miss="NaN where there is none, hit or not",
+        sources=("gap",),
+        of=lambda band: _claims(band, "gap"),
+        judged=Judged.NOT,
+        channels=("gap",),
+    ),
 )
+# Outputs that ask of cells that are not shown.
+OF_HIDDEN = frozenset({"overlap", "gap"})
 # By name, in the order of a frame.
 OUTPUTS = {row.name: row for row in _ROWS}
 

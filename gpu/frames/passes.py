@@ -70,6 +70,8 @@ def _bands(
     outputs = device_outputs(wanted)
     if one.packed.shadows is None:
         outputs -= {"shadow"}
+    if one.packed.regions is None:
+        outputs -= {"overlap", "gap"}
     # Whole pixels, and whole tiles of sub-pixels.
     unit = TILE * samples
     rows = max(backend.band_rows(view.width, outputs) // unit, 1) * unit

@@ -14,8 +14,15 @@ import numpy as np
 from halfstep.contract.arrays import Array
 from halfstep.errors import UsageError
 from halfstep.frames.frame import Frame, Info
-from halfstep.frames.outputs import OUTPUTS, Lookup, check_outputs, steps_by_solid
+from halfstep.frames.outputs import (
+    OF_HIDDEN,
+    OUTPUTS,
+    Lookup,
+    check_outputs,
+    steps_by_solid,
+)
 from halfstep.frames.passes import Pass, Prepared, render_pass
+from halfstep.frames.paths import Paths
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import Solids, prepare
 from halfstep.models import as_scene
@@ -91,9 +98,12 @@ class Renderer:
         self._overrides = overrides
         self._scene = with_overrides(as_scene(scene), camera=camera, **self._overrides)
         self._outputs = check_outputs(outputs)
-        # The last scene that was prepared, its solids and their digest. Threads may share the
-        # renderer: what is kept of one frame for others is taken and replaced whole.
-        self._kept = self._scene, Solids.of(self._scene), self._scene.solids_sha256
+        # The last scene that was prepared, whether with cells that are not shown, its solids and
+        # their digest. Threads may share the renderer: what is kept of one frame for others is
+        # taken and replaced whole.
+        hidden = not OF_HIDDEN.isdisjoint(self._outputs)
+        solids = Solids.of(self._scene, hidden=hidden)
+        self._kept = self._scene, hidden, solids, self._scene.solids_sha256
         if isinstance(backend, str):
             backend = open_backend(backend, adapter, self._scene.accuracy)
         self._backend = backend
@@ -209,7 +219,7 @@ class Renderer:
             shown = with_overrides(as_scene(scene), **self._overrides)
         if camera is not None:
             shown = with_overrides(shown, camera=camera)
-        solids, sha256 = self._solids_of(shown)
+        solids, sha256 = self._solids_of(shown, hidden=not OF_HIDDEN.isdisjoint(names))
         samples = shown.image.samples
         averaged = tuple(name for name in names if OUTPUTS[name].averaged and samples > 1)
         plain = tuple(name for name in names if name not in averaged)
@@ -238,14 +248,19 @@ class Renderer:
                 found, taken = render_pass(self._backend, prepared.scene, one)
                 arrays |= found
                 times += taken
-        return Frame({name: arrays[name] for name in prepared.outputs}, self._info(prepared, times))
+        # Of the pixel centres, which come first.
+        shown = arrays["solid"]
+        assert isinstance(shown, Lookup)
+        paths = Paths(prepared.scene, prepared.packed.surfaces.numbers, shown.numbers)
+        kept = {name: arrays[name] for name in prepared.outputs}
+        return Frame(kept, self._info(prepared, times), paths)
 
-    def _solids_of(self, scene: Scene) -> tuple[Solids, str]:
+    def _solids_of(self, scene: Scene, *, hidden: bool) -> tuple[Solids, str]:
         """The solids of ``scene`` and their digest; most often they are the same as before."""
-        before, solids, sha256 = self._kept
-        if not Solids.are_shared(scene, before):
-            solids, sha256 = Solids.of(scene), scene.solids_sha256
-        self._kept = scene, solids, sha256
+        before, were_hidden, solids, sha256 = self._kept
+        if hidden != were_hidden or not Solids.are_shared(scene, before):
+            solids, sha256 = Solids.of(scene, hidden=hidden), scene.solids_sha256
+        self._kept = scene, hidden, solids, sha256
         return solids, sha256
 
     def _tell_short(self, scene: Scene, packed: Packed) -> None:

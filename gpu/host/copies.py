@@ -72,7 +72,10 @@ def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight, span: Floats) 
         np.einsum("ik,ik->k", slope, reach),
         np.einsum("ijk,ik,jk->k", bend, reach, reach),
     )
-    np.minimum.at(nearest, owner, depths)
+    # How exactly a copy is drawn does not depend on cells that are not shown.
+    is_seen = np.concatenate([one.seen for one in regions.programs])
+    is_seen = is_seen[regions.first_surface[program][owner] + slot]
+    np.minimum.at(nearest, owner[is_seen], depths[is_seen])
     return Copies(
         regions=regions,
         row=row,
@@ -102,5 +105,5 @@ def _eye_inside(regions: Regions, program: Ints, counts: Ints, value: Floats) ->
         own = np.flatnonzero(program == number)
         formula = regions.programs[number].formula
         values = value[start[own] + np.arange(counts[own[0]])[:, None]]
-        inside[own] = formula.holds_at(values > 0).any(axis=0)
+        inside[own] = formula.holds_at(values > 0)[~formula.hidden].any(axis=0)
     return inside

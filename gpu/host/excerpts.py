@@ -36,6 +36,8 @@ LEAST_TESTS = 512
 FIRST_BLOCKS, HALVED = 4, 2
 # A copy has excerpts in any case if its group has more surfaces than this.
 MOST_WHOLE = 16
+# Outputs of devices for which it matters what lies behind the first point of a cell.
+LOOKING_BEHIND = frozenset({"exit", "overlap", "gap"})
 # Surfaces of a group that a ray crosses in one tile: it holds where it crosses each.
 MOST_CROSSED = 255
 
@@ -48,14 +50,14 @@ class Lists(NamedTuple):
     regions: PackedRegions | None
 
 
-def lists_of(packed: Packed, first_row: int, rows: int, *, leaving: bool) -> Lists:
+def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str]) -> Lists:
     """What the tiles of a band try, by the classes that the frame has.
 
     Args:
         packed: the frame.
         first_row: of the picture, where the band begins.
         rows: how many it has.
-        leaving: what is behind the first point of a cell matters, too.
+        outputs: of the device.
 
     Raises:
         SceneError: too many surfaces of a group may be seen in one tile.
@@ -74,6 +76,7 @@ def lists_of(packed: Packed, first_row: int, rows: int, *, leaving: bool) -> Lis
     blocks = _Blocks(which[packed.order[row]], x, y + first_row // TILE)
 
     written = _Written(packed, copies)
+    leaving = not outputs.isdisjoint(LOOKING_BEHIND)
     found = _found(packed, copies, blocks, written, leaving)
     some = np.flatnonzero(found[1] >= 0)
     first, record = _distinct(found[:, some])
@@ -218,7 +221,7 @@ class _Written:
         self._parts: list[U32] = []
         self._length = 0
         self._rows: list[tuple[int, ...]] = []
-        self._most_surfaces = self._levels = 0
+        self._most_surfaces = 0
 
     def add_all(self, number: int, left: _Left) -> Ints:
         """Rows (P,) of what is left of a program in P tiles, -1 where nothing is."""
@@ -254,7 +257,6 @@ class _Written:
         self._length += length + len(parts[-1])
         self._parts += parts
         self._most_surfaces = max(self._most_surfaces, len(excerpt.surfaces))
-        self._levels = max(self._levels, excerpt.levels)
         return len(self._rows) - 1
 
     def regions(self, distinct: Ints) -> PackedRegions:
@@ -292,7 +294,6 @@ class _Written:
             records=records,
             words=words,
             most_surfaces=self._most_surfaces,
-            levels=self._levels,
         )
 
 

@@ -7,6 +7,7 @@ no OR, no literal stands twice in one of them, and none stands beside its own co
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -14,9 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.contract.arrays import U32, Bools, Bytes, Ints
-from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, POSITIVE, TURN
+from halfstep.contract.program import (
+    CELL_ENDS,
+    CLOSES,
+    HIDDEN,
+    LEAF,
+    NUMBER,
+    OPENS,
+    POSITIVE,
+    TURN,
+)
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 
+# Where literals are hoisted, no more levels are made than this.
+MOST_LEVELS = 6
 # Excerpts of a formula that are kept from frame to frame.
 MOST_KNOWN = 1 << 14
 # The lowest and the highest bit of a byte, 8 and -1 where there is none.
@@ -59,6 +71,65 @@ def joined(kind: type[Intersection] | type[Union], members: Sequence[Region]) ->
                 return other(())
             found[part] = None
     return next(iter(found)) if len(found) == 1 else kind(tuple(found))
+
+
+def hoisted(region: Region, most: int = MOST_LEVELS) -> Region:
+    """A region in normal form with literals taken out that several members share.
+
+    (A & X) | (A & Y) becomes A & (X | Y), and the dual. Programs are shorter, and where a ray comes
+    into both X and Y through A, no surface between X and Y can give its name to the point. Where
+    it would have more than ``most`` levels nothing is taken out.
+    """
+    if isinstance(region, Literal):
+        return region
+    assert isinstance(region, Intersection | Union)
+    kind = type(region)
+    other = Union if kind is Intersection else Intersection
+    members = [hoisted(member, most - 1) for member in region.of]
+    tried: set[frozenset[Literal]] = set()
+    while True:
+        leaves = [_leaves(one, other) for one in members]
+        counts = Counter(
+            part for one in members for part in _members(one, other) if isinstance(part, Literal)
+        )
+        groups: dict[frozenset[Literal], list[int]] = {}
+        for leaf in (leaf for leaf, count in counts.items() if count > 1):
+            holding = [ix for ix, own in enumerate(leaves) if leaf in own]
+            groups.setdefault(frozenset.intersection(*(leaves[ix] for ix in holding)), holding)
+        left = [shared for shared in groups if shared not in tried]
+        if not left:
+            return joined(kind, members)
+        # What saves most literals; of equals what takes most out at once.
+        best = max(left, key=lambda shared: (len(shared) * (len(groups[shared]) - 1), len(shared)))
+        tried.add(best)
+        holding = groups[best]
+        rests = [
+            joined(other, [part for part in _members(members[ix], other) if part not in best])
+            for ix in holding
+        ]
+        order = [part for part in _members(members[holding[0]], other) if part in best]
+        new = joined(other, [*order, hoisted(joined(kind, rests), most - 2)])
+        if _levels(new) < most:
+            members[holding[0]] = new
+            members = [one for ix, one in enumerate(members) if ix not in holding[1:]]
+
+
+def _levels(region: Region) -> int:
+    """How many operators lie in one another."""
+    if isinstance(region, Literal):
+        return 0
+    assert isinstance(region, Intersection | Union)
+    return 1 + max(map(_levels, region.of), default=0)
+
+
+def _members(region: Region, kind: type[Intersection] | type[Union]) -> Sequence[Region]:
+    """The members of an AND or OR; anything else is the only member of one."""
+    return region.of if isinstance(region, kind) else (region,)
+
+
+def _leaves(region: Region, kind: type[Intersection] | type[Union]) -> frozenset[Literal]:
+    """Those that are literals."""
+    return frozenset(one for one in _members(region, kind) if isinstance(one, Literal))
 
 
 def literals(region: Region) -> list[Literal]:
@@ -144,10 +215,12 @@ class Formula:
     Attributes:
         nodes: all of them.
         roots: of each cell the node that is its region.
+        hidden: (C,), cells that are not shown.
     """
 
-    def __init__(self, regions: Sequence[Region]) -> None:
-        """``regions``, in normal form; none of them is constant."""
+    def __init__(self, regions: Sequence[Region], hidden: Bools | None = None) -> None:
+        """``regions``, in normal form; none that is shown is constant. By default all are shown."""
+        self.hidden = np.zeros(len(regions), bool) if hidden is None else hidden
         self.nodes: list[Node] = []
         self.roots = [self._added(region) for region in regions]
         self._literals = [ix for ix, node in enumerate(self.nodes) if node.kind is Literal]
@@ -181,7 +254,7 @@ class Formula:
             inside: (S, P), a bit for each piece of a block all over which a surface has F <= 0.
             outside: (S, P), the same for F > 0.
             known: of larger blocks.
-            cut: (P,), what lies behind the first piece where a cell holds is not seen.
+            cut: (P,), what lies behind the first piece where a shown cell holds is not seen.
             narrow: (P,), pieces before or behind all cells are not seen.
         """
         count = inside.shape[1]
@@ -199,7 +272,8 @@ class Formula:
             if known is not None:
                 true[ix] |= known.true[ix]
                 false[ix] |= known.false[ix]
-        holds = np.bitwise_or.reduce(true[self.roots], axis=0)
+        shown = [root for root, hides in zip(self.roots, self.hidden, strict=True) if not hides]
+        holds = np.bitwise_or.reduce(true[shown], axis=0)
         perhaps = ~np.bitwise_and.reduce(false[self.roots], axis=0)
         first, last = np.where(narrow, [_LOWEST[perhaps], _HIGHEST[perhaps]], [[0], [7]])
         last = np.where(cut & (holds != 0), np.minimum(_LOWEST[holds], last), last)
@@ -240,7 +314,8 @@ class Formula:
     @functools.cached_property
     def whole(self) -> Excerpt:
         """All of it."""
-        return self._excerpt(np.ones(self.literal_count, bool), np.zeros(len(self.roots), bool))
+        everywhere = [self.nodes[root] == Node(Intersection) for root in self.roots]
+        return self._excerpt(np.ones(self.literal_count, bool), np.array(everywhere, bool))
 
     def _excerpt(self, live: Bools, holds: Bools) -> Excerpt:
         surfaces = np.unique(self.literal_surfaces[live])
@@ -258,7 +333,7 @@ class Formula:
                 self._write(words, root, left, places, is_and=False)
             else:
                 continue
-            words[-1] |= CELL_ENDS
+            words[-1] |= CELL_ENDS | HIDDEN * bool(self.hidden[cell])
             cells.append(cell)
         opened = np.cumsum([bool(word & OPENS) - bool(word & CLOSES) for word in words])
         closing = np.array([bool(word & CLOSES) for word in words], np.int64)

@@ -77,6 +77,12 @@ class Numbers:
         found[of] = self.cell_material[cells]
         return found
 
+    def title(self, cell: int) -> str:
+        """What a cell of the scene is called, for people."""
+        assert self.regions is not None
+        found = self.regions.all_cells[cell]
+        return found.title if found.id is not None or found.name else f"cell[{cell}]"
+
     @property
     def _alone(self) -> int:
         """How many rows are solids, not copies."""

@@ -37,7 +37,10 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
     start: list[int] = []
     for owned in regions.owned:
         start.append(len(rows))
-        rows += [(scene.material_of(owned.group.cells[ix]), True) for ix in owned.program.cells]
+        cells = [owned.group.cells[ix] for ix in owned.program.cells.tolist()]
+        rows += [
+            (scene.material_of(cell) if cell.is_shown else NO_MATERIAL, True) for cell in cells
+        ]
         functions = owned.group.functions()
         for ix in owned.program.functions.tolist():
             # Those of regions that cut the copy come behind the group's own.
@@ -98,7 +101,8 @@ def pack_regions(
         words=np.zeros(0, np.uint32),
         appearances=looks.records,
         most_surfaces=0,
-        levels=0,
+        levels=max(one.formula.whole.levels for one in programs),
+        has_hidden=any(one.formula.hidden.any() for one in programs),
     )
 
 

@@ -39,15 +39,15 @@ class Solids:
         return all(getattr(scene, key) == getattr(other, key) for key in _SHARED)
 
     @classmethod
-    def of(cls, scene: Scene) -> Self:
-        """The solids of ``scene``.
+    def of(cls, scene: Scene, *, hidden: bool = False) -> Self:
+        """The solids of ``scene``; with ``hidden``, cells that are not shown are among them.
 
         Raises:
             SceneError: nothing bounds what is seen and the scene gives no volume; a cell is empty;
                 a limit is exceeded; lights have shadows and a solid has no end.
         """
         built = geometry.build(scene)
-        groups = regions.regions_of(scene)
+        groups = regions.regions_of(scene, hidden=hidden)
         if groups is not None:
             built = geometry.with_regions(built, groups)
         shadows = ShadowTables(shadows_of(scene, built)) if has_shadows(scene) else None

@@ -21,6 +21,7 @@ from halfstep.host.formulas import (
     Formula,
     Senses,
     decided,
+    hoisted,
     joined,
     literals,
     normal_form,
@@ -60,6 +61,7 @@ class Program:
     cells: Ints  # (C,), the group's cells that the program has, in its order
     formula: Formula  # of these cells
     thinnest: float  # least distance of surfaces side by side, infinite where there are none
+    seen: Bools  # (S,), which are of cells that are shown
 
     @property
     def count(self) -> int:
@@ -68,7 +70,12 @@ class Program:
 
 
 def compiled(
-    matrices: Floats, regions: Sequence[Region], is_visible: Bools, volume: Floats | None
+    matrices: Floats,
+    regions: Sequence[Region],
+    is_visible: Bools,
+    volume: Floats | None,
+    *,
+    hidden: bool = False,
 ) -> Program | None:
     """The program of a group, None where no visible cell has a point.
 
@@ -77,11 +84,14 @@ def compiled(
         regions: of its cells, over these functions.
         is_visible: (C,), of each cell.
         volume: (2, 3), a box outside of which nothing is shown, in coordinates of the group.
+        hidden: the program has the cells too that are not visible.
     """
     plain = Senses(range(len(matrices)), [False] * len(matrices))
-    shown = np.flatnonzero(is_visible)
-    formulas = [normal_form(regions[ix], plain) for ix in shown.tolist()]
-    boxes = [box_of(region, matrices) for region in formulas]
+    taken = np.arange(len(regions)) if hidden else np.flatnonzero(is_visible)
+    formulas = [normal_form(regions[ix], plain) for ix in taken.tolist()]
+    is_shown = is_visible[taken]
+    shown = [region for region, seen in zip(formulas, is_shown, strict=True) if seen]
+    boxes = [box_of(region, matrices) for region in shown]
     found = [box for box in boxes if box is not None]
     if not found:
         return None
@@ -101,9 +111,15 @@ def compiled(
     senses = Senses([slots.get(int(ix), -1) for ix in first], opposite.tolist())
     merged = [normal_form(region, senses) for region in formulas]
     # Merging may leave a cell without a point. What is all of space has no surface to be seen.
-    some = [ix for ix, region in enumerate(merged) if literals(region)]
-    if not some:
+    some = [
+        ix
+        for ix, region in enumerate(merged)
+        if literals(region) or (region == Intersection(()) and not is_shown[ix])
+    ]
+    if not is_shown[some].any():
         return None
+    # What is seen, and how exactly, does not depend on cells that are not shown.
+    seen = {leaf.surface for ix in some if is_shown[ix] for leaf in literals(merged[ix])}
     own = np.moveaxis(moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
     planes = sum(is_plane.values())
     own[:3, :3, :planes] = 0.0
@@ -114,9 +130,10 @@ def compiled(
         matrices=own,
         planes=planes,
         functions=np.array(kept, np.int64),
-        cells=shown[some],
-        formula=Formula([merged[ix] for ix in some]),
-        thinnest=least_distance(own, radius),
+        cells=taken[some],
+        formula=Formula([hoisted(merged[ix]) for ix in some], ~is_shown[some]),
+        thinnest=least_distance(own[..., sorted(seen)], radius),
+        seen=np.isin(np.arange(len(kept)), sorted(seen)),
     )
 
 
@@ -230,8 +247,10 @@ class Regions:
         return np.concatenate([program.matrices for program in self.programs], axis=-1)
 
 
-def regions_of(scene: Scene) -> Regions | None:
+def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
     """All that the scene shows of cells, None where it has none.
+
+    With ``hidden``, cells that are not shown are there, too.
 
     Raises:
         SceneError: nothing bounds some cells and there is no volume, or a limit is exceeded.
@@ -252,15 +271,14 @@ def regions_of(scene: Scene) -> Regions | None:
             continue
         key = id(group)
         if key not in plain:
-            program = _program_of(scene, group, shown, volume, faults)
+            program = _program_of(scene, group, shown, volume, faults, hidden=hidden)
             plain[key] = -1 if program is None else len(found)
             if program is not None:
                 found.append(Owned(program, group, first_cell))
-        if plain[key] < 0:
-            continue
-        whole = found[plain[key]].program
-        kept, own = _cut_copies(copies, whole, shown)
-        parts.append((plain[key], copies.number[kept], copies.maps[kept]))
+        whole = None if plain[key] < 0 else found[plain[key]].program
+        kept, own = _cut_copies(copies, whole, shown, hidden=hidden)
+        if whole is not None:
+            parts.append((plain[key], copies.number[kept], copies.maps[kept]))
         for ix, program in own:
             parts.append((len(found), copies.number[ix], copies.maps[ix]))
             found.append(Owned(program, group, first_cell))
@@ -307,14 +325,20 @@ def _first_cells(scene: Fragment) -> dict[int, int]:
 
 
 def _program_of(
-    scene: Scene, group: Fragment, shown: Bools, volume: Floats | None, faults: list[str]
+    scene: Scene,
+    group: Fragment,
+    shown: Bools,
+    volume: Floats | None,
+    faults: list[str],
+    *,
+    hidden: bool,
 ) -> Program | None:
     """The program of a group; its faults are added to ``faults``."""
     where = f"group {group.name}: " if isinstance(group, Group) else ""
     regions = group.names().regions
     matrices = _matrices_of(group)
     plain = Senses(range(len(matrices)), [False] * len(matrices))
-    program = compiled(matrices, regions, shown, volume)
+    program = compiled(matrices, regions, shown, volume, hidden=hidden)
     # Merging surfaces may have left a cell without a point.
     kept = set() if program is None else set(program.cells.tolist())
     for ix in np.flatnonzero(shown).tolist():
@@ -330,7 +354,7 @@ def _program_of(
         )
     if program.count > MOST_SURFACES:
         faults.append(
-            f"{scene.name}: {where}{program.count:,} distinct surfaces in its visible cells, more "
+            f"{scene.name}: {where}{program.count:,} distinct surfaces in its cells, more "
             f"than {MOST_SURFACES:,}"
         )
     return program
@@ -342,14 +366,16 @@ def _matrices_of(group: Fragment) -> Floats:
 
 
 def _cut_copies(
-    copies: Copies, whole: Program, shown: Bools
+    copies: Copies, whole: Program | None, shown: Bools, *, hidden: bool
 ) -> tuple[Ints, list[tuple[Ints, Program]]]:
     """Which copies regions around them leave whole, and the programs of those that they cut.
 
     Copies that are cut alike, as those in a lattice are, share a program. The others are cut away.
+    A group without a program of its own is everywhere, or nowhere.
     """
     state = np.ones(len(copies.number), np.int8)
-    box = whole.middle + whole.box
+    everywhere = np.array([[-np.inf] * 3, [np.inf] * 3])
+    box = everywhere if whole is None else whole.middle + whole.box
     given: list[tuple[Region, Floats]] = []
     for within in copies.within:
         matrices = _matrices_of(within.group)
@@ -374,7 +400,7 @@ def _cut_copies(
             cut = normal_form(_undecided(region, signs[:, ix]), plain)
             regions = [Intersection((cell, cut)) for cell in regions]
             functions.append(own[ix])
-        program = compiled(np.concatenate(functions), regions, shown, box)
+        program = compiled(np.concatenate(functions), regions, shown, box, hidden=hidden)
         if program is not None:
             programs.append((np.array(members), program))
     return np.flatnonzero(state == 1), programs

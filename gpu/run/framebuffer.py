@@ -74,7 +74,7 @@ class FrameBuffer:
                 planes[name] = of_bytes("tag")[..., 0]
             elif name in {"surface", "shadow"}:
                 planes[name] = np.array(of_words[0])
-            elif name in ("key", "exit"):
+            elif name in ("key", "exit", "overlap", "gap"):
                 planes[name] = joined_key(*of_words[:2])
             elif name == "error":
                 planes["low"] = joined_key(*of_words[:2])

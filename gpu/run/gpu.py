@@ -208,7 +208,7 @@ class Device(Turns):
                 "need; use --no-shadows, or the backend numpy"
             )
         written = written_for(outputs, packed)
-        lists = lists_of(packed, first_row, rows, leaving="exit" in written)
+        lists = lists_of(packed, first_row, rows, written)
         needs = needs_of(
             packed,
             lists.regions,

@@ -39,7 +39,8 @@ def needs_of(
         together=together,
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
-        levels=0 if regions is None else _enough(regions.levels),
+        levels=0 if regions is None else regions.levels,
+        hidden=regions is not None and regions.has_hidden,
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
         shadows=0 if shadows is None else len(shadows.views),
         far_lights=0 if shadows is None else shadows.far_lights,
@@ -53,7 +54,7 @@ def needs_of(
 
 def needs_of_frame(packed: Packed, method: str, outputs: frozenset[str]) -> Needs:
     """What the shader of a whole frame must hold; arguments are those of `needs_of`."""
-    lists = lists_of(packed, 0, packed.setup.view.height, leaving="exit" in outputs)
+    lists = lists_of(packed, 0, packed.setup.view.height, outputs)
     return needs_of(packed, lists.regions, method, outputs)
 
 

@@ -47,7 +47,8 @@ def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> I
     )
     surfaces, certified = flat + curved, "error" in needs.facts
     groups = records["end_group"].astype(np.int64) - records["first_group"]
-    # All surfaces are crossed, with errors twice more, and looked up for normals and looks.
+    # All surfaces are crossed, with errors twice more, and looked up for normals and looks once for
+    # all pixels that show the region.
     rounds = surfaces * (steps + 2) + 2
     rounds += certified * surfaces * (2 * steps + 5)
     rounds += 2 * surfaces + cells + faces + 5

@@ -47,7 +47,7 @@ def nearest(first: Planes, second: Planes) -> Planes:
     ahead = (b < a) | ((b == a) & (second["surface"] < first["surface"]))
     joined: Planes = {}
     for name in first:
-        if name in ("low", "doubt"):
+        if name in ("low", "doubt", "overlap", "gap"):
             # Least keys of all solids tried, seen or not.
             joined[name] = np.minimum(first[name], second[name])
             continue

@@ -17,10 +17,11 @@ from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene
-from halfstep.twin import encode, finish, keep, shadows
+from halfstep.twin import encode, finish, finish_regions, keep, shadows
 from halfstep.twin.chosen import Chosen, chosen_for, module
 from halfstep.twin.lanes import F32
 from halfstep.twin.normal import Vector
+from halfstep.twin.region import NO_REGION, NOTHING_MET
 from halfstep.twin.shade import Light
 from halfstep.twin.sight import Seen
 
@@ -38,7 +39,7 @@ class Band:
         chosen: Chosen | None = None,
     ) -> None:
         """``chosen``: other stages than those of the number format."""
-        self._lists = lists_of(packed, first_row, rows, leaving="exit" in outputs)
+        self._lists = lists_of(packed, first_row, rows, outputs)
         needs = needs_of(packed, self._lists.regions, scene.accuracy.method, outputs)
         self._packed, self._first_row, self._outputs = packed, first_row, outputs
         self._method, self._facts = needs.method, needs.facts
@@ -79,14 +80,15 @@ class Band:
         region: tuple[Any, ...] = ()
         if klass in (Class.REGION, Class.REGION_INSIDE):
             assert regions is not None
-            region, rest = (regions.records[member],), (regions,)
-            row = int(region[0]["solid"])
+            region, rest = (member, regions.records[member]), (regions,)
+            row = int(regions.records[member]["solid"])
         elif klass == Class.POLYNOMIAL:
             rest = (self._packed.polynomials,)
         solid = self._packed.solids[row]
         x = i - solid["center_x"]
         y = j + np.int32(self._first_row) - solid["center_y"]
         seen: Seen = run(*region, solid, *rest, x, y, self._chosen, facts)
+        claims = seen.claims
         # A tile at the end of the picture has pixels beyond it.
         here = np.minimum(j, rows - 1), np.minimum(i, width - 1)
         old = _each(_part, self._nearest, window=here)
@@ -96,22 +98,32 @@ class Band:
             seen.sight,
             seen.slope,
             seen.certificate,
-            seen.paint,
+            NOTHING_MET if seen.met is None else seen.met,
             np.zeros(x.shape, np.uint32) if seen.turned is None else seen.turned,
             self._keys,
             facts,
         )
+        if claims is not None:
+            record = region[1]
+            new = new._replace(
+                overlap=keep.sooner_key(new.overlap, claims.overlap, record, solid),
+                gap=keep.sooner_key(new.gap, claims.gap, record, solid),
+            )
         shown = (j < rows) & (i < width)
         _each(_put, self._nearest, new, window=(j[shown], i[shown]), shown=shown)
 
     def finish(self) -> Planes:
         """The requested outputs of all pixels."""
+        self._finish_regions()
         nearest, outputs = self._nearest, self._outputs
         planes: Planes = {"surface": nearest.surface}
-        if "key" in outputs:
-            planes["key"] = joined_key(*nearest.key)
-        if "exit" in outputs:
-            planes["exit"] = joined_key(*nearest.leaves)
+        keys = {
+            "key": nearest.key,
+            "exit": nearest.leaves,
+            "overlap": nearest.overlap,
+            "gap": nearest.gap,
+        }
+        planes |= {name: joined_key(*key) for name, key in keys.items() if name in outputs}
         if "error" in outputs:
             planes["low"], planes["doubt"] = joined_key(*nearest.low), joined_key(*nearest.doubt)
             planes["bound"] = nearest.bound
@@ -141,6 +153,25 @@ class Band:
         if "image" in outputs:
             planes["image"] = image_of(planes["color"])
         return planes
+
+    def _finish_regions(self) -> None:
+        """Look up what copies of groups show, each on the pixels that show it."""
+        regions, shown = self._lists.regions, self._nearest.met.region
+        for number in np.unique(shown[shown != NO_REGION]).tolist():
+            assert regions is not None
+            region = regions.records[number]
+            j, i = (places.astype(np.int32) for places in np.nonzero(shown == number))
+            new = finish_regions.finish_region(
+                region,
+                self._packed.solids[int(region["solid"])],
+                regions,
+                _each(_part, self._nearest, window=(j, i)),
+                i,
+                j + np.int32(self._first_row),
+                self._facts,
+            )
+            every = np.ones(len(j), bool)
+            _each(_put, self._nearest, new, window=(j, i), shown=every)
 
 
 def image_of(color: F32) -> Bytes:

@@ -65,7 +65,7 @@ def fetches(needs: Needs) -> str:
             _record_at(needs, record, array, record.name.lower())
             for array, record in REGION_RECORDS.items()
         ]
-        functions += [_words_at(needs), _anywhere(needs)]
+        functions += [_words_at(needs), _anywhere(needs), _least_number(needs)]
     if Class.POLYNOMIAL in needs.classes:
         record = POLYNOMIAL.counted(TERMS=term_count(needs.degree))
         functions.append(_record_at(needs, record, "polynomials", "polynomial"))
@@ -136,6 +136,17 @@ def _anywhere(needs: Needs) -> str:
     return (
         "// Whether something holds in any pixel of the invocations that fetch together.\n"
         f"fn anywhere(holds: b4) -> bool {{\n  return {found};\n}}\n"
+    )
+
+
+def _least_number(needs: Needs) -> str:
+    """The function that finds the least of numbers of invocations that must go on together."""
+    found = "min(min(numbers.x, numbers.y), min(numbers.z, numbers.w))"
+    if needs.together > 1:
+        found = f"subgroupMin({found})"
+    return (
+        "// The least number of all pixels of the invocations that fetch together.\n"
+        f"fn least_number(numbers: u4) -> u32 {{\n  return {found};\n}}\n"
     )
 
 

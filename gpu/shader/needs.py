@@ -20,6 +20,8 @@ OUTPUT_WORDS = {
     "normal": 3,
     "error": 5,
     "shadow": 1,
+    "overlap": 2,
+    "gap": 2,
 }
 OUTPUT_BYTES = {"image": 3, "tag": 1}
 # A tag is the number of a surface, where a scene has no more than this.
@@ -33,7 +35,7 @@ MOST_LIGHT_ROUNDS = 1 << 12
 
 
 # Levels of programs that shaders have in variables of their own.
-FEW_LEVELS = 4
+FEW_LEVELS = 6
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ class Needs:
     # where a load takes a third of the time; for records fetched together only.
     uniform: bool = False
     surfaces: int = 0  # the most of a region, or a little more
-    levels: int = 0  # the most that a region's program opens at once, or a little more
+    levels: int = 0  # the most that a region's program opens at once
+    hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest of a polynomial of the scene
     balls: bool = False  # a ball bounds one of its solids
     conveyor: str = "conveyor"  # the stage that finds where roots are
@@ -74,6 +77,9 @@ class Needs:
         if self.outputs & OUTPUT_WORDS.keys():
             wanted.add("store_words")
         wanted |= self.outputs & {"error"}
+        if self.surfaces:
+            asked = self.outputs & {"overlap", "gap"}
+            wanted |= {*asked, "claims"} if asked else set()
         if "exit" in self.outputs:
             wanted |= {"exit", "leaving"}
         if self.outputs & {"image", "color", "normal"}:
@@ -92,7 +98,10 @@ class Needs:
         if self.together > 1:
             wanted.add("broadcast")
         if self.has_regions:
-            wanted.add("regions")
+            wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
+            wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
+        if "shadows" in wanted or wanted >= {"regions", "normal"}:
+            wanted.add("position")
         if self.balls:
             wanted.add("ball")
         return frozenset(wanted)

@@ -45,7 +45,7 @@ MAX_LINES = 8
 SHADOW_BINDINGS = range(15, 15 + len(SHADOW_RECORDS))
 
 # What words of programs are made of.
-WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "NUMBER")
+WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "HIDDEN", "SIDE")
 # Files whose functions need what an invocation or a device holds.
 _JOINING = {
     name

@@ -100,7 +100,6 @@ def certify_region(
     hit: Bools,
     inside: Bools,
     within: Bools,
-    number: I32,
     between: Between,
     certain: Bools,
     begun: Bools,
@@ -114,7 +113,6 @@ def certify_region(
         hit: whether it does.
         inside: the ray starts in it: the point is where it leaves.
         within: the pixel is in its rectangle.
-        number: of the surface within the region.
         between: where the exact point lies.
         certain: whether all other surfaces are.
         begun: whether it is certain what holds where the ray starts.
@@ -129,4 +127,5 @@ def certify_region(
     sure_miss = ~hit & (between.cell >= region["last"]) & begun
     bound = np.where(sure_hit, off * last_step, UNBOUNDED)
     near = ~hit | (bound <= LARGEST_BOUND)
-    return Certificate(((sure_hit | sure_miss) & near) | ~within, hit, number, inside, bound)
+    none = np.zeros_like(shown.q)
+    return Certificate(((sure_hit | sure_miss) & near) | ~within, hit, none, inside, bound)

@@ -11,8 +11,8 @@ from halfstep.twin.certify import Certificate, confirms, least_key
 from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.nearest import FAR, Key, depth_key, either_key, lesser_key
 from halfstep.twin.normal import NO_VECTOR, Vector, either
-from halfstep.twin.region import paint_of
-from halfstep.twin.sight import Paint, Sight
+from halfstep.twin.region import NOTHING_MET, either_met, position_before
+from halfstep.twin.sight import Met, Sight
 
 # Of one of the modules of keys.
 NearestKey = Any
@@ -36,7 +36,11 @@ class Keys(Protocol):
 
 
 class Nearest(NamedTuple):
-    """The nearest visible point so far; what no fact asks for stays as it is in `nothing`."""
+    """The nearest visible point so far; what no fact asks for stays as it is in `nothing`.
+
+    What a region shows of itself is looked up at the end: until then its point has the number of
+    the region's first surface.
+    """
 
     key: NearestKey  # its depth
     surface: U32  # its number in the scene, from 1; 0 is none
@@ -49,6 +53,9 @@ class Nearest(NamedTuple):
     specular: F32  # weight of its highlight
     shininess: U32  # exponent of its highlight
     depth: F32  # along the view axis
+    met: Met  # of a region, nothing where a solid is none
+    overlap: Key  # depth where two cells of a region are
+    gap: Key  # depth where none is between two
     position: I32  # on its ray, of the solid that shows it
     turned: U32  # which side of that is seen, as of `other_side`
     dark: U32  # bits of lights that do not reach it
@@ -69,6 +76,9 @@ def nothing(keys: Keys) -> Nearest:
         specular=zero,
         shininess=none,
         depth=zero,
+        met=NOTHING_MET,
+        overlap=FAR,
+        gap=FAR,
         position=np.zeros((), np.int32),
         turned=none,
         dark=none,
@@ -81,7 +91,7 @@ def keep(
     sight: Sight,
     slope: Vector,
     certificate: Certificate,
-    paint: Paint | None,
+    met: Met,
     turned: U32,
     keys: Keys,
     facts: Collection[str],
@@ -111,21 +121,29 @@ def keep(
     if "normal" in facts:
         new = new._replace(slope=either(nearer, slope, old.slope))
     if "color" in facts:
-        color = paint_of(solid).color if paint is None else paint.color
-        new = new._replace(color=either(nearer, color, old.color))
+        new = new._replace(color=either(nearer, Vector(*solid["color"]), old.color))
     if "gloss" in facts:
-        shown = paint_of(solid) if paint is None else paint
         new = new._replace(
-            specular=np.where(nearer, shown.specular, old.specular),
-            shininess=np.where(nearer, shown.shininess, old.shininess),
+            specular=np.where(nearer, solid["specular"], old.specular),
+            shininess=np.where(nearer, solid["shininess"], old.shininess),
         )
     if "point_lights" in facts:
         u = sight.position.astype(np.float32) * solid["last_step"]
         depth = solid["depth_middle"] + u * solid["depth_half"]
         new = new._replace(depth=np.where(nearer, depth, old.depth))
+    if "regions" in facts:
+        new = new._replace(met=either_met(nearer, met, old.met))
+    if "position" in facts:
+        new = new._replace(position=np.where(nearer, sight.position, old.position))
     if "shadows" in facts:
-        new = new._replace(
-            position=np.where(nearer, sight.position, old.position),
-            turned=np.where(nearer, turned, old.turned),
-        )
+        new = new._replace(turned=np.where(nearer, turned, old.turned))
     return new
+
+
+def sooner_key(old: Key, q: I32, region: np.void, solid: np.void) -> Key:
+    """The key of a grid point of a region, if that is on the rays and sooner than the old one."""
+    steps, shift = int(solid["steps"]), int(solid["key_shift"])
+    start = Key(*(np.asarray(solid[name]) for name in ("key_high", "key_low")))
+    position = position_before(np.maximum(q, np.int32(1)), steps)
+    key = depth_key(position, steps, start, shift)
+    return lesser_key(q <= region["last"], key, old)

@@ -1,32 +1,26 @@
-"""Twin of ``region.wgsl``: where a region's pixels are, and how what rays meet of it looks."""
+"""Twin of ``region.wgsl``: where a region's pixels are, and what its points show."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from halfstep.twin.crossings import Crossing, ends_of, is_outside
 from halfstep.twin.lanes import I32, Bools
 from halfstep.twin.normal import Vector, either
-from halfstep.twin.sight import Paint
-from halfstep.twin.walk import Place
+from halfstep.twin.sight import Met
+
+# The number of no region.
+NO_REGION = np.uint32(0xFFFFFFFF)
+NOTHING_MET = Met(np.asarray(NO_REGION), np.zeros((), np.int32), np.zeros((), np.int32))
 
 
-class Met(NamedTuple):
-    """Where a ray meets a region, and whether it starts inside.
-
-    Then it is shown where the ray leaves the cell.
-    """
-
-    shown: Place
-    inside: Bools
+def either_met(some: Bools, chosen: Met, other: Met) -> Met:
+    """``chosen`` in some pixels, else ``other``."""
+    return Met(*(np.where(some, *pair) for pair in zip(chosen, other, strict=True)))
 
 
-def paint_of(solid: np.void) -> Paint:
-    """How a solid looks."""
-    color = Vector(*(np.asarray(component) for component in solid["color"]))
-    return Paint(color, np.asarray(solid["specular"]), np.asarray(solid["shininess"]))
+def shows_surface(met: Met, number: int) -> Bools:
+    """Whether a surface of the region is what is met."""
+    return np.asarray((met.side >> np.int32(1)) == number)
 
 
 def is_within(region: np.void, x: I32, y: I32) -> Bools:
@@ -45,20 +39,10 @@ def plane_normal(plane: np.void) -> Vector:
     return Vector(*plane["normal"])
 
 
-def outward(gradient: Vector, crossing: Crossing, met: Met) -> Vector:
+def outward(gradient: Vector, met: Met) -> Vector:
     """The gradient of a surface, or its opposite, so that it points out of the region.
 
-    F falls where the ray gets into F <= 0.
+    It points into the region where its side is F > 0.
     """
-    falls = (met.shown.q == ends_of(crossing).low) != is_outside(crossing)
     back = Vector(-gradient.x, -gradient.y, -gradient.z)
-    return either(falls != met.inside, gradient, back)
-
-
-def painted(old: Paint, look: np.void, here: Bools) -> Paint:
-    """A paint, or that of a cell or a surface where it is what is met."""
-    return Paint(
-        either(here, Vector(*look["color"]), old.color),
-        np.where(here, look["specular"], old.specular),
-        np.where(here, look["shininess"], old.shininess),
-    )
+    return either((met.side & np.int32(1)) == 1, back, gradient)

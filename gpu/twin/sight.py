@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from halfstep.twin.certify import Certificate
-from halfstep.twin.lanes import F32, I32, U32, Bools
+from halfstep.twin.lanes import I32, U32, Bools
 from halfstep.twin.normal import Vector
 
 
@@ -19,12 +19,22 @@ class Sight(NamedTuple):
     exit_position: I32
 
 
-class Paint(NamedTuple):
-    """How a point looks."""
+class Met(NamedTuple):
+    """Which record of a region shows a point, `NO_REGION` where none does.
 
-    color: Vector  # linear
-    specular: F32
-    shininess: U32
+    The side is that of the surface there, the cell its place among those that the record lists.
+    """
+
+    region: U32
+    side: I32
+    cell: I32
+
+
+class Claims(NamedTuple):
+    """Grid points where two cells of a region are, and where none is between two."""
+
+    overlap: I32
+    gap: I32
 
 
 class Seen(NamedTuple):
@@ -33,5 +43,6 @@ class Seen(NamedTuple):
     sight: Sight
     slope: Vector  # along the normal of the solid at the sight
     certificate: Certificate  # what is certain of the solid
-    paint: Paint | None = None  # how it looks, if that is not the same all over it
+    met: Met | None = None  # of a region
+    claims: Claims | None = None  # of a region
     turned: U32 | None = None  # which side is seen, as of `other_side`; None is the outer one

@@ -19,16 +19,9 @@ from halfstep.twin.certify_region import (
 from halfstep.twin.chosen import Chosen
 from halfstep.twin.cross import crossed, doubted, line_crossed
 from halfstep.twin.lanes import I32
-from halfstep.twin.normal import NO_VECTOR, Vector, either, gradient
-from halfstep.twin.region import (
-    Met,
-    is_within,
-    outward,
-    painted,
-    plane_normal,
-    position_before,
-)
-from halfstep.twin.sight import Paint, Seen, Sight
+from halfstep.twin.normal import NO_VECTOR
+from halfstep.twin.region import is_within, position_before, shows_surface
+from halfstep.twin.sight import Claims, Met, Seen, Sight
 from halfstep.twin.solid import eye_sure, starts_at_eye
 from halfstep.twin.walk import ANY_CELL, Place
 from halfstep.twin.walks import (
@@ -45,6 +38,7 @@ from halfstep.twin.walks import (
 
 
 def visit_region(
+    number: int,
     region: np.void,
     solid: np.void,
     regions: PackedRegions,
@@ -53,10 +47,10 @@ def visit_region(
     chosen: Chosen,
     facts: Collection[str],
 ) -> Seen:
-    """What rays see of a copy of a group of cells, of which ``region`` lists what counts."""
+    """What rays see of a copy of a group, of which ``region``, a record, lists what counts."""
     steps = int(solid["steps"])
     at = chosen.offset(x, y)
-    counts = [int(region[f"{of}_count"]) for of in ("flat", "curved", "cell", "face")]
+    counts = [int(region[f"{of}_count"]) for of in ("flat", "curved")]
     ends = int(region["list_start"]) + np.cumsum([0, *counts])
     listed = [regions.words[a:b].astype(np.int64) for a, b in pairwise(ends.tolist())]
     flat = regions.flat[region["flat_start"] + listed[0]]
@@ -84,40 +78,31 @@ def visit_region(
     shape = (x + 0 * y).shape
     any_cell = np.full(shape, ANY_CELL)
     places: dict[Walk, Place] = {}
-    last_walk = Walk.ENTRY
-    if "leaving" in facts:
-        last_walk = Walk.BEYOND
-    if "error" in facts:
-        last_walk = Walk.SURELY_OUT if "opened" in facts else Walk.SURELY_IN
-    for which in list(Walk)[: last_walk + 1]:
+    for which in _walks(facts):
         begin = (
-            places[Walk.ENTRY] if which == Walk.BEYOND else place_at(first_of(which, region), shape)
+            places[_AFTER[which]] if which in _AFTER else place_at(first_of(which, region), shape)
         )
         only = places[Walk.ENTRY].cell if is_out(which) else any_cell
         path = path_of(which, program, count, steps)
-        places[which] = walk(crossings, path, not is_out(which), begin, only)
+        wanted = not is_out(which) and which != Walk.NONE
+        places[which] = walk(crossings, path, wanted, begin, only)
     entry = shown = places[Walk.ENTRY]
     beyond = places.get(Walk.BEYOND, entry)
     inside = entry.q == region["first"]
     if "opened" in facts:
         shown = Place(
             np.where(inside, beyond.q, entry.q),
-            np.where(inside, beyond.surface, entry.surface),
+            np.where(inside, beyond.side, entry.side),
             entry.cell,
         )
     within = is_within(region, x + solid["center_x"], y + solid["center_y"])
     hit = (shown.q <= region["last"]) & within
     if "opened" not in facts:
         hit = hit & ~inside
-    met = Met(shown, inside)
-    slots = np.concatenate(listed[:2]).astype(np.int32)
-    cell = np.zeros(shape, np.int32)
-    for k, number in enumerate(listed[2].astype(np.int32)):
-        cell = np.where(shown.cell == k, number, cell)
-    surface = cell * np.int32(region["surfaces"]) + shown.surface
+    met = Met(np.full(shape, number, np.uint32), shown.side, shown.cell)
     sight = Sight(
         hit,
-        surface,
+        np.zeros(shape, np.int32),
         position_before(shown.q, steps),
         beyond.q <= region["last"],
         position_before(beyond.q, steps),
@@ -137,41 +122,44 @@ def visit_region(
         # What is not sure at the eye does not matter to rays that start beyond it.
         is_away = not starts_at_eye(solid) or int(region["first"]) > 0
         begun = np.full(shape, eye_sure(solid) or is_away)
-        for place, slot in enumerate(slots):
+        for place, slot in enumerate(np.concatenate(listed).tolist()):
             sure = crossings[Crossed.SURELY * count + place]
             maybe = crossings[Crossed.PERHAPS * count + place]
-            certain &= settled(sure, maybe, into) | (shown.surface == slot)
+            certain &= settled(sure, maybe, into) | shows_surface(met, slot)
             begun &= settled(sure, maybe, near) | (region["start_end"] < 0)
         certificate = certify_region(
             shown,
             hit,
             inside,
             within,
-            surface,
             into,
             certain,
             begun,
             region,
             solid["last_step"],
         )
-    slope: Vector = NO_VECTOR
-    if "normal" in facts:
-        for place, plane in enumerate(flat):
-            normal = outward(plane_normal(plane), crossings[place], met)
-            slope = either(shown.surface == slots[place], normal, slope)
-        u = sight.position.astype(np.float32) * solid["last_step"]
-        for place, quadric in enumerate(curved, start=len(flat)):
-            bent = gradient(quadric["gradient"], x.astype(np.float32), y.astype(np.float32), u)
-            normal = outward(bent, crossings[place], met)
-            slope = either(shown.surface == slots[place], normal, slope)
-    paint = None
-    if "color" in facts:
-        looks = regions.appearances[int(region["looks_start"]) :]
-        zero = np.zeros(shape, np.float32)
-        paint = Paint(Vector(zero, zero, zero), zero, zero.astype(np.uint32))
-        for k, number in enumerate(listed[2].tolist()):
-            paint = painted(paint, looks[number], shown.cell == k)
-        for number in listed[3].tolist():
-            look = looks[int(region["cells"]) + number]
-            paint = painted(paint, look, shown.surface == number)
-    return Seen(sight, slope, certificate, paint)
+    overlap = gap = np.full(shape, (1 << steps) + 1, np.int32)
+    if "overlap" in facts:
+        overlap = np.where(within, places[Walk.OVERLAP].q, overlap)
+    if "gap" in facts:
+        ends = within & (places[Walk.AGAIN].q <= region["last"])
+        gap = np.where(ends, places[Walk.NONE].q, gap)
+    return Seen(sight, NO_VECTOR, certificate, met, Claims(overlap, gap))
+
+
+# Walks that begin where another one ends.
+_AFTER = {Walk.BEYOND: Walk.ENTRY, Walk.NONE: Walk.ANY, Walk.AGAIN: Walk.NONE}
+
+
+def _walks(facts: Collection[str]) -> list[Walk]:
+    """The walks that are asked for, in order."""
+    last = Walk.BEYOND if "leaving" in facts else Walk.ENTRY
+    found = list(Walk)[: last + 1]
+    if "overlap" in facts:
+        found.append(Walk.OVERLAP)
+    if "gap" in facts:
+        found += [Walk.ANY, Walk.NONE, Walk.AGAIN]
+    if "error" in facts:
+        last = Walk.SURELY_OUT if "opened" in facts else Walk.SURELY_IN
+        found += list(Walk)[Walk.PERHAPS_IN : last + 1]
+    return found

@@ -29,10 +29,13 @@ ANY_CELL = np.int32(-1)
 
 
 class Held(NamedTuple):
-    """Until where a truth lasts, as e, and the number of the surface that ends it."""
+    """Until where a truth lasts, as e, and the side of the surface that ends it.
+
+    That is twice its number in the group, and one more if the truth is F > 0.
+    """
 
     until: I32
-    surface: I32
+    side: I32
 
 
 class Look(NamedTuple):
@@ -54,16 +57,18 @@ class Path(NamedTuple):
     never: np.int32
     over_cells: bool  # q are cells, not grid points
     wider: bool  # a literal holds in a cell if anywhere in it, else if all over it
+    with_hidden: bool  # cells count that are not shown
+    twice: bool  # it holds where two cells do
 
 
 class Place(NamedTuple):
     """Where a walk is: a grid point, and the cell there.
 
-    Surface is the number of the one that was crossed last.
+    The side is that of the surface that was crossed last.
     """
 
     q: I32
-    surface: I32
+    side: I32
     cell: I32
 
 
@@ -80,10 +85,10 @@ def later(first: Held, second: Held) -> Held:
     greater = second.until > first.until
     return Held(
         np.where(greater, second.until, first.until),
-        np.where(greater, second.surface, first.surface),
+        np.where(greater, second.side, first.side),
     )
 
 
 def either_held(first: Bools, yes: Held, no: Held) -> Held:
     """One of two."""
-    return Held(np.where(first, yes.until, no.until), np.where(first, yes.surface, no.surface))
+    return Held(np.where(first, yes.until, no.until), np.where(first, yes.side, no.side))

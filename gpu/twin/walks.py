@@ -9,7 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, PLACE, POSITIVE, TURN
+from halfstep.contract.program import (
+    CELL_ENDS,
+    CLOSES,
+    HIDDEN,
+    LEAF,
+    OPENS,
+    PLACE,
+    POSITIVE,
+    SIDE,
+    TURN,
+)
 from halfstep.twin.chosen import Chosen, Offset
 from halfstep.twin.crossings import Crossing, in_cells
 from halfstep.twin.lanes import I32, Form, FormErrors
@@ -37,6 +47,7 @@ def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
     """
     nothing = Held(np.full(q.shape, LEAST), np.zeros(q.shape, np.int32))
     total, inner = nothing, nothing
+    twice = nothing.until
     stack: list[Held] = []
     cell = np.full(q.shape, ANY_CELL)
     number = np.int32(0)
@@ -51,24 +62,28 @@ def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
             if path.over_cells:
                 crossing = in_cells(crossing, path.wider != is_positive)
             e = literal_at(crossing, q, path.never, bool(word & TURN))
-            inner = later(inner, Held(e, np.full(q.shape, word >> NUMBER, np.int32)))
+            inner = later(inner, Held(e, np.full(q.shape, word >> SIDE, np.int32)))
         if word & CLOSES:
-            inner = later(stack.pop(), Held(~inner.until, inner.surface))
+            inner = later(stack.pop(), Held(~inner.until, inner.side))
         if word & CELL_ENDS:
             counts = (only == ANY_CELL) | (only == number)
+            counts &= path.with_hidden or not word & HIDDEN
             holds = counts & (inner.until >= 0) & (cell == ANY_CELL)
             cell = np.where(holds, number, cell)
+            # The second greatest of all e says where two cells hold.
+            both = np.maximum(twice, np.minimum(total.until, inner.until))
+            twice = np.where(counts, both, twice)
             total = either_held(counts, later(total, inner), total)
             inner = nothing
             number += np.int32(1)
-    return Look(total, cell)
+    return Look(total._replace(until=twice) if path.twice else total, cell)
 
 
 def walk(crossings: Sequence[Crossing], path: Path, want: bool, begin: Place, only: I32) -> Place:
     """The first grid point from ``begin`` on where the region holds, or does not, as wanted.
 
     It is ``path.never`` or more where there is none. Where a walk goes nowhere, its place keeps its
-    surface.
+    side.
     """
     place = begin
     while True:
@@ -77,10 +92,10 @@ def walk(crossings: Sequence[Crossing], path: Path, want: bool, begin: Place, on
         holds = until >= 0
         goes = (holds != want) & (place.q < path.never)
         if not goes.any():
-            return Place(place.q, place.surface, seen.cell)
+            return Place(place.q, place.side, seen.cell)
         place = Place(
             np.where(goes, np.where(holds, until, ~until), place.q),
-            np.where(goes, seen.held.surface, place.surface),
+            np.where(goes, seen.held.side, place.side),
             place.cell,
         )
 
@@ -88,16 +103,21 @@ def walk(crossings: Sequence[Crossing], path: Path, want: bool, begin: Place, on
 class Walk(IntEnum):
     """The walks, in order.
 
-    Where rays get into the region, where out of the cell they got into, and for certificates where
-    they do so perhaps and surely.
+    Where rays get into the region; where out of the cell they got into; where into two cells; where
+    into any, shown or not, then out of all, then into one again; and for certificates where they
+    get in and out perhaps and surely.
     """
 
     ENTRY = 0
     BEYOND = 1
-    PERHAPS_IN = 2
-    SURELY_IN = 3
-    PERHAPS_OUT = 4
-    SURELY_OUT = 5
+    OVERLAP = 2
+    ANY = 3
+    NONE = 4
+    AGAIN = 5
+    PERHAPS_IN = 6
+    SURELY_IN = 7
+    PERHAPS_OUT = 8
+    SURELY_OUT = 9
 
 
 def is_out(walk: Walk) -> bool:
@@ -128,8 +148,7 @@ class Crossed(IntEnum):
 
 
 _READ = {
-    Walk.ENTRY: (Crossed.CROSSED, Crossed.CROSSED),
-    Walk.BEYOND: (Crossed.CROSSED, Crossed.CROSSED),
+    **dict.fromkeys(list(Walk)[: Walk.PERHAPS_IN], (Crossed.CROSSED, Crossed.CROSSED)),
     Walk.PERHAPS_IN: (Crossed.PERHAPS, Crossed.SURELY),
     Walk.SURELY_IN: (Crossed.SURELY, Crossed.PERHAPS),
     Walk.PERHAPS_OUT: (Crossed.SURELY, Crossed.PERHAPS),
@@ -143,7 +162,16 @@ def path_of(walk: Walk, words: NDArray[np.uint32], surfaces: int, steps: int) ->
     over_cells = is_over_cells(walk)
     never = np.int32((1 << steps) + (0 if over_cells else 1))
     wider = over_cells and not is_out(walk)
-    return Path(words, negative * surfaces, positive * surfaces, never, over_cells, wider)
+    return Path(
+        words,
+        negative * surfaces,
+        positive * surfaces,
+        never,
+        over_cells,
+        wider,
+        Walk.OVERLAP <= walk <= Walk.AGAIN,
+        walk == Walk.OVERLAP,
+    )
 
 
 def place_at(q: int, shape: tuple[int, ...]) -> Place:

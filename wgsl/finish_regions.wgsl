@@ -1,0 +1,94 @@
+// Points of a block that regions show -> their numbers, normals and looks.
+//
+// A region is fetched once for all pixels side by side that show it, and nothing of those that are
+// hidden is looked up.
+
+// A point with the look of a cell or a surface where it is what is met.
+fn painted(old: Nearest, look: Appearance, here: b4) -> Nearest {
+  var shown = old;
+  shown.color = either(
+    here, Vector(f4(look.color[0]), f4(look.color[1]), f4(look.color[2])), old.color
+  );
+  shown.specular = select(old.specular, f4(look.specular), here);  //? gloss
+  shown.shininess = select(old.shininess, u4(look.shininess), here);  //? gloss
+  return shown;
+}
+
+// The points that a region shows.
+fn finish_region(number: u32, j: i32) {
+  let region = region_at(number);
+  let solid = solid_at(region.solid);  //? normal
+  let count = counted(region);
+  for (var k = 0u; k < region.cell_count; k++) {
+    let cell = number_at(region, count + k);
+    let look = appearance_at(region.looks_start + cell);  //? color
+    // each quad
+    {
+      let met = nearest_0.met;
+      let here = (met.region == u4(number)) & (met.cell == i4(i32(k)));
+      let first = select(u4(0u), u4(cell * region.surfaces), here);
+      nearest_0.surface = nearest_0.surface + first;
+      nearest_0 = painted(nearest_0, look, here);  //? color
+    }
+  }
+  for (var k = 0u; k < region.face_count; k++) {  //? color
+    let face = number_at(region, count + region.cell_count + k);
+    let look = appearance_at(region.looks_start + region.cells + face);
+    // each quad
+    {
+      let here = (nearest_0.met.region == u4(number)) & shows_surface(nearest_0.met, face);
+      nearest_0 = painted(nearest_0, look, here);
+    }
+  }
+  for (var k = 0u; k < region.flat_count; k++) {  //? normal
+    let normal = plane_normal(plane_at(region, k));
+    let surface = number_at(region, k);
+    // each quad
+    {
+      let here = (nearest_0.met.region == u4(number)) & shows_surface(nearest_0.met, surface);
+      nearest_0.slope = either(here, outward(normal, nearest_0.met), nearest_0.slope);
+    }
+  }
+  for (var k = 0u; k < region.curved_count; k++) {  //? normal
+    let quadric = quadric_at(region, k);
+    let surface = number_at(region, region.flat_count + k);
+    // each quad
+    {
+      let x = f4(i_0 - i4(solid.center_x));
+      let u = f4(nearest_0.position) * solid.last_step;
+      let normal = gradient(quadric.gradient, x, f32(j - solid.center_y), u);
+      let here = (nearest_0.met.region == u4(number)) & shows_surface(nearest_0.met, surface);
+      nearest_0.slope = either(here, outward(normal, nearest_0.met), nearest_0.slope);
+    }
+  }
+  // each quad
+  {
+    let own = u4(nearest_0.met.side >> u4(1u));
+    let here = nearest_0.met.region == u4(number);
+    nearest_0.surface = nearest_0.surface + select(u4(0u), own, here);
+  }
+}
+
+// All points that regions show.
+fn finish_regions(j: i32) {
+  var lowest = u4(NO_REGION);
+  // each quad
+  var left_0 = nearest_0.met.region;
+  // each quad
+  lowest = min(lowest, left_0);
+  var number = least_number(lowest);
+  loop {
+    // Where no region is shown, nothing changes: the body runs anyway, with one that is there.
+    finish_region(select(number, 0u, number == NO_REGION), j);
+    lowest = u4(NO_REGION);
+    // each quad
+    {
+      left_0 = select(left_0, u4(NO_REGION), left_0 == u4(number));
+      lowest = min(lowest, left_0);
+    }
+    number = least_number(lowest);
+    if number == NO_REGION {
+      break;
+    }
+  }
+}
