@@ -15,6 +15,7 @@ import halfstep
 from halfstep.errors import SceneError
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.scene import Scene
+from halfstep.shader.needs import Needs
 from halfstep.viewer.clip import Clip, clipped
 from halfstep.viewer.picture import NOTHING, picture_of
 from halfstep.viewer.session import Session
@@ -46,11 +47,11 @@ origin = [2, 0, 0]
 class Driven:
     """A session that a test drives, on NumPy; it rests at once."""
 
-    def __init__(self, scene: Any) -> None:
+    def __init__(self, scene: Any, backend: str = "numpy") -> None:
         self.told: list[str] = []
         self.source = Source(scene, None, None, {})
         self.session = Session(
-            self.source, backend="numpy", tell=self.told.append, rest_after=0.0, patience=0.0
+            self.source, backend=backend, tell=self.told.append, rest_after=0.0, patience=0.0
         )
 
     def send(self, event_type: str, **facts: Any) -> None:
@@ -100,9 +101,8 @@ def driven(path: Path) -> Iterator[Driven]:
 
 def rendered(driven: Driven, **options: Any) -> halfstep.Frame:
     """What `render` makes of what is seen."""
-    return halfstep.render(
-        driven.source.scene, size=SIZE, camera=driven.session.camera, backend="numpy", **options
-    )
+    options = {"backend": "numpy", **options}
+    return halfstep.render(driven.source.scene, size=SIZE, camera=driven.session.camera, **options)
 
 
 def test_it_shows_the_image(driven: Driven) -> None:
@@ -196,6 +196,11 @@ def test_every_output_is_a_picture(driven: Driven) -> None:
     assert driven.session.state.output == list(OUTPUTS)[-1]
 
 
+def test_colours_look_as_the_image_does(driven: Driven) -> None:
+    frame = rendered(driven)
+    np.testing.assert_array_equal(picture_of(frame, "color"), frame.image)
+
+
 def test_solids_have_colours_of_their_own(driven: Driven) -> None:
     frame = rendered(driven)
     picture = picture_of(frame, "solid")
@@ -286,6 +291,37 @@ def test_what_a_scene_cannot_have_is_said_and_left() -> None:
     assert driven.session.lines[0].startswith("method: ")
     driven.press("s")
     assert len(driven.session.lines) == 1
+    driven.session.close()
+
+
+@pytest.mark.usefixtures("adapter")
+def test_a_camera_that_moves_compiles_nothing(composed: list[Needs]) -> None:
+    driven = Driven("one_box", backend="gpu")
+    driven.settle()
+    compiled = len(composed)
+    assert compiled
+    camera = driven.session.camera
+    for turn in range(12):
+        driven.drag((48, 36), (48 + 30, 36 + 5 * (turn % 3)))
+        driven.settle()
+        driven.send("wheel", x=40 + turn, y=30, dx=0, dy=-150 + 25 * turn)
+        driven.settle()
+    assert len(composed) == compiled
+    assert driven.session.camera != camera
+    driven.session.close()
+
+
+@pytest.mark.parametrize("name", ["part.csg", "demorgan.xml"])
+def test_files_of_other_programs_are_shown(name: str) -> None:
+    driven = Driven(Path(__file__).parent / "models" / name)
+    frame = rendered(driven)
+    np.testing.assert_array_equal(driven.settle(), frame.image)
+    row, column = np.argwhere(frame.cell >= 0)[100].tolist()
+    driven.click(column, row)
+    driven.settle()
+    assert f": cell {frame.cell[row, column]}" in driven.told[0]
+    driven.press("c")
+    assert (driven.settle() != frame.image).any()
     driven.session.close()
 
 

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
+import queue
 import signal
 import socket
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import halfstep
 from halfstep import cli
 from halfstep.viewer import page, show
+from halfstep.viewer.session import Session
 from tests.page_client import Client, connected, line_of, viewing
 
 # Narrower than what has room for text.
@@ -104,6 +109,42 @@ def test_a_page_that_is_loaded_anew_goes_on() -> None:
             with opened(address) as client:
                 client.picture()
         assert process.poll() is None
+
+
+def test_a_lost_device_ends_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command says so, and exits with the code of a lost device."""
+    pictures = itertools.count()
+    frame_of = Session._frame_of
+
+    def losing(session: Session, *arguments: Any) -> halfstep.Frame:
+        if next(pictures) == 2:
+            raise halfstep.DeviceError("adapter X: the device is lost")
+        return frame_of(session, *arguments)
+
+    monkeypatch.setattr(Session, "_frame_of", losing)
+    told: queue.Queue[str] = queue.Queue()
+
+    def look() -> None:
+        with suppress(ConnectionClosed), opened(told.get()) as client:
+            client.picture()
+            client.pointer("down", 48, 36, 1)
+            for x in itertools.count(60):
+                client.pointer("move", x, 36, 1)
+                client.picture()
+
+    def tell(line: str) -> None:
+        told.put(line)
+
+    monkeypatch.setattr("halfstep.cli.view.print_text", tell)
+    browser = threading.Thread(target=look)
+    browser.start()
+    assert cli.main(["view", SCENE, *OPTIONS]) == 4
+    browser.join(30)
+    assert not browser.is_alive()
+    assert next(pictures) == 3
+    assert capsys.readouterr().err.splitlines()[-1] == "adapter X: the device is lost"
 
 
 def test_a_port_that_is_taken_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

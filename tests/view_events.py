@@ -46,12 +46,23 @@ class Offscreen:
         )
         self.canvas = OffscreenRenderCanvas(size=size)
         self._context = self.canvas.get_bitmap_context()
-        self.canvas.add_event_handler(self.session.handle, *EVENTS)
+        # rendercanvas logs what fails, and goes on.
+        self._failures: list[Exception] = []
+        self.canvas.add_event_handler(self._handle, *EVENTS)
         self.canvas.request_draw(self._draw)
+
+    def _handle(self, event: dict[str, Any]) -> None:
+        try:
+            self.session.handle(event)
+        except Exception as error:
+            self._failures.append(error)
 
     def _draw(self) -> None:
         size, ratio = self.canvas.get_physical_size(), self.canvas.get_pixel_ratio()
-        self._context.set_bitmap(self.session.draw(size, ratio))
+        try:
+            self._context.set_bitmap(self.session.draw(size, ratio))
+        except Exception as error:
+            self._failures.append(error)
 
     def send(self, event_type: str, **facts: Any) -> None:
         """Let the canvas have an event."""
@@ -61,6 +72,8 @@ class Offscreen:
     def draw(self) -> np.ndarray:
         """The picture that the canvas has now."""
         picture = np.asarray(self.canvas.draw())
+        if self._failures:
+            raise self._failures[0]
         width, height = self.canvas.get_physical_size()
         assert picture.shape == (height, width, 4), picture.shape
         return picture
@@ -85,7 +98,7 @@ def one_event(driven: Offscreen, rng: np.random.Generator, path: Path, text: str
     x, y = float(rng.uniform(-5, width + 5)), float(rng.uniform(-5, height + 5))
     modifiers = ("Shift",) if rng.random() < 0.2 else ()
     button = int(rng.integers(0, 4))
-    kind = rng.choice(8, p=[0.12, 0.36, 0.12, 0.2, 0.16, 0.02, 0.01, 0.01])
+    kind = rng.choice(9, p=[0.12, 0.36, 0.12, 0.2, 0.11, 0.02, 0.01, 0.01, 0.05])
     if kind == 0:
         driven.send("pointer_down", x=x, y=y, button=button, buttons=(button,))
     elif kind == 1:
@@ -101,9 +114,12 @@ def one_event(driven: Offscreen, rng: np.random.Generator, path: Path, text: str
         driven.canvas.set_physical_size(*map(int, size))
     elif kind == 6:
         path.write_text(text if rng.random() < 0.5 else text[: int(rng.integers(len(text)))])
-    else:
+    elif kind == 7:
         driven.session._look_at = 0.0
         driven.session.tick()
+    else:
+        for event_type, buttons in (("pointer_down", (1,)), ("pointer_up", ())):
+            driven.send(event_type, x=x, y=y, button=1, buttons=buttons)
 
 
 def storm(scene: str, events: int, seed: int, backend: str) -> None:
@@ -124,14 +140,20 @@ def storm(scene: str, events: int, seed: int, backend: str) -> None:
             if rng.random() < 0.1:
                 driven.settle()
             if number % max(events // 10, 1) == 0:
-                mib, seconds = resident(), time.monotonic() - begin
-                sys.stdout.write(f"  {number:6} events, {seconds:5.0f} s, {mib:6.0f} MiB\n")
-                sys.stdout.flush()
+                report(driven, number, time.monotonic() - begin)
         driven.settle()
-        mib, seconds = resident(), time.monotonic() - begin
-        sys.stdout.write(f"  {events:6} events, {seconds:5.0f} s, {mib:6.0f} MiB\n")
+        report(driven, events, time.monotonic() - begin)
         sys.stdout.write(f"  {len(driven.told)} clicks were answered\n")
         driven.session.close()
+
+
+def report(driven: Offscreen, events: int, seconds: float) -> None:
+    """Print what the process has."""
+    # What a device compiled stays, as it may be used again.
+    shaders = len(getattr(driven.session._renderer._backend, "_pipelines", ()))
+    line = f"  {events:6} events, {seconds:5.0f} s, {resident():6.0f} MiB, {shaders} shaders\n"
+    sys.stdout.write(line)
+    sys.stdout.flush()
 
 
 def speed(scene: str, frames: int, backend: str) -> None:

@@ -39,7 +39,8 @@ def picture_of(frame: Frame, output: str) -> Bytes:
             return _errors(array, frame.solid >= 0)
         case Levels.NUMBER:
             return _grey(array * (255 // max(int(array.max()), 1)))
-    pixels = (picture(frame, output).pixels >> 8).astype(np.uint8)
+    # To the nearest of 256 levels, of 65536.
+    pixels = ((picture(frame, output).pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
     return pixels if pixels.ndim == 3 else _grey(pixels)
 
 

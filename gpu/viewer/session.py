@@ -344,8 +344,9 @@ class Session:
             self._announced = False
             frame = self._frame_of(kind)
             if key not in self._compiled and frame.info["adapter"] != NUMPY:
-                # The first frames compile; the one after these takes as long as all others.
-                for _ in range(WARM_UP):
+                # The first frames compile. The one after these takes as long as all others, which
+                # is worth seconds where it is seen.
+                for _ in range(WARM_UP - (kind is _Kind.CERTAIN)):
                     frame = self._frame_of(kind)
             self._compiled.add(key)
             self._take(kind, frame)

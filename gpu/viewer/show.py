@@ -19,6 +19,7 @@ from halfstep.errors import UsageError
 from halfstep.scene import CameraLike, Overrides, SceneLike
 from halfstep.viewer.page import HOST, Server
 from halfstep.viewer.session import Session
+from halfstep.viewer.text import NARROWEST
 from halfstep.viewer.watch import Source
 
 # What each needs beside rendercanvas; the extra `view` brings it all.
@@ -156,8 +157,12 @@ class _Run:
         if session.is_closed:
             return
         with self._failing():
-            picture = session.draw(canvas.get_physical_size(), canvas.get_pixel_ratio())
+            size = canvas.get_physical_size()
+            picture = session.draw(size, canvas.get_pixel_ratio())
             self._context.set_bitmap(picture)
+            if size[0] < NARROWEST:
+                # There is no room in it for what it says of itself.
+                canvas.set_title(session.lines[-1])
             if session.wants_draw:
                 canvas.request_draw()
 
@@ -226,11 +231,23 @@ def _canvas(name: str, source: Source) -> Any:
     """A canvas as large as the picture of the scene."""
     module = importlib.import_module(f"rendercanvas.{_MODULES.get(name, name)}")
     image = source.scene.image
-    return module.RenderCanvas(
+    class_ = module.RenderCanvas if name != "notebook" else _closed_once(module.RenderCanvas)
+    return class_(
         size=(image.width, image.height),
         title=f"halfstep: {source.scene.title or source.scene.name}",
         max_fps=MOST_FPS,
     )
+
+
+def _closed_once(class_: type[Any]) -> type[Any]:
+    """A class of canvases of which `close` does not call itself for ever, as up to 2.7.2."""
+
+    def close(canvas: Any) -> None:
+        if not canvas.is_closing:
+            canvas.is_closing = True
+            class_.close(canvas)
+
+    return type(class_.__name__, (class_,), {"close": close, "is_closing": False})
 
 
 def _chosen(canvas: str) -> str:
