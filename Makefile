@@ -6,8 +6,8 @@ VENV := .venv
 PYTHON := $(VENV)/bin/python
 INSTALLED := $(VENV)/installed
 
-.PHONY: render test coverage quick shaders test-swiftshader test-dawn lint fix layout tables bench clean adapter \
-    lavapipe swiftshader
+.PHONY: render test coverage quick shaders test-swiftshader test-dawn test-view lint fix layout \
+    tables bench clean adapter lavapipe swiftshader
 
 render: adapter
 	$(PYTHON) -m halfstep render gallery -o gallery.png
@@ -55,6 +55,16 @@ NOT_DAWN := shows_the_line or shown_as_it_is or larger or stored_answers or many
 test-dawn: swiftshader
 	$(ON_SWIFTSHADER) $(PYTHON) -m pytest -p tests.dawn --allow-missing-types \
 	    -k 'not ($(NOT_DAWN))' $(DAWN_FILES:%=tests/test_testing_%.py)
+
+# A view as people see it: in Chromium, in a notebook and in a window. Screenshots go to
+# .venv/view/pictures.
+test-view: lavapipe
+	@command -v chromium >/dev/null || { $(call apt_install,chromium); }
+	@command -v Xvfb >/dev/null || { $(call apt_install,xvfb); }
+	$(PYTHON) -m venv $(VENV)/view
+	$(VENV)/view/bin/python -m pip install --quiet --disable-pip-version-check \
+	    --editable '.[view]' ipykernel ipywidgets nbclient
+	$(VENV)/view/bin/python -m tests.view_browser -o $(VENV)/view/pictures
 
 # mypy runs no import hooks, so it cannot see the mapping of an editable installation: the links
 # show it the package as it is when installed.

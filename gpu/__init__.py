@@ -60,6 +60,7 @@ if TYPE_CHECKING:
         Torus,
         Volume,
     )
+    from halfstep.viewer.show import view
 
 __all__ = [
     "Accuracy",
@@ -104,6 +105,7 @@ __all__ = [
     "load",
     "render",
     "render_frames",
+    "view",
     "write",
 ]
 
@@ -149,6 +151,7 @@ _HOME = {
     "load": "models",
     "render": "frames.renderer",
     "render_frames": "frames.sequence",
+    "view": "viewer.show",
     "write": "files",
 }
 

@@ -182,12 +182,14 @@ def test_all_options_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     [usage] = blocks(README, "text")
     names = [command.__name__.rpartition(".")[2].rstrip("_") for command in cli.COMMANDS]
     usage, _, look = usage.partition("\nLOOK ")
+    usage, _, how = usage.partition("\nHOW: ")
     assert sorted(re.findall(r"^halfstep (\w+)", usage, re.MULTILINE)) == sorted(names)
     for command in names:
         assert cli.main([command, "--help"]) == 0
         options = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - {"--help", "--output"}
         [own] = re.findall(rf"^halfstep {command}\b(.*?)(?=^halfstep|\Z)", usage, re.M | re.S)
         own += look if "[LOOK]" in own else ""
+        own += how if "[HOW]" in own else ""
         assert set(re.findall(r"--[a-z-]+", own)) == options
 
 

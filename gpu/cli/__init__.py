@@ -23,6 +23,7 @@ from halfstep.cli import (
     schema,
     shader,
     tune,
+    view,
 )
 from halfstep.cli.output import open_closed_streams, say, writing_stdout
 from halfstep.errors import HalfstepError
@@ -30,7 +31,20 @@ from halfstep.version import __version__
 
 EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
 # In the order of the help; each module adds its command to a parser.
-COMMANDS = (render, animate, import_, info, tune, check, bench, doctor, scenes, schema, shader)
+COMMANDS = (
+    render,
+    animate,
+    view,
+    import_,
+    info,
+    tune,
+    check,
+    bench,
+    doctor,
+    scenes,
+    schema,
+    shader,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

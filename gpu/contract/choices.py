@@ -8,7 +8,10 @@ NumberFormat = Literal["float32", "fixed32"]
 Method = Literal["visible", "article"]
 # "auto" is a device if there is one, else NumPy.
 BackendName = Literal["auto", "gpu", "numpy"]
+# What a view is seen on. "auto" is a window if there is a display, else a page for a browser.
+Canvas = Literal["auto", "glfw", "http", "terminal"]
 
 NUMBER_FORMATS: tuple[NumberFormat, ...] = get_args(NumberFormat)
 METHODS: tuple[Method, ...] = get_args(Method)
 BACKENDS: tuple[BackendName, ...] = get_args(BackendName)
+CANVASES: tuple[Canvas, ...] = get_args(Canvas)

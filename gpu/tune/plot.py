@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from halfstep.contract.arrays import Bytes, Floats
+from halfstep.contract.arrays import Bytes
 from halfstep.errors import UsageError
+from halfstep.files.inferno import inferno
 from halfstep.files.whole import check_output_folder, write_file
 from halfstep.frames.png import png
 from halfstep.scene import Accuracy
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-# Inferno at equal distances: dark to bright, also in grey and to the colour-blind.
-_SCALE = ("000004", "1b0c41", "4a0c6b", "781c6d", "a52c60", "cf4446", "ed6925", "fb9b06", "f7d13d")
 _WRONG = (0, 230, 230)
 _NOTHING = (52, 58, 66)
 # The scale spans this many powers of ten below the first that no error exceeds.
@@ -291,7 +290,7 @@ def error_map(report: Report) -> Bytes:
     low, _ = scale_of(report)
     hit = np.isfinite(errors)
     place = np.log10(np.maximum(np.where(hit, errors, low), low) / low) / _DECADES
-    picture = _colors_at(place)
+    picture = inferno(place)
     picture[np.isnan(errors)] = _NOTHING
     picture[np.isposinf(errors)] = _WRONG
     height, width = errors.shape
@@ -299,13 +298,6 @@ def error_map(report: Report) -> Bytes:
     canvas.paste(Image.fromarray(picture), (0, 0))
     _draw_legend(canvas, height, report, low)
     return np.asarray(canvas)
-
-
-def _colors_at(place: Floats) -> Bytes:
-    """Colours (…, 3) of places 0…1 on the scale."""
-    anchors = np.array([list(bytes.fromhex(color)) for color in _SCALE], np.float64)
-    at = np.linspace(0, 1, len(anchors))
-    return np.stack([np.interp(place, at, column) for column in anchors.T], -1).astype(np.uint8)
 
 
 def _draw_legend(canvas: Image.Image, top: int, report: Report, low: float) -> None:
@@ -319,7 +311,7 @@ def _draw_legend(canvas: Image.Image, top: int, report: Report, low: float) -> N
         font,
     )
     left, width = 12, 264
-    bar = np.broadcast_to(_colors_at(np.linspace(0, 1, width)), (14, width, 3))
+    bar = np.broadcast_to(inferno(np.linspace(0, 1, width)), (14, width, 3))
     canvas.paste(Image.fromarray(np.ascontiguousarray(bar)), (left, top + 30))
     draw.rectangle((left - 1, top + 29, left + width, top + 44), outline=(110, 110, 110))
     for decade in range(_DECADES + 1):

@@ -1,0 +1,149 @@
+"""A scene cut by a plane across an axis of the world, so that its inside is seen.
+
+Solids get a half-space more, patches a smaller box, cells one side of a surface more, and places
+and lattices a region outside of which they are not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from halfstep.errors import SceneError
+from halfstep.frames.frame import Frame
+from halfstep.models.look import both, plane
+from halfstep.models.shape import without_empty
+from halfstep.scene import MAX_HALF_SPACES, Box, Group, PlanePatch, Polyhedron, Scene
+from halfstep.scene.bases import BaseSolid, CutSolid
+from halfstep.scene.formula import Sense
+from halfstep.scene.groups import Cell, Place
+from halfstep.scene.surfaces import PlaneSurface
+
+
+@dataclass(frozen=True)
+class Clip:
+    """What is left of a scene: one side of a plane.
+
+    Attributes:
+        axis: of the world, across which the plane lies: 0, 1 or 2.
+        at: where on the axis.
+        above: whether what lies above is left, or what lies below.
+    """
+
+    axis: int
+    at: float
+    above: bool = False
+
+    def __str__(self) -> str:
+        return f"{'xyz'[self.axis]} {'>' if self.above else '<'} {self.at:.6g}"
+
+
+@dataclass(frozen=True)
+class Clipped:
+    """A scene that was cut.
+
+    Attributes:
+        scene: what is left of it.
+        solids: the number that each solid has in the scene that was cut.
+    """
+
+    scene: Scene
+    solids: tuple[int, ...]
+
+    def numbered(self, frame: Frame, scene: Scene) -> Frame:
+        """A frame of what is left, with the numbers that solids have in the whole ``scene``."""
+        gone = len(scene.solids) - len(self.solids)
+        if not gone:
+            return frame
+        # Cells come after the solids, and -1 is what is nothing.
+        table = np.append(np.array(self.solids, np.int32), np.int32(-1))
+        solid = np.where(
+            frame.solid < len(self.solids),
+            table[np.minimum(frame.solid, len(self.solids))],
+            frame.solid + gone,
+        ).astype(np.int32)
+        arrays = {name: getattr(frame, name) for name in frame.outputs}
+        return Frame({**arrays, "solid": solid}, frame.info)
+
+
+def clipped(scene: Scene, clip: Clip) -> Clipped:
+    """What a clip leaves of a scene.
+
+    Raises:
+        SceneError: a solid has as many half-spaces as it may have; or nothing is left.
+    """
+    left = [_cut(solid, clip, f"solid[{ix}]") for ix, solid in enumerate(scene.solids)]
+    kept = tuple(ix for ix, solid in enumerate(left) if solid is not None)
+    solids = tuple(left[ix] for ix in kept)
+    cut = scene.model_copy(update={"solids": solids, **_cut_regions(scene, clip)})
+    if cut.cells:
+        # The cells of the scene alone are cut, and what is in groups takes longest.
+        alone = cut.model_copy(update={"groups": ()})
+        cut = cut.model_copy(update={"cells": without_empty(alone).cells})
+    if not solids and not cut.places and not any(cell.visible for cell in cut.cells):
+        raise SceneError(f"clip: nothing has {clip}")
+    return Clipped(cut, kept)
+
+
+def _cut(solid: Any, clip: Clip, name: str) -> BaseSolid | None:
+    """What is left of a solid, None where that is nothing."""
+    if isinstance(solid, PlanePatch):
+        return _cut_patch(solid, clip)
+    sign = -1.0 if clip.above else 1.0
+    normal = sign * solid.world_from_local()[clip.axis]
+    distance = sign * (clip.at - solid.origin[clip.axis])
+    row = (*(normal + 0.0).tolist(), distance)
+    if len(solid.half_spaces()) >= MAX_HALF_SPACES:
+        raise SceneError(f"clip: {name} has {MAX_HALF_SPACES} half-spaces, and no room for another")
+    if isinstance(solid, CutSolid):
+        return solid.model_copy(update={"cut": (*solid.cut, row)})
+    assert isinstance(solid, Box | Polyhedron)
+    keys = solid.model_dump(exclude={"kind", "size", "rows"}, exclude_none=True)
+    keys["rows"] = [*solid.half_spaces().tolist(), row]
+    try:
+        return Polyhedron(**keys)
+    except SceneError:
+        return None
+
+
+def _cut_patch(patch: PlanePatch, clip: Clip) -> PlanePatch | None:
+    """What is left of a patch, None where that is nothing."""
+    if clip.axis not in patch.tested_axes():
+        # It lies across the axis, as the plane of the clip does.
+        place = patch.origin[clip.axis]
+        return patch if (place >= clip.at if clip.above else place <= clip.at) else None
+    side, nearer = ("min", max) if clip.above else ("max", min)
+    ends = list(getattr(patch.bounds, side))
+    ends[clip.axis] = nearer(ends[clip.axis], clip.at)
+    keys = patch.model_dump(exclude_none=True)
+    keys["bounds"][side] = ends
+    try:
+        return PlanePatch(**keys)
+    except SceneError:
+        return None
+
+
+def _cut_regions(scene: Scene, clip: Clip) -> dict[str, object]:
+    """The cells and copies of a scene, cut by a surface more."""
+    if not (scene.cells or scene.places or scene.lattices):
+        return {}
+    number = 1 + max((surface.id or 0 for surface in scene.surfaces), default=0)
+    surface = PlaneSurface(**plane(clip.axis, clip.at, number))
+    side = Sense(number, positive=clip.above)
+    cells: list[Cell] = [
+        cell.model_copy(update={"region": both(cell.region, side)}) for cell in scene.cells
+    ]
+    places: list[Place] = [
+        place.model_copy(update={"within": both(place.within, side)}) for place in scene.places
+    ]
+    changes: dict[str, object] = {"surfaces": (*scene.surfaces, surface), "cells": tuple(cells)}
+    if scene.lattices:
+        # A lattice is cut by what it is in: a group of its own, which adds no copy.
+        known = {group.name for group in scene.groups}
+        name = next(f"lattices {n}" for n in range(len(known) + 1) if f"lattices {n}" not in known)
+        around = Group.model_construct(name=name, lattices=scene.lattices)
+        changes |= {"groups": (*scene.groups, around), "lattices": ()}
+        places.append(Place(group=name, within=side))
+    return {**changes, "places": tuple(places)}

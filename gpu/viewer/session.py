@@ -1,0 +1,480 @@
+"""A view without a canvas: events in, pictures out.
+
+Every picture is made in `Session.draw`; events only say what the next one shows. While something
+moves, a picture is drawn at once, with one sample in a pixel, and in fewer pixels if that takes
+long. At rest it is drawn with all pixels and samples, and then what is certain of it is found.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from halfstep.contract.arrays import Array, Bytes, Floats
+from halfstep.errors import AdapterError, SceneError, UsageError
+from halfstep.frames.frame import Frame, Info
+from halfstep.frames.renderer import WARM_UP, Renderer
+from halfstep.host.prepare import Solids
+from halfstep.scene import Camera, Scene, with_overrides
+from halfstep.viewer import camera as cameras
+from halfstep.viewer import pick
+from halfstep.viewer.clip import Clip, Clipped, clipped
+from halfstep.viewer.picture import picture_of
+from halfstep.viewer.state import KEYS, Facts, State, coarser, pressed
+from halfstep.viewer.text import with_text
+from halfstep.viewer.watch import Source
+
+# Seconds without an event after which a picture is drawn as it is at rest.
+REST_AFTER = 0.2
+# To find what is certain may take seconds, in which no event is answered: a pause must have lasted
+# so many times as long.
+PATIENCE = 2.0
+# Seconds between looks at the file.
+LOOK_AFTER = 0.2
+# A pointer that moves no farther between down and up, in pixels of a common screen, was a click.
+CLICK = 3.0
+# Radians for each pixel that the pointer is dragged, and octaves for each unit of the wheel, of
+# which a notch has 100.
+TURN = 0.01
+OCTAVES = 0.0025
+MOST_WHEEL = 1000.0
+LEFT, RIGHT, MIDDLE = 1, 2, 3
+BACKGROUND = 18
+# The adapter of a frame of the backend that compiles nothing.
+NUMPY = "numpy"
+# Keys of events that are not those of a state.
+QUIT, RESET, HELP = ("q", "Q", "Escape"), ("r", "R", "Home"), ("h", "H", "?")
+HELP_LINES = (
+    "drag: turn    right button, or Shift: move    wheel: zoom    click: tell what is there",
+    *(f"{' '.join(row.names)}: {row.help}" for row in KEYS),
+    f"{' '.join(RESET)}: the camera of the scene    {' '.join(HELP)}: this help    q Escape: quit",
+)
+
+
+class _Shown(NamedTuple):
+    """What a picture shows.
+
+    Attributes:
+        scene: as its file is.
+        camera: None for that of the scene.
+        state: what replaces what the scene says.
+    """
+
+    scene: Scene
+    camera: Camera | None
+    state: State
+
+
+class _Kind(Enum):
+    """What a frame is for."""
+
+    MOVING = "seen at once, while it moves"
+    STILL = "seen at rest"
+    CERTAIN = "asked for errors and about pixels"
+
+
+class _Drag(NamedTuple):
+    """A pointer that is down.
+
+    Attributes:
+        start: where it went down, in pixels of a common screen.
+        last: where it was last.
+        pans: whether it moves the scene, or turns it.
+        depth: of what is under it.
+        moved: whether it is more than a click.
+    """
+
+    start: cameras.Place
+    last: cameras.Place
+    pans: bool
+    depth: float
+    moved: bool
+
+
+class Session:
+    """A view of one scene.
+
+    Attributes:
+        is_closed: whether it is over.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        *,
+        backend: str = "auto",
+        adapter: str | int | None = None,
+        tell: Callable[[str], object],
+        rest_after: float = REST_AFTER,
+        patience: float = PATIENCE,
+    ) -> None:
+        """Open a device.
+
+        Args:
+            source: of the scene.
+            backend: "auto", "gpu" or "numpy".
+            adapter: an index or a part of the name of a Vulkan adapter.
+            tell: what is to be done with a line about a pixel that was clicked.
+            rest_after: seconds without an event after which a picture is at rest.
+            patience: how many times longer than finding what is certain takes a pause must be.
+
+        Raises:
+            AdapterError: no suitable adapter.
+            DeviceError: the driver refuses.
+        """
+        self._source = source
+        self._renderer = Renderer(source.scene, backend=backend, adapter=adapter)
+        self._tell = tell
+        self._rest_after, self._patience = rest_after, patience
+        self._now = _Shown(source.scene, None, State())
+        self._good: _Shown | None = None
+        self._size, self._ratio = (1, 1), 1.0
+        self._picture: Bytes | None = None
+        self._frame: Frame | None = None
+        # Whether that frame has all pixels and samples; what is certain of it, once that is known,
+        # and how many seconds that took the last time.
+        self._is_fine = True
+        self._certain: Frame | None = None
+        self._cost = 0.0
+        self._is_stale = self._is_untold = True
+        self._rest_at = self._certain_at = self._look_at = 0.0
+        self._factor = 1
+        self._drag: _Drag | None = None
+        self._anchor: tuple[cameras.Place, float] | None = None
+        self._clicked: cameras.Place | None = None
+        self._note = self._status = self._certainty = ""
+        self._helps = False
+        # Of what shaders were compiled, and whether that they are being compiled was shown.
+        self._compiled: set[object] = set()
+        self._announced = False
+        self._cut: tuple[Scene, Clip, Clipped] | None = None
+        self._box: tuple[Scene, Floats] | None = None
+        self.is_closed = False
+
+    def close(self) -> None:
+        """Give the device back."""
+        self.is_closed = True
+        self._renderer.close()
+
+    @property
+    def camera(self) -> Camera:
+        """From where the scene is seen."""
+        return self._now.camera or self._now.scene.camera
+
+    @property
+    def state(self) -> State:
+        """What is shown."""
+        return self._now.state
+
+    @property
+    def lines(self) -> list[str]:
+        """What the picture says of itself, one line for each fact."""
+        help_ = HELP_LINES if self._helps else ()
+        status = "  ·  ".join(filter(None, (self._status, self._certainty)))
+        said = [*help_, *self._source.fault.splitlines(), *self._note.splitlines(), status]
+        return [line for line in said if line]
+
+    @property
+    def wants_draw(self) -> bool:
+        """Whether a new picture would differ."""
+        return self._is_untold or self._clicked is not None or self._due is not None
+
+    @property
+    def _due(self) -> _Kind | None:
+        """What frame is to be rendered now."""
+        now = time.monotonic()
+        if self._is_stale:
+            return _Kind.MOVING
+        if not self._is_fine and now >= self._rest_at:
+            return _Kind.STILL
+        if self._certain is None and (self._clicked is not None or now >= self._certain_at):
+            return _Kind.CERTAIN
+        return None
+
+    # ---------------------------------------------------------------------------- events
+
+    def tick(self) -> bool:
+        """Look whether the file has changed; whether there is something to draw."""
+        now = time.monotonic()
+        if now >= self._look_at:
+            self._look_at = now + LOOK_AFTER
+            if self._source.poll():
+                self._is_untold = True
+                if not self._source.fault:
+                    self._note, self._cost = "", 0.0
+                    self._compiled.clear()
+                    self._show(scene=self._source.scene)
+        return self.wants_draw
+
+    def handle(self, event: Mapping[str, Any]) -> None:
+        """Take an event of rendercanvas."""
+        match event["event_type"]:
+            case "pointer_down":
+                self._down(event)
+            case "pointer_move":
+                self._move(event)
+            case "pointer_up":
+                self._up(event)
+            case "wheel":
+                self._wheel(event)
+            case "key_down":
+                self._key(event)
+            case "close":
+                self.is_closed = True
+
+    def _down(self, event: Mapping[str, Any]) -> None:
+        button, place = event["button"], (event["x"], event["y"])
+        if button in (LEFT, RIGHT, MIDDLE):
+            pans = button != LEFT or "Shift" in event["modifiers"]
+            self._drag = _Drag(place, place, pans, self._depth_at(self._pixel(place)), moved=False)
+
+    def _move(self, event: Mapping[str, Any]) -> None:
+        drag, place = self._drag, (event["x"], event["y"])
+        if drag is None:
+            return
+        across, down = place[0] - drag.last[0], place[1] - drag.last[1]
+        far = max(abs(place[0] - drag.start[0]), abs(place[1] - drag.start[1]))
+        if not drag.moved and far <= CLICK:
+            return
+        self._drag = drag._replace(last=place, moved=True)
+        if drag.pans:
+            start, end = self._pixel(drag.last), self._pixel(place)
+            self._show(camera=cameras.pan(self.camera, self._size, start, end, drag.depth))
+        else:
+            self._show(camera=cameras.orbit(self.camera, -TURN * across, TURN * down))
+
+    def _up(self, event: Mapping[str, Any]) -> None:
+        drag, self._drag = self._drag, None
+        if drag is not None and not drag.moved and not drag.pans:
+            self._clicked = self._pixel((event["x"], event["y"]))
+
+    def _wheel(self, event: Mapping[str, Any]) -> None:
+        turned = min(max(event["dy"], -MOST_WHEEL), MOST_WHEEL)
+        place = self._pixel((event["x"], event["y"]))
+        factor, depth = 2.0 ** (-OCTAVES * turned), self._depth_at(place)
+        self._show(camera=cameras.zoom(self.camera, self._size, place, factor, depth))
+        self._anchor = place, depth / factor
+
+    def _key(self, event: Mapping[str, Any]) -> None:
+        key = event["key"]
+        if not {"Control", "Alt", "Meta"}.isdisjoint(event["modifiers"]):
+            return
+        if key in QUIT:
+            self.is_closed = True
+        elif key in RESET:
+            self._now = self._now._replace(camera=None)
+            self._show()
+        elif key in HELP:
+            self._helps, self._is_untold = not self._helps, True
+        else:
+            facts = Facts(self._now.scene, self._most_steps, self._volume)
+            state = pressed(self.state, key, facts)
+            if state is not None:
+                self._note = ""
+                self._show(state=state)
+
+    def _show(self, **changes: Any) -> None:
+        """Let the next picture show something else."""
+        self._now = self._now._replace(**changes)
+        self._is_stale, self._certain, self._anchor = True, None, None
+
+    def _pixel(self, place: cameras.Place) -> cameras.Place:
+        """A place of a common screen in pixels of the picture."""
+        return place[0] * self._ratio, place[1] * self._ratio
+
+    def _depth_at(self, place: cameras.Place) -> float:
+        """Of what was last seen at a place, or of look_at where nothing is."""
+        if self._anchor is not None and self._anchor[0] == place:
+            return self._anchor[1]
+        if self._frame is not None:
+            row, column = _at(place, self._size, self._frame.depth)
+            depth = float(self._frame.depth[row, column])
+            if depth > 0:
+                return depth
+        return cameras.distance(self.camera)
+
+    @property
+    def _most_steps(self) -> int:
+        """Halvings of what was seen last."""
+        return max([0 if self._frame is None else max(self._frame.info["steps"], default=0), 1])
+
+    # ---------------------------------------------------------------------------- pictures
+
+    def draw(self, size: cameras.Size, ratio: float = 1.0) -> Bytes:
+        """The picture as it is now, RGBA, (H, W, 4).
+
+        Args:
+            size: (width, height) in pixels.
+            ratio: pixels in a pixel of a common screen.
+
+        Raises:
+            HalfstepError: nothing can be shown, or the device was lost.
+        """
+        if (size, ratio) != (self._size, self._ratio):
+            self._size, self._ratio = size, ratio
+            self._show()
+        self._is_untold = False
+        try:
+            self._render()
+        except (SceneError, AdapterError, UsageError, MemoryError) as error:
+            self._go_back(error)
+        width, height = size
+        picture = self._picture
+        if picture is None:
+            picture = np.full((height, width, 3), BACKGROUND, np.uint8)
+        elif picture.shape[:2] != (height, width):
+            picture = _scaled(picture, size)
+        return with_text(picture, self.lines, ratio)
+
+    def _render(self) -> None:
+        """Render what is asked for, if anything is."""
+        kind = self._due
+        if kind is not None:
+            # Compiling takes seconds, so that it is said before.
+            key = self._shader_key(kind)
+            if key not in self._compiled and not self._announced:
+                self._announced = self._is_untold = True
+                self._status, self._certainty = "compiling shaders", ""
+                return
+            self._announced = False
+            frame = self._frame_of(kind)
+            if key not in self._compiled and frame.info["adapter"] != NUMPY:
+                # The first frames compile. The one after these takes as long as all others, which
+                # is worth seconds where it is seen.
+                for _ in range(WARM_UP - (kind is _Kind.CERTAIN)):
+                    frame = self._frame_of(kind)
+            self._compiled.add(key)
+            self._take(kind, frame)
+        if self._clicked is not None and self._certain is not None:
+            row, column = _at(self._clicked, self._size, self._certain.depth)
+            self._clicked = None
+            self._note = pick.told(self._now.scene, self._certain, row, column)
+            self._tell(self._note)
+
+    def _take(self, kind: _Kind, frame: Frame) -> None:
+        """Let a frame be what is shown, or what is known of that."""
+        seconds = frame.info["wall_ms"] / 1e3
+        if kind is _Kind.CERTAIN:
+            self._certain, self._cost = frame, seconds
+            self._certainty = _certainty(frame)
+        else:
+            self._frame, self._good, self._is_stale = frame, self._now, False
+            self._picture = picture_of(frame, self.state.output)
+        if self._frame is not None:
+            self._status = self._described(self._frame)
+        if kind is _Kind.MOVING:
+            self._certainty = ""
+            self._is_fine = self._samples == 1 and self._factor == 1
+            self._factor = coarser(self._factor, 1e3 * seconds)
+            self._rest_at = time.monotonic() + self._rest_after
+            self._certain_at = self._rest_at + self._patience * self._cost
+        elif kind is _Kind.STILL:
+            self._is_fine = True
+
+    @property
+    def _samples(self) -> int:
+        """Of a pixel at rest: k, for k x k of them."""
+        return self.state.samples or self._now.scene.image.samples
+
+    def _frame_of(self, kind: _Kind) -> Frame:
+        """A frame of what is shown now."""
+        scene, camera, state = self._now
+        width, height = self._size
+        if kind is _Kind.MOVING:
+            width, height = max(width // self._factor, 1), max(height // self._factor, 1)
+        cut = None if state.clip is None else self._clipped(scene, state.clip)
+        shown = with_overrides(
+            scene if cut is None else cut.scene,
+            camera=camera,
+            **state.overrides((width, height), self._samples if kind is _Kind.STILL else 1),
+        )
+        outputs = pick.OUTPUTS if kind is _Kind.CERTAIN else (state.output, "depth")
+        frame = self._renderer.render_prepared(self._renderer.prepare(shown, outputs=outputs))
+        return frame if cut is None else cut.numbered(frame, scene)
+
+    def _clipped(self, scene: Scene, clip: Clip) -> Clipped:
+        """What a clip leaves of the scene, most often the same as before."""
+        if self._cut is None or self._cut[0] is not scene or self._cut[1] != clip:
+            self._cut = scene, clip, clipped(scene, clip)
+        return self._cut[2]
+
+    def _volume(self) -> Floats:
+        """The volume of the scene, (2, 3)."""
+        scene = self._now.scene
+        if self._box is None or self._box[0] is not scene:
+            self._box = scene, np.array(Solids.of(scene).volume)
+        return self._box[1]
+
+    def _shader_key(self, kind: _Kind) -> object:
+        """What decides which shaders there are, as far as a session knows."""
+        state = self.state
+        output = None if kind is _Kind.CERTAIN else state.output
+        averages = kind is _Kind.STILL and self._samples > 1
+        own = state.number_format, state.method, state.shadows, state.clip is None
+        return output, averages, kind is _Kind.CERTAIN, own
+
+    def _go_back(self, error: Exception) -> None:
+        """Show again what could be shown, and say why what is asked for cannot."""
+        if self._good is None:
+            raise error
+        self._note = str(error) or _NO_MEMORY
+        self._clicked, self._announced = None, False
+        self._is_fine, self._certain_at = True, math.inf
+        self._is_stale = self._now != self._good
+        self._now = self._good
+
+    def _described(self, frame: Frame) -> str:
+        """The line about a frame."""
+        info = frame.info
+        height, width = frame.depth.shape
+        coarse = ""
+        if (width, height) != self._size:
+            coarse = f" in place of {self._size[0]}x{self._size[1]} while it moves"
+        parts = [
+            f"{info['wall_ms']:.1f} ms, {width}x{height}{coarse}",
+            f"n {_span(info)}, {info['number_format']}, {info['method']}",
+            self.state.output,
+            "" if self.state.clip is None else str(self.state.clip),
+            info["adapter"],
+        ]
+        return "  ·  ".join(filter(None, parts))
+
+
+_NO_MEMORY = "not enough memory for this picture"
+
+
+def _span(info: Info) -> str:
+    """The numbers of halvings of the solids that are seen."""
+    seen = [steps for steps in info["steps"] if steps]
+    if not seen:
+        return "0"
+    low, high = min(seen), max(seen)
+    return f"{low}" if low == high else f"{low} to {high}"
+
+
+def _certainty(frame: Frame) -> str:
+    """The largest error of a frame, and how many pixels have none."""
+    certain = np.isfinite(frame.error)
+    largest = float(frame.error[certain].max(initial=0.0))
+    left = int(certain.size - certain.sum())
+    return f"error at most {largest:.2g}" + (f", {left} pixels not certain" if left else "")
+
+
+def _at(place: cameras.Place, size: cameras.Size, array: Array) -> tuple[int, int]:
+    """Row and column of an array (H, W) that covers a picture, at a place of the picture."""
+    height, width = array.shape
+    column, row = int(place[0] * width / size[0]), int(place[1] * height / size[1])
+    return min(max(row, 0), height - 1), min(max(column, 0), width - 1)
+
+
+def _scaled(picture: Bytes, size: cameras.Size) -> Bytes:
+    """A picture stretched to a size, each pixel to several."""
+    width, height = size
+    rows = np.arange(height) * picture.shape[0] // height
+    columns = np.arange(width) * picture.shape[1] // width
+    return picture[rows[:, None], columns]

@@ -1,0 +1,334 @@
+"""A session on a canvas of rendercanvas: which there are, and what is done until it is over."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import importlib.util
+import os
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Unpack
+
+from halfstep.contract.choices import CANVASES
+from halfstep.errors import UsageError
+from halfstep.scene import CameraLike, Overrides, SceneLike
+from halfstep.viewer.page import HOST, Server
+from halfstep.viewer.session import Session
+from halfstep.viewer.text import NARROWEST
+from halfstep.viewer.watch import Source
+
+# What each needs beside rendercanvas; the extra `view` brings it all.
+_PACKAGES = {
+    "glfw": ("glfw",),
+    "http": ("uvicorn", "websockets"),
+    "terminal": ("blessed",),
+    "notebook": ("anywidget",),
+}
+_MODULES = {"notebook": "anywidget"}
+EVENTS = ("pointer_down", "pointer_move", "pointer_up", "wheel", "key_down", "close")
+# How often a canvas may draw, and how often a session looks whether it has something to draw.
+MOST_FPS = 100.0
+TICK = 0.02
+
+
+def view(
+    scene: SceneLike,
+    *,
+    canvas: str = "auto",
+    backend: str = "auto",
+    adapter: str | int | None = None,
+    camera: CameraLike | None = None,
+    **overrides: Unpack[Overrides],
+) -> Any:
+    """Show a scene live: the pointer turns, moves and zooms it, and a click tells what is there.
+
+    In a notebook it returns at once, with a widget that the notebook shows. Elsewhere it returns
+    when the window, or the page in a browser, is closed.
+
+    Args:
+        scene: what to show, as `render` takes it; a file is read anew when it changes.
+        canvas: "glfw", a window; "http", a page that a browser shows; "terminal"; or "auto", the
+            notebook where there is one, a window where there is a display, and else a page.
+        backend: "auto", "gpu" or "numpy".
+        adapter: an index or a part of the name of a Vulkan adapter.
+        camera: in place of the scene's, as `render` takes it.
+        overrides: size, steps and the other options of `halfstep.scene.Overrides`.
+
+    Raises:
+        SceneError: there is no such scene, or it has faults; an option is out of range.
+        UsageError: there is no such canvas, or it is not installed; there is no display.
+        AdapterError: no suitable adapter.
+        DeviceError: the device was lost or the driver failed.
+    """
+    source = Source(scene, None, camera, overrides)
+    if canvas == "auto" and _is_notebook():
+        return _show_in_notebook(source, backend, adapter)
+    return show(source, canvas=canvas, backend=backend, adapter=adapter, tell=_tell, say=_say)
+
+
+def show(
+    source: Source,
+    *,
+    canvas: str,
+    backend: str,
+    adapter: str | int | None,
+    tell: Callable[[str], object],
+    say: Callable[[str], object],
+    host: str = HOST,
+    port: int = 0,
+) -> None:
+    """Show a scene until its window or page is closed.
+
+    Args:
+        source: of the scene.
+        canvas: one of `CANVASES`.
+        backend: as of `view`; so is ``adapter``.
+        adapter: an index or a part of the name of a Vulkan adapter.
+        tell: what is to be done with a line for machines: where the page is, what was clicked.
+        say: what is to be done with a line for people.
+        host: address that a page is served at.
+        port: of that address; 0 takes one that is free.
+
+    Raises:
+        HalfstepError: as `view`.
+        KeyboardInterrupt: somebody interrupted it.
+    """
+    name = _chosen(canvas)
+    image = source.scene.image
+    server = Server(host, port, (image.width, image.height)) if name == "http" else None
+    session = Session(source, backend=backend, adapter=adapter, tell=tell)
+    try:
+        with _quiet():
+            made = _canvas(name, source)
+            run = _Run(session, made, stop=None if server is None else server.stop)
+            if server is None:
+                run.loop.run()
+            else:
+                tell(server.address)
+                say("open this address in a browser; closing the page, or Ctrl-C, ends it")
+                server.serve(run.close)
+        run.finish()
+    finally:
+        session.close()
+
+
+class _Run:
+    """A session and its canvas while they are open.
+
+    What fails in an event or a picture ends it, and is raised when it is over: rendercanvas would
+    only log it.
+    """
+
+    def __init__(
+        self, session: Session, canvas: Any, stop: Callable[[], None] | None = None
+    ) -> None:
+        self._session = session
+        self._canvas = canvas
+        self._stop = stop
+        self._was_interrupted = False
+        self.failure: Exception | None = None
+        self.loop = canvas._rc_canvas_group.get_loop()  # noqa: SLF001 - there is no other way
+        self._context = canvas.get_bitmap_context()
+        canvas.add_event_handler(self._handle, *EVENTS)
+        canvas.request_draw(self._draw)
+        self.loop.add_task(self._ticking, name="halfstep")
+
+    @contextmanager
+    def _failing(self) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            self.failure = self.failure or error
+            self._session.is_closed = True
+
+    def _handle(self, event: dict[str, Any]) -> None:
+        with self._failing():
+            self._session.handle(event)
+            if self._session.wants_draw:
+                self._canvas.request_draw()
+
+    def _draw(self) -> None:
+        canvas, session = self._canvas, self._session
+        if session.is_closed:
+            return
+        with self._failing():
+            size = canvas.get_physical_size()
+            picture = session.draw(size, canvas.get_pixel_ratio())
+            self._context.set_bitmap(picture)
+            if size[0] < NARROWEST:
+                # There is no room in it for what it says of itself.
+                canvas.set_title(session.lines[-1])
+            if session.wants_draw:
+                canvas.request_draw()
+
+    async def _ticking(self) -> None:
+        with self._failing(), self._interrupts():
+            while not self._session.is_closed and not self._was_interrupted:
+                if self._session.tick():
+                    self._canvas.request_draw()
+                await asyncio.sleep(TICK)
+        self.close()
+
+    @contextmanager
+    def _interrupts(self) -> Iterator[None]:
+        """Note that Ctrl-C was pressed, in place of what rendercanvas does."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def note(*_: object) -> None:
+            self._was_interrupted = True
+
+        before = signal.signal(signal.SIGINT, note)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    def close(self) -> None:
+        """Close the canvas."""
+        self._session.is_closed = True
+        if not self._canvas.get_closed():
+            self._canvas.close()
+        if self._stop is not None:
+            self._stop()
+
+    def finish(self) -> None:
+        """Say how it ended.
+
+        Raises:
+            Exception: what failed.
+            KeyboardInterrupt: somebody interrupted it.
+        """
+        if self.failure is not None:
+            raise self.failure
+        if self._was_interrupted:
+            raise KeyboardInterrupt
+
+
+def _show_in_notebook(source: Source, backend: str, adapter: str | int | None) -> Any:
+    """The widget of a view."""
+    _check("notebook")
+    session = Session(source, backend=backend, adapter=adapter, tell=_tell)
+    canvas = _canvas("notebook", source)
+    run = _Run(session, canvas)
+
+    def over(_: object) -> None:
+        session.close()
+        if run.failure is not None:
+            _say(str(run.failure))
+
+    canvas.add_event_handler(over, "close")
+    return canvas
+
+
+def _canvas(name: str, source: Source) -> Any:
+    """A canvas as large as the picture of the scene."""
+    module = importlib.import_module(f"rendercanvas.{_MODULES.get(name, name)}")
+    image = source.scene.image
+    class_ = module.RenderCanvas if name != "notebook" else _closed_once(module.RenderCanvas)
+    return class_(
+        size=(image.width, image.height),
+        title=f"halfstep: {source.scene.title or source.scene.name}",
+        max_fps=MOST_FPS,
+    )
+
+
+def _closed_once(class_: type[Any]) -> type[Any]:
+    """A class of canvases of which `close` does not call itself for ever, as up to 2.7.2."""
+
+    def close(canvas: Any) -> None:
+        if not canvas.is_closing:
+            canvas.is_closing = True
+            class_.close(canvas)
+
+    return type(class_.__name__, (class_,), {"close": close, "is_closing": False})
+
+
+def _chosen(canvas: str) -> str:
+    """The canvas to take.
+
+    Raises:
+        UsageError: there is no such canvas, or something that it needs is missing.
+    """
+    if canvas not in CANVASES:
+        raise UsageError(f"canvas: {canvas!r} is not one of {', '.join(CANVASES)}")
+    if canvas == "auto":
+        has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+        canvas = "glfw" if has_display and _missing("glfw") is None else "http"
+    _check(canvas)
+    return canvas
+
+
+def _check(canvas: str) -> None:
+    """See that a canvas can be had.
+
+    Raises:
+        UsageError: what is missing, and what to do.
+    """
+    instead = "" if canvas in ("http", "notebook") else ", or take --canvas http"
+    missing = _missing(canvas)
+    if missing is not None:
+        raise UsageError(
+            f"--canvas {canvas}: needs the package {missing}: pip install 'halfstep[view]'{instead}"
+        )
+    if canvas == "terminal" and not sys.stdout.isatty():
+        raise UsageError(f"--canvas terminal: stdout is no terminal{instead}")
+    if canvas == "glfw":
+        _check_display(instead)
+
+
+def _check_display(instead: str) -> None:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import glfw
+
+            works = glfw.init()
+    except ImportError as error:
+        raise UsageError(f"--canvas glfw: GLFW cannot be loaded: {error}{instead}") from None
+    if not works:
+        raise UsageError(f"--canvas glfw: there is no display that windows can be on{instead}")
+
+
+def _missing(canvas: str) -> str | None:
+    """A package that a canvas needs and that is not installed."""
+    packages = _PACKAGES[canvas]
+    return next((name for name in packages if importlib.util.find_spec(name) is None), None)
+
+
+def _is_notebook() -> bool:
+    """Whether this is the kernel of a notebook."""
+    ipython = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    return shell is not None and shell.has_trait("kernel")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Let rendercanvas not log what we say ourselves, nor Python what it forgets to await."""
+    import logging
+
+    logger = logging.getLogger("rendercanvas")
+    before = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "coroutine 'Queue.put' was never awaited")
+            yield
+    finally:
+        logger.setLevel(before)
+
+
+def _tell(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
