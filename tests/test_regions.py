@@ -272,7 +272,7 @@ FAULTS = [
     ("| (only == i4(scan.number))", "| (only != i4(scan.number))"),
     ("scan.number + select(0, 1, ends)", "scan.number"),
     ("scan = read_word(scan, words[1], path, q, only);", ""),
-    ("region.first_group, region.end_group", "region.first_group, region.first_group + 1u"),
+    ("region.end_group,\n", "region.first_group + 1u,\n"),
     ("keep_crossing(region.flat_count + k,", "keep_crossing(k,"),
     ("+ (number - region.planes)", "+ number"),
     ("u4(cell * region.surfaces)", "u4(cell)"),
