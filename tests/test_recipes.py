@@ -97,6 +97,18 @@ for ending in ("png", "tif", "exr", "npz"):
 """,
     after=("tests.tables",),
 )
+DEVICE_OUTPUT = Recipe(
+    "A new output of the device",
+    6,
+    (
+        "tests/test_frame.py::test_every_output_has_its_shape_type_and_value_of_a_miss[numpy]",
+        "tests/test_frame.py::test_the_cosine_is_that_of_the_normal_and_the_ray[numpy]",
+        "tests/test_frame.py::test_the_cosine_is_that_of_the_normal_and_the_ray[gpu]",
+        "tests/test_source.py::test_code_of_an_output_is_there_for_it_alone[facing]",
+        "tests/test_stages.py::test_the_device_gives_the_bits_of_the_twin[forms-finish.finish]",
+    ),
+    after=("tests.tables",),
+)
 STAGE = Recipe(
     "A new stage",
     4,
@@ -129,7 +141,7 @@ assert numpy.load("red.npz")["color"][0, 0].tolist() == [1, 0, 0.5]
 assert main(["render", "one_sphere", "-o", "red.npz", "--background", "2,0,0"]) == 2
 """,
 )
-RECIPES = (KIND, OUTPUT, STAGE, OPTION)
+RECIPES = (KIND, OUTPUT, DEVICE_OUTPUT, STAGE, OPTION)
 
 
 def copy_with(folder: Path, steps: Sequence[Hunk]) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
+from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 from halfstep.contract.shadows import Kind
 from halfstep.contract.stages import FACTS, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
@@ -23,14 +24,14 @@ from halfstep.scene import Scene, bundled_scenes, load, with_overrides
 from halfstep.shader.expand import marks
 from halfstep.shader.fetch import fetches
 from halfstep.shader.library import definitions, joined, reached, stage
-from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs
+from halfstep.shader.needs import Needs
 from halfstep.shader.source import bindings, compose, constants, hides, stage_files
 from tests.bundled import drawn_by_all
 from tests.test_pack import SIZE
 
 METHODS = ("visible", "article")
 FORMATS = (FLOAT32, FLOAT32_EXACT, FIXED32)
-ALL = frozenset(OUTPUT_WORDS | OUTPUT_BYTES)
+ALL = frozenset(DEVICE_OUTPUTS.keys() | OUTPUT_BYTES)
 
 QUADRICS = {Class.QUADRIC, Class.QUADRIC_INSIDE}
 POLYHEDRA = {Class.POLYHEDRON, Class.POLYHEDRON_INSIDE}
@@ -140,7 +141,9 @@ def test_a_shader_holds_code_of_its_own_solids_alone() -> None:
 def test_code_of_an_output_is_there_for_it_alone(name: str) -> None:
     need = replace(NEEDS, outputs=device_outputs([name]))
     text = compose(need)
-    shaded, oriented = name in ("image", "color"), name in ("image", "color", "normal")
+    shaded = name in ("image", "color")
+    in_words = need.outputs & DEVICE_OUTPUTS.keys()
+    oriented = shaded or any("normal" in DEVICE_OUTPUTS[each].facts for each in in_words)
     assert ("fn encode(" in text) == (name == "image")
     assert ("fn shade(" in text) == ("lights" in text) == shaded
     assert ("fn gradient(" in text) == ("gradient(" in text) == oriented
@@ -250,7 +253,7 @@ def _combinations() -> Iterator[Needs]:
     visible: list[tuple[Class, ...]] = [(), tuple(Class), *((klass,) for klass in Class)]
     article: list[tuple[Class, ...]] = [(), article_classes]
     article += [(klass,) for klass in article_classes]
-    outputs = [ALL, *(frozenset({"tag", name}) for name in OUTPUT_WORDS | OUTPUT_BYTES)]
+    outputs = [ALL, *(frozenset({"tag", name}) for name in DEVICE_OUTPUTS.keys() | OUTPUT_BYTES)]
     for method, sets in (("visible", visible), ("article", article)):
         for classes, form, wanted in product(sets, FORMATS, outputs):
             if form is FIXED32:  # cannot draw them

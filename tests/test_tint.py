@@ -12,11 +12,11 @@ from importlib.util import find_spec
 
 import pytest
 
+from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 from halfstep.frames.outputs import device_outputs
 from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import bundled_scenes, load, with_overrides
-from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS
 from halfstep.shader.source import compose
 from tests.bundled import drawn_by_all
 from tests.test_pack import SIZE
@@ -39,7 +39,7 @@ WIDE = re.compile(r"\b[iu]64\b|\d(li|lu)\b|subgroup")
 
 def composed() -> Iterator[str]:
     """The shaders of all bundled scenes, with both methods and different outputs."""
-    everything = frozenset(OUTPUT_WORDS | OUTPUT_BYTES)
+    everything = frozenset(DEVICE_OUTPUTS.keys() | OUTPUT_BYTES)
     for name in bundled_scenes():
         for method in ("visible", "article") if name in drawn_by_all() else ("visible",):
             scene = with_overrides(load(name), size=SIZE, steps=12, method=method)

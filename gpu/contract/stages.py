@@ -13,6 +13,7 @@ from enum import Enum
 from halfstep.contract import shadows
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
+from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 
 
 class Kind(Enum):
@@ -158,10 +159,7 @@ FACTS = {
     "store_words": "the device writes outputs of words",
     **{
         f"store_{name}": f"the device writes the output {name}"
-        for name in (
-            *("surface", "key", "exit", "color", "normal", "error", "image", "tag"),
-            *("shadow", "overlap", "gap"),
-        )
+        for name in (*DEVICE_OUTPUTS, *OUTPUT_BYTES)
     },
 }
 

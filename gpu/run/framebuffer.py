@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from halfstep.contract.arrays import Bytes, Planes
-from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
+from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 from halfstep.host.pack import Packed
-from halfstep.shader.needs import MOST_TAGS, OUTPUT_BYTES, byte_offsets, plane_offsets
+from halfstep.shader.needs import MOST_TAGS, byte_offsets, plane_offsets
 
 # What is bound begins at a multiple of this many bytes, and so does what a query is resolved to.
 # All parts of a frame buffer do, because a tile has as many pixels.
@@ -67,21 +67,17 @@ class FrameBuffer:
 
         planes: Planes = {}
         for name in outputs:
-            of_words = words[first_plane.get(name, 0) :, : self.rows, : self.width]
-            if name == "image":
+            if name in OUTPUT_BYTES:
                 planes[name] = of_bytes(name)
-            elif name == "surface" and "tag" in self.written:
+                continue
+            if name == "surface" and "tag" in self.written:
                 planes[name] = of_bytes("tag")[..., 0]
-            elif name in {"surface", "shadow"}:
-                planes[name] = np.array(of_words[0])
-            elif name in ("key", "exit", "overlap", "gap"):
-                planes[name] = joined_key(*of_words[:2])
-            elif name == "error":
-                planes["low"] = joined_key(*of_words[:2])
-                planes["doubt"] = joined_key(*of_words[2:4])
-                planes["bound"] = np.array(of_words[4]).view(np.float32)
-            else:
-                planes[name] = np.stack([*of_words[:3]], axis=-1).view(np.float32)
+                continue
+            first = first_plane[name]
+            for plane in DEVICE_OUTPUTS[name].planes:
+                end = first + plane.kept.words
+                planes[plane.name] = plane.kept.array(words[first:end, : self.rows, : self.width])
+                first = end
         return planes
 
 

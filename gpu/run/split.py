@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from halfstep.contract.arrays import Planes
+from halfstep.contract.planes import PLANES
 from halfstep.host.pack import Packed
 
 
@@ -47,8 +48,7 @@ def nearest(first: Planes, second: Planes) -> Planes:
     ahead = (b < a) | ((b == a) & (second["surface"] < first["surface"]))
     joined: Planes = {}
     for name in first:
-        if name in ("low", "doubt", "overlap", "gap"):
-            # Least keys of all solids tried, seen or not.
+        if name in PLANES and PLANES[name].is_least:
             joined[name] = np.minimum(first[name], second[name])
             continue
         chosen = ahead if first[name].ndim == ahead.ndim else ahead[..., None]

@@ -11,6 +11,7 @@ from halfstep.contract.arrays import Array, Bools, Bytes, Ints, Planes
 from halfstep.contract.classes import Class
 from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
+from halfstep.contract.planes import DEVICE_OUTPUTS, Kept
 from halfstep.contract.srgb import srgb_table
 from halfstep.contract.stages import VISITS
 from halfstep.host.excerpts import lists_of
@@ -115,20 +116,25 @@ class Band:
     def finish(self) -> Planes:
         """The requested outputs of all pixels."""
         self._finish_regions()
-        nearest, outputs = self._nearest, self._outputs
-        planes: Planes = {"surface": nearest.surface}
-        keys = {
-            "key": nearest.key,
-            "exit": nearest.leaves,
-            "overlap": nearest.overlap,
-            "gap": nearest.gap,
-        }
-        planes |= {name: joined_key(*key) for name, key in keys.items() if name in outputs}
-        if "error" in outputs:
-            planes["low"], planes["doubt"] = joined_key(*nearest.low), joined_key(*nearest.doubt)
-            planes["bound"] = nearest.bound
+        found = self._found()
+        planes: Planes = {}
+        for name in self._outputs & DEVICE_OUTPUTS.keys() | {"surface"}:
+            for plane in DEVICE_OUTPUTS[name].planes:
+                value = found[plane.member or plane.name]
+                if plane.kept is Kept.KEY:
+                    value = joined_key(*value)
+                elif plane.kept is Kept.VECTOR:
+                    value = np.stack(value, axis=-1)
+                planes[plane.name] = value
+        if "image" in self._outputs:
+            planes["image"] = image_of(np.stack(found["color"], axis=-1))
+        return planes
+
+    def _found(self) -> dict[str, Any]:
+        """What is known of all pixels: members of their nearest points, and of what is shown."""
+        nearest = self._nearest
         if self._facts.isdisjoint({"normal", "shadows"}):
-            return planes
+            return nearest._asdict()
         j, i = np.mgrid[: self._shape[0], : self._shape[1]].astype(np.int32)
         j += np.int32(self._first_row)
         hidden = self._packed.shadows if "shadows" in self._facts else None
@@ -136,23 +142,15 @@ class Band:
             beams = module(self._packed.format.beam)
             points = shadows.find_points(hidden, nearest, i, j, beams)
             nearest = nearest._replace(dark=shadows.find_shadows(hidden, nearest, points, beams))
-        if "shadow" in outputs:
-            planes["shadow"] = nearest.dark
         if "normal" not in self._facts:
-            return planes
+            return nearest._asdict()
         dark = 0 if hidden is None else len(hidden.views)
         lights = [
             Light(row["vector"], row["color"], ix < dark)
             for ix, row in enumerate(self._packed.lights)
         ]
         shown = finish.finish(nearest, i, j, self._frame, lights, self._facts)
-        if "normal" in outputs:
-            planes["normal"] = np.stack(shown.normal, axis=-1)
-        if "color" in self._facts:
-            planes["color"] = np.stack(shown.color, axis=-1)
-        if "image" in outputs:
-            planes["image"] = image_of(planes["color"])
-        return planes
+        return nearest._asdict() | shown._asdict()
 
     def _finish_regions(self) -> None:
         """Look up what copies of groups show, each on the pixels that show it."""

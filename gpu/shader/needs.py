@@ -8,22 +8,9 @@ from functools import cached_property
 
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
+from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 from halfstep.contract.shadows import Kind
 
-# Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
-# of bytes, with how many a pixel has.
-OUTPUT_WORDS = {
-    "surface": 1,
-    "key": 2,
-    "exit": 2,
-    "color": 3,
-    "normal": 3,
-    "error": 5,
-    "shadow": 1,
-    "overlap": 2,
-    "gap": 2,
-}
-OUTPUT_BYTES = {"image": 3, "tag": 1}
 # A tag is the number of a surface, where a scene has no more than this.
 MOST_TAGS = 255
 # Bytes of what is bound as uniform memory, where a device has so many: WebGPU asks for no less.
@@ -43,7 +30,7 @@ class Needs:
     """All that a shader's text depends on; equal needs share one compiled pipeline."""
 
     classes: tuple[Class, ...]
-    outputs: frozenset[str]  # of OUTPUT_WORDS and OUTPUT_BYTES
+    outputs: frozenset[str]  # of DEVICE_OUTPUTS and OUTPUT_BYTES
     method: str  # "visible" or "article"
     format: Format
     lights: int
@@ -74,19 +61,16 @@ class Needs:
         """What the marks of WGSL files may ask for, but for what holds of a class of solids."""
         wanted = {f"store_{name}" for name in self.outputs}
         wanted |= {f"list_{klass.name.lower()}" for klass in self.classes}
-        if self.outputs & OUTPUT_WORDS.keys():
-            wanted.add("store_words")
-        wanted |= self.outputs & {"error"}
+        in_words = self.outputs & DEVICE_OUTPUTS.keys()
+        wanted |= {"store_words"} if in_words else set()
+        wanted = wanted.union(*(DEVICE_OUTPUTS[name].facts for name in in_words))
+        wanted |= {"normal", "color"} if "image" in self.outputs else set()
         if self.surfaces:
             asked = self.outputs & {"overlap", "gap"}
             wanted |= {*asked, "claims"} if asked else set()
-        if "exit" in self.outputs:
-            wanted |= {"exit", "leaving"}
-        if self.outputs & {"image", "color", "normal"}:
-            wanted.add("normal")
+        if "normal" in wanted:
             wanted |= {"parallel"} if self.parallel else set()
-        if self.outputs & {"image", "color"}:
-            wanted.add("color")
+        if "color" in wanted:
             wanted |= {"gloss"} if self.shininess_bits else set()
             wanted |= {"point_lights"} if self.point_lights else set()
         if self.shadows and self.outputs & {"image", "color", "shadow"}:
@@ -155,7 +139,7 @@ class Needs:
 @functools.cache
 def plane_offsets(outputs: frozenset[str]) -> dict[str, int]:
     """First plane of each output of words, and the number of planes under ``"total"``."""
-    return _offsets(OUTPUT_WORDS, outputs)
+    return _offsets({name: one.words for name, one in DEVICE_OUTPUTS.items()}, outputs)
 
 
 @functools.cache

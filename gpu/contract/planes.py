@@ -1,0 +1,97 @@
+"""What a device computes of pixels: one row for each of its outputs.
+
+A shader writes an output to planes of 32-bit words of the frame buffer.  What shaders, frame buffer
+and twin know of outputs stands here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from halfstep.contract.arrays import U32, Array
+from halfstep.contract.keys import joined_key
+
+
+class Kept(Enum):
+    """How an array is kept in words."""
+
+    NUMBER = "a word"
+    FLOAT = "the bits of a float32"
+    KEY = "a depth key, its high word first"
+    VECTOR = "the bits of three float32"
+
+    @property
+    def words(self) -> int:
+        """How many a pixel has."""
+        return {Kept.KEY: 2, Kept.VECTOR: 3}.get(self, 1)
+
+    def array(self, words: U32) -> Array:
+        """The array (rows, W, …) of planes of words (n, rows, W)."""
+        match self:
+            case Kept.KEY:
+                return joined_key(*words)
+            case Kept.VECTOR:
+                return np.stack([*words], axis=-1).view(np.float32)
+            case Kept.FLOAT:
+                return np.array(words[0]).view(np.float32)
+            case Kept.NUMBER:
+                return np.array(words[0])
+
+
+@dataclass(frozen=True)
+class Plane:
+    """An array of an output.
+
+    Attributes:
+        name: of the array.
+        kept: how it is kept in words.
+        member: what the twin's `Nearest` or `Shown` calls it, where that is another name.
+        is_least: it is the least of all solids that are tried, not that of the visible one.
+    """
+
+    name: str
+    kept: Kept
+    member: str = ""
+    is_least: bool = False
+
+
+@dataclass(frozen=True)
+class DeviceOutput:
+    """An output of a device: its planes, and the facts that hold where it is asked for."""
+
+    planes: tuple[Plane, ...]
+    facts: frozenset[str] = frozenset()
+
+    @property
+    def words(self) -> int:
+        """How many a pixel has."""
+        return sum(plane.kept.words for plane in self.planes)
+
+
+def _output(*planes: Plane, facts: str = "") -> DeviceOutput:
+    return DeviceOutput(planes, frozenset(facts.split()))
+
+
+# In the order in which they lie in the frame buffer.
+DEVICE_OUTPUTS = {
+    "surface": _output(Plane("surface", Kept.NUMBER)),
+    "key": _output(Plane("key", Kept.KEY)),
+    "exit": _output(Plane("exit", Kept.KEY, "leaves"), facts="exit leaving"),
+    "color": _output(Plane("color", Kept.VECTOR), facts="normal color"),
+    "normal": _output(Plane("normal", Kept.VECTOR), facts="normal"),
+    "error": _output(
+        Plane("low", Kept.KEY, is_least=True),
+        Plane("doubt", Kept.KEY, is_least=True),
+        Plane("bound", Kept.FLOAT),
+        facts="error",
+    ),
+    "shadow": _output(Plane("shadow", Kept.NUMBER, "dark")),
+    "overlap": _output(Plane("overlap", Kept.KEY, is_least=True)),
+    "gap": _output(Plane("gap", Kept.KEY, is_least=True)),
+}
+# Outputs that are kept in bytes, with how many a pixel has.
+OUTPUT_BYTES = {"image": 3, "tag": 1}
+PLANES = {plane.name: plane for output in DEVICE_OUTPUTS.values() for plane in output.planes}
