@@ -9,3 +9,8 @@ def drawn_by_all() -> list[str]:
     """Those that every number format and method can draw: no torus, no formula."""
     names = bundled_scenes()
     return [name for name in names if not any(s.is_algebraic for s in load(name).solids)]
+
+
+def drawn_by_the_article() -> list[str]:
+    """Those of `drawn_by_all` that the method `article` draws otherwise: cells it draws alike."""
+    return [name for name in drawn_by_all() if load(name).solids]

@@ -23,7 +23,7 @@ from halfstep.run.shaders import ShaderStore
 from halfstep.scene import bundled_scenes
 from halfstep.shader import source
 from halfstep.shader.needs import Needs
-from tests.bundled import drawn_by_all
+from tests.bundled import drawn_by_the_article
 
 SIZE = (160, 120)
 # A thousand solids cost the twin more than pixels do.
@@ -37,9 +37,9 @@ SCENES = [
     pytest.param(name, marks=INT64) if name == "edge_eye_on_surface" else name
     for name in bundled_scenes()
 ]
-BY_ALL = [
+BY_THE_ARTICLE = [
     pytest.param(name, marks=INT64) if name == "edge_eye_on_surface" else name
-    for name in drawn_by_all()
+    for name in drawn_by_the_article()
 ]
 
 # What a slip of the pen would make of the kernel: each must be seen in a frame.
@@ -103,7 +103,7 @@ def test_a_bundled_scene(scene: str) -> None:
     assert (frame.solid >= 0).any()
 
 
-@pytest.mark.parametrize("scene", BY_ALL)
+@pytest.mark.parametrize("scene", BY_THE_ARTICLE)
 @pytest.mark.usefixtures("device")
 def test_a_bundled_scene_by_the_article(scene: str) -> None:
     # Shading is the same code for both methods, and every number of lights compiles anew.

@@ -127,6 +127,14 @@ def test_code_of_a_method_is_there_for_it_alone(klass: Class, method: str) -> No
     assert ("fn halved(" in text) == ("struct Root" in text) == (method == "visible")
 
 
+@pytest.mark.parametrize("name", ["die", "nested_differences"])
+def test_cells_have_one_shader_by_both_methods(name: str) -> None:
+    packed = prepare(with_overrides(load(name), size=SIZE, steps=16))
+    outputs = device_outputs(OUTPUTS)
+    texts = {compose(needs_of_frame(packed, method, outputs)) for method in METHODS}
+    assert len(texts) == 1
+
+
 def test_a_shader_holds_code_of_its_own_solids_alone() -> None:
     """Nothing of a polyhedron, a plane or a quadric in a shader without one."""
     sphere = code(compose(replace(NEEDS, classes=(Class.ELLIPSOID,))))

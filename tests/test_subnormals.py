@@ -66,7 +66,8 @@ def test_the_processor_flushes() -> None:
 def test_a_bundled_scene(scene: str, method: str) -> None:
     loaded = halfstep.load(scene)
     limited = scene not in drawn_by_all()
-    for number_format in FORMATS[:1] if limited else FORMATS:
+    # In fixed32 floats only shade, and both methods shade alike.
+    for number_format in FORMATS[:1] if limited or method == "article" else FORMATS:
         if limited and method == "article":
             continue
         options = {"method": method, "number_format": number_format, "camera": CLOSE.get(scene)}
