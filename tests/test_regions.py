@@ -273,7 +273,7 @@ FAULTS = [
     ("| (only == i4(scan.number))", "| (only != i4(scan.number))"),
     ("scan.number + select(0, 1, ends)", "scan.number"),
     ("scan = read_word(scan, words[1], path, q, only);", ""),
-    ("region.first_group, region.end_group", "region.first_group, region.first_group + 1u"),
+    ("region.end_group,\n    negative", "region.first_group + 1u,\n    negative"),
     ("keep_crossing(region.flat_count + k,", "keep_crossing(k,"),
     ("+ (number - region.planes)", "+ number"),
     ("u4(cell * region.surfaces)", "u4(cell)"),
@@ -419,6 +419,8 @@ def test_a_group_has_more_surfaces_than_a_ray_may_cross() -> None:
     [
         ("anywhere(wanted) || entry", "entry"),
         ("left_0 == u4(number)", "left_0 != u4(NO_REGION)"),
+        ("select(low, crossed_low_at_2", "select(low, crossed_low_at_1"),
+        ("select(crossed_high_at_1, crossing.high", "select(crossed_high_at_1, crossing.low"),
         ("(nearest_0.met.region == u4(number)) & shows_surface", "shows_surface"),
     ],
 )
