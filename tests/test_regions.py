@@ -117,7 +117,10 @@ def random_volume(rng: np.random.Generator) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("number_format", "steps"),
-    [("float32", 6), ("float32", 12), ("float32", 20), ("fixed32", 8), ("fixed32", 20)],
+    [
+        *(("float32", steps) for steps in (6, 12, 20, 26, 30)),
+        *(("fixed32", steps) for steps in (8, 20, 26, 30)),
+    ],
 )
 def test_depths_are_within_their_bounds(number_format: str, steps: int) -> None:
     seed = 20261129
@@ -258,6 +261,19 @@ def test_the_device_gives_the_bits_of_the_twin(
     scene = Scene.from_dict(TWO_CELLS)
     assert differing(scene, tuple(OUTPUTS), number_format=number_format, camera=camera) == []
     assert differing(scene, ("image",), number_format=number_format, camera=camera) == []
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+def test_the_device_gives_the_bits_of_the_twin_on_the_finest_grids(number_format: str) -> None:
+    """Twice a grid point of 2^30 is more than 31 bits hold."""
+    scene = Scene.from_dict(TWO_CELLS)
+    outputs = ("depth", "depth_exit", "cell", "surface")
+    for steps, camera in ((26, None), (30, WITHIN), (30, None)):
+        different = differing(
+            scene, outputs, number_format=number_format, steps=steps, camera=camera
+        )
+        assert different == [], steps
 
 
 # A word of the kernel, and what a slip would make of it.
