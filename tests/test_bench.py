@@ -13,7 +13,17 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.bench import machine, native, parts, plot, povray, report, scenes, timing
+from halfstep.bench import (
+    machine,
+    native,
+    parts,
+    plot,
+    povray,
+    povray_cells,
+    report,
+    scenes,
+    timing,
+)
 from halfstep.bench.measure import measure
 from halfstep.cli import bench as command
 from halfstep.cli import main
@@ -39,6 +49,8 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "_SIDES", (32, 64))
     monkeypatch.setattr(parts, "_LATTICES", (10, 40))
     monkeypatch.setattr(parts, "_SET_UP", (11, 22))
+    monkeypatch.setattr(parts, "_REGIONS", ("die",))
+    monkeypatch.setattr(parts, "_PINS", (2,))
     monkeypatch.setattr(parts, "_own_process", lambda _, count: 12.0 / count)
     monkeypatch.setattr(machine, "cores", lambda: 3)
 
@@ -162,6 +174,47 @@ def test_the_scene_for_povray_is_the_same_scene() -> None:
         " 0.80000000000000004> } finish { ambient rgb <0.10000000000000001,"
         " 0.10000000000000001, 0.10000000000000001> diffuse 1 } }"
     )
+
+
+def test_cells_for_povray_are_the_same_cells() -> None:
+    rod_part = {"name": "p", "kind": "cylinder", "radius": 1, "z_min": 0, "z_max": 2}
+    scene = halfstep.Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [4, -4, 3], "look_at": [0, 0, 0]},
+            "surface": [
+                {"id": 1, "kind": "cylinder", "radius": 0.5},
+                {"id": 2, "kind": "plane", "origin": [0, 0, 1]},
+            ],
+            "part": [
+                {"name": "body", "kind": "box", "size": [2, 4, 6]},
+                {"name": "bite", "kind": "sphere", "radius": 0.5, "color": [0, 0, 1]},
+            ],
+            "cell": [{"region": "body & (1 | -2) - bite", "color": [1, 0, 0]}],
+            "group": [
+                {
+                    "name": "pin",
+                    "part": [rod_part],
+                    "cell": [{"region": "p", "color": [1, 0, 0]}],
+                }
+            ],
+            "place": [{"group": "pin", "origin": [3, 0, 0]}, {"group": "pin", "axis": [1, 0, 0]}],
+        }
+    )
+    first, cell, _, own, second, pin, _, *copies = povray_cells.objects(scene)
+    assert (first, second) == ("#declare group_0 = union {", "#declare group_1 = union {")
+    there = "translate <0, 0, 0>"
+    rod = f"cylinder {{ -13*z, 13*z, 0.5 {there} }}"
+    assert cell.startswith(
+        f"  object {{ intersection {{ box {{ -<1, 2, 3>, <1, 2, 3> {there}  }}"
+        f" union {{ object {{ {rod} inverse }} plane {{ z, 0 translate <0, 0, 1> }} }}"
+        f" object {{ sphere {{ 0, 0.5 {there} pigment {{ rgb <0, 0, 1> }}"
+    )
+    assert cell.count("bounded_by") == 1
+    assert own == f"object {{ group_0 {there} }}"
+    assert pin.startswith(f"  object {{ cylinder {{ 0*z, 2*z, 1 {there}  }} bounded_by")
+    assert copies[0] == "object { group_1 translate <3, 0, 0> }"
+    assert copies[1] == "object { group_1 matrix <0, 0, -1, 0, 1, 0, 1, 0, 0, 0, 0, 0> }"
 
 
 def test_povray_is_asked_for_the_picture_and_its_trace_time_is_read(

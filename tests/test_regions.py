@@ -116,7 +116,10 @@ def random_volume(rng: np.random.Generator) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("number_format", "steps"),
-    [("float32", 6), ("float32", 12), ("float32", 20), ("fixed32", 8), ("fixed32", 20)],
+    [
+        *(("float32", steps) for steps in (6, 12, 20, 26, 30)),
+        *(("fixed32", steps) for steps in (8, 20, 26, 30)),
+    ],
 )
 def test_depths_are_within_their_bounds(number_format: str, steps: int) -> None:
     seed = 20261129
@@ -259,6 +262,19 @@ def test_the_device_gives_the_bits_of_the_twin(
     assert differing(scene, ("image",), number_format=number_format, camera=camera) == []
 
 
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+def test_the_device_gives_the_bits_of_the_twin_on_the_finest_grids(number_format: str) -> None:
+    """Twice a grid point of 2^30 is more than 31 bits hold."""
+    scene = Scene.from_dict(TWO_CELLS)
+    outputs = ("depth", "depth_exit", "cell", "surface")
+    for steps, camera in ((26, None), (30, WITHIN), (30, None)):
+        different = differing(
+            scene, outputs, number_format=number_format, steps=steps, camera=camera
+        )
+        assert different == [], steps
+
+
 # A word of the kernel, and what a slip would make of it.
 FAULTS = [
     ("let opens = (word & OPENS) != 0u", "let opens = (word & CLOSES) != 0u"),
@@ -272,7 +288,7 @@ FAULTS = [
     ("| (only == i4(scan.number))", "| (only != i4(scan.number))"),
     ("scan.number + select(0, 1, ends)", "scan.number"),
     ("scan = read_word(scan, words[1], path, q, only);", ""),
-    ("region.end_group,\n", "region.first_group + 1u,\n"),
+    ("region.end_group,\n    negative", "region.first_group + 1u,\n    negative"),
     ("keep_crossing(region.flat_count + k,", "keep_crossing(k,"),
     ("+ (number - region.planes)", "+ number"),
     ("u4(cell * region.surfaces)", "u4(cell)"),
@@ -418,6 +434,8 @@ def test_a_group_has_more_surfaces_than_a_ray_may_cross() -> None:
     [
         ("anywhere(wanted) || entry", "entry"),
         ("left_0 == u4(number)", "left_0 != u4(NO_REGION)"),
+        ("select(low, crossed_low_at_2", "select(low, crossed_low_at_1"),
+        ("select(crossed_high_at_1, crossing.high", "select(crossed_high_at_1, crossing.low"),
         ("(nearest_0.met.region == u4(number)) & shows_surface", "shows_surface"),
     ],
 )

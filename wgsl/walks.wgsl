@@ -1,21 +1,5 @@
 // The walks through a region: what they read, how they leap, what each wants and where it begins.
 
-// Crossings of the region at hand: plain arrays, each of one vector, are what llvmpipe indexes at
-// little cost.
-var<private> crossed_low: array<i4, CROSSINGS>;
-var<private> crossed_high: array<i4, CROSSINGS>;
-
-// One of the crossings.
-fn crossing_at(place: u32) -> Crossing {
-  return Crossing(crossed_low[place], crossed_high[place]);
-}
-
-// Keeps a crossing.
-fn keep_crossing(place: u32, crossing: Crossing) {
-  crossed_low[place] = crossing.low;
-  crossed_high[place] = crossing.high;
-}
-
 // How far a look has come in a program: what holds of the cells that ended, and of the level that
 // is open; the first cell that holds; and which cell comes next.
 struct Scan {

@@ -30,6 +30,9 @@ _SIDES = (256, 512, 1024, 2048)
 _LATTICES = (10, 100, 1000, 5000, 100_000)
 _SET_UP = (100, 1000, 10_000)
 _SMALL = (256, 256)
+_REGIONS = ("die", "bracket", "nut_and_bolt", "assembly_17x17")
+_PINS = (17, 100, 316)
+_REGION_STEPS = 12
 _LACKING = "64-bit integers in shaders, which this adapter lacks."
 
 
@@ -237,6 +240,50 @@ def pov(bench: Bench) -> Part:
     return Part("povray", title, rows, {what: f"{traced / own:.1f} ×"})
 
 
+def regions(bench: Bench) -> Part:
+    """Cells and copies of groups, beside POV-Ray on the same solid geometry."""
+    chosen = {
+        name: with_overrides(load(name), size=_SIZE, steps=_REGION_STEPS) for name in _REGIONS
+    }
+    for side in _PINS:
+        scene = with_overrides(scenes.pins(side), size=_SIZE, steps=_REGION_STEPS)
+        chosen[f"{side * side:,} pins"] = scene
+    notes: list[str] = []
+    try:
+        notes.append(f"{povray.version()}: its trace time, without parsing.")
+    except povray.NoPovrayError as error:
+        notes.append(f"Not compared with POV-Ray: {error}.")
+    is_there = not notes[0].startswith("Not")
+    with ExitStack() as stack:
+        cases: dict[tuple[str, str], Callable[[], float | None]] = {}
+        for name, scene in chosen.items():
+            renderer = stack.enter_context(bench.renderer(scene))
+            cases[name, "frame"] = partial(_frame, renderer, scene)
+            cases[name, "set-up"] = partial(_prepared, renderer)
+            if is_there:
+                traced = partial(povray.trace_time, scene, _SIZE, machine.threads())
+                cases[name, "POV-Ray"] = traced
+        times = bench.times(cases)
+    rows: list[dict[str, Value]] = []
+    summary = {}
+    for name in chosen:
+        own = times[name, "frame"]
+        traced_ms = times[name, "POV-Ray"].best if is_there else None
+        rows.append(
+            {
+                "scene": name,
+                **_row(own),
+                "constants, ms": times[name, "set-up"].wall,
+                "POV-Ray ms": traced_ms,
+                "ratio": traced_ms / own.wall if traced_ms else None,
+            }
+        )
+        beside = f", POV-Ray {traced_ms / own.wall:.1f} ×" if traced_ms else ""
+        summary[f"{name}, {_named(_SIZE)}, image on the host"] = f"{own.wall:.0f} ms{beside}"
+    title = f"Cells and copies of groups, {_named(_SIZE)}, {_REGION_STEPS} halvings"
+    return Part("regions", title, rows, summary, notes=notes)
+
+
 def solids(bench: Bench) -> Part:
     """Frame time against the number of solids, which together cover the same area."""
     with ExitStack() as stack:
@@ -374,6 +421,7 @@ PARTS: dict[str, Callable[[Bench], Part]] = {
     "povray": pov,
     "twin": twin,
     "frames": frames,
+    "regions": regions,
     "solids": solids,
     "setup": setup,
     "pixels": pixels,

@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from halfstep.bench.povray_cells import finish, objects, vector
 from halfstep.scene import Ellipsoid, Scene, Sphere
 
 _TRACE = re.compile(r"Trace Time:.*\((\d+\.\d+) seconds\)")
@@ -68,40 +69,38 @@ def trace_time(
 
 
 def text(scene: Scene, aspect: float) -> str:
-    """A scene of spheres and unturned ellipsoids, one light each way, as POV-Ray reads it.
+    """A scene of spheres, unturned ellipsoids and cells, lights far away, as POV-Ray reads it.
 
     No shadows and no second ray, so that both programs compute the same picture.
     """
-    camera, ambient = scene.camera, _vector(scene.ambient.color)
+    camera = scene.camera
     assert camera.fov_degrees is not None
     lines = [
         "#version 3.7;",
         "global_settings { assumed_gamma 1 max_trace_level 1 ambient_light rgb 1 }",
-        f"background {{ rgb {_vector(scene.image.background)} }}",
+        f"background {{ rgb {vector(scene.image.background)} }}",
         # Right-handed: POV-Ray's axes are not, unless its right points the other way.
-        f"camera {{ perspective location {_vector(camera.center)} sky {_vector(camera.up)}"
+        f"camera {{ perspective location {vector(camera.center)} sky {vector(camera.up)}"
         f" up y right {-aspect:.17g}*x angle {_horizontal(camera.fov_degrees, aspect):.17g}"
-        f" look_at {_vector(camera.look_at)} }}",
+        f" look_at {vector(camera.look_at)} }}",
     ]
     for light in scene.lights:
         assert light.direction is not None
         far = tuple(1e6 * part for part in light.direction)
         lines.append(
-            f"light_source {{ {_vector(far)} rgb {_vector(light.color)} parallel point_at 0"
+            f"light_source {{ {vector(far)} rgb {vector(light.color)} parallel point_at 0"
             " shadowless }"
         )
     for solid in scene.solids:
         assert isinstance(solid, Sphere | Ellipsoid)
-        assert solid.color is not None
         shape = (
             f"0, {solid.radius:.17g}"
             if isinstance(solid, Sphere)
-            else f"0, 1 scale {_vector(solid.semi_axes)}"
+            else f"0, 1 scale {vector(solid.semi_axes)}"
         )
-        lines.append(
-            f"sphere {{ {shape} translate {_vector(solid.origin)} pigment {{ rgb"
-            f" {_vector(solid.color)} }} finish {{ ambient rgb {ambient} diffuse 1 }} }}"
-        )
+        look = finish(scene.material_of(solid), scene)
+        lines.append(f"sphere {{ {shape} translate {vector(solid.origin)} {look} }}")
+    lines += objects(scene)
     return "\n".join(lines) + "\n"
 
 
@@ -109,7 +108,3 @@ def _horizontal(vertical_degrees: float, aspect: float) -> float:
     """The angle of view across, degrees."""
     half = math.tan(math.radians(vertical_degrees) / 2) * aspect
     return 2 * math.degrees(math.atan(half))
-
-
-def _vector(values: tuple[float, ...]) -> str:
-    return f"<{', '.join(f'{value:.17g}' for value in values)}>"

@@ -88,6 +88,40 @@ def mixed(count: int) -> Scene:
     return _seen(solids, distance=1.5 * columns)
 
 
+def pins(side: int) -> Scene:
+    """``side`` x ``side`` fuel rods in tubes, copies of a group of five surfaces."""
+    group: dict[str, Any] = {
+        "name": "pin",
+        "surface": [
+            {"id": 1, "kind": "cylinder", "radius": 0.41},
+            {"id": 2, "kind": "cylinder", "radius": 0.42},
+            {"id": 3, "kind": "cylinder", "radius": 0.48},
+            {"id": 4, "kind": "plane", "origin": (0.0, 0.0, -2.0)},
+            {"id": 5, "kind": "plane", "origin": (0.0, 0.0, 2.0)},
+        ],
+        "cell": [
+            {"name": "fuel", "region": "-1 4 -5", "color": _COLORS[0]},
+            {"name": "tube", "region": "2 -3 4 -5", "color": _COLORS[1]},
+        ],
+    }
+    across = 1.26 * side
+    camera = {
+        "center": (0.9 * across, -1.2 * across, 0.8 * across + 2),
+        "look_at": (0.0, 0.0, 0.0),
+        "fov_degrees": 40.0,
+    }
+    lattice = {"kind": "rectangular", "pitch": (1.26, 1.26), "shape": (side, side), "group": "pin"}
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": camera,
+            "light": [{"direction": (1.0, -1.0, 2.0)}],
+            "group": [group],
+            "lattice": [lattice],
+        }
+    )
+
+
 def _seen(solids: list[dict[str, Any]], distance: float = 11.0) -> Scene:
     camera = {"center": (0.0, -distance, 0.0), "look_at": (0.0, 0.0, 0.0), "fov_degrees": 40.0}
     light = {"direction": (1.0, -1.0, 2.0)}

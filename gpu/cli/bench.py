@@ -16,6 +16,7 @@ PARTS = (
     "povray",
     "twin",
     "frames",
+    "regions",
     "solids",
     "setup",
     "pixels",
@@ -25,7 +26,7 @@ PARTS = (
 
 def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    bench = commands.add_parser("bench", help="measure this machine's speed, in about a minute")
+    bench = commands.add_parser("bench", help="measure this machine's speed, in some minutes")
     bench.set_defaults(run=run)
     bench.add_argument(
         "--only", metavar="PART,…", help=f"some of the parts: {', '.join(PARTS)}", default=""

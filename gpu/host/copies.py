@@ -6,12 +6,14 @@ A copy has one interval and one rectangle, and so one grid, for all its surfaces
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.forms import (
     HOST_ROUNDINGS,
+    Curved,
     Sight,
     curved,
     half_gradient,
@@ -21,6 +23,9 @@ from halfstep.host.forms import (
     quadric_value,
 )
 from halfstep.host.regions import Regions
+
+# Surfaces that are computed at once: more make NumPy wait for memory.
+CHUNK = 1 << 12
 
 
 @dataclass(frozen=True)
@@ -52,29 +57,18 @@ def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight, span: Floats) 
     counts = np.diff(regions.first_surface)[program]
     owner = np.repeat(np.arange(len(copy)), counts)
     slot = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    surface = regions.first_surface[program][owner] + slot
     planes = np.array([one.planes for one in regions.programs], np.int64)[program]
-    matrix = regions.matrices.take(regions.first_surface[program][owner] + slot, axis=-1)
-    own = sight.at(owner)
-    rotation = regions.world_from_local.take(copy[owner], axis=-1)
-    forms = curved(matrix, np.zeros(len(owner), bool), rotation, own)
-
-    eye, directions = own.rays[0], own.rays[1:]
-    slopes = half_gradient(matrix, eye)
-    value = quadric_value(matrix, eye, slopes)
-    error = 2 * length(slopes) * HOST_ROUNDINGS * length(eye)
-    error += quadric_rounding(matrix, np.abs(eye))
-    reach = np.concatenate([np.ones((1, len(owner))), own.offsets])
-    slope = np.abs(2 * np.einsum("ak,iak->ik", slopes, directions))
-    bend = np.abs(np.einsum("iak,abk,jbk->ijk", directions, matrix[:3, :3], directions))
+    parts = [
+        _surfaces(regions, surface[part], copy[owner[part]], sight.at(owner[part]))
+        for part in _chunks(len(owner))
+    ]
+    forms = [part.forms for part in parts]
+    value = np.concatenate([part.value for part in parts])
     nearest = np.full(len(copy), np.inf)
-    depths = nearest_root(
-        np.abs(value),
-        np.einsum("ik,ik->k", slope, reach),
-        np.einsum("ijk,ik,jk->k", bend, reach, reach),
-    )
     # How exactly a copy is drawn does not depend on cells that are not shown.
-    is_seen = np.concatenate([one.seen for one in regions.programs])
-    is_seen = is_seen[regions.first_surface[program][owner] + slot]
+    is_seen = np.concatenate([one.seen for one in regions.programs])[surface]
+    depths = np.concatenate([part.nearest for part in parts])
     np.minimum.at(nearest, owner[is_seen], depths[is_seen])
     return Copies(
         regions=regions,
@@ -83,18 +77,53 @@ def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight, span: Floats) 
         owner=owner,
         slot=slot,
         is_plane=slot < planes[owner],
-        a=forms.a.T,
-        g=forms.g.T,
-        c=forms.c.T,
-        host_error=forms.error,
-        gradient=forms.gradient.transpose(3, 0, 1, 2),
+        a=np.concatenate([form.a.T for form in forms]),
+        g=np.concatenate([form.g.T for form in forms]),
+        c=np.concatenate([form.c.T for form in forms]),
+        host_error=np.concatenate([form.error for form in forms]),
+        gradient=np.concatenate([form.gradient.transpose(3, 0, 1, 2) for form in forms]),
         value=value,
-        eye_sure=np.abs(value) > error,
+        eye_sure=np.concatenate([part.eye_sure for part in parts]),
         eye_inside=_eye_inside(regions, program, counts, value),
         span=span,
         nearest=nearest,
         thinnest=np.array([one.thinnest for one in regions.programs])[program],
     )
+
+
+def _chunks(count: int) -> list[slice]:
+    """So many surfaces in parts that a cache holds; at least one part, if an empty one."""
+    return [slice(first, first + CHUNK) for first in range(0, max(count, 1), CHUNK)]
+
+
+class _Surfaces(NamedTuple):
+    """P surfaces of copies along their rays, and at the eye."""
+
+    forms: Curved
+    value: Floats
+    eye_sure: Bools
+    nearest: Floats
+
+
+def _surfaces(regions: Regions, surface: Ints, copy: Ints, sight: Sight) -> _Surfaces:
+    """Surfaces (P,) of all programs in copies (P,), seen by ``sight``."""
+    matrix = regions.matrices.take(surface, axis=-1)
+    rotation = regions.world_from_local.take(copy, axis=-1)
+    forms = curved(matrix, np.zeros(len(copy), bool), rotation, sight)
+    eye, directions = sight.rays[0], sight.rays[1:]
+    slopes = half_gradient(matrix, eye)
+    value = quadric_value(matrix, eye, slopes)
+    error = 2 * length(slopes) * HOST_ROUNDINGS * length(eye)
+    error += quadric_rounding(matrix, np.abs(eye))
+    reach = np.concatenate([np.ones((1, len(copy))), sight.offsets])
+    slope = np.abs(2 * np.einsum("ak,iak->ik", slopes, directions))
+    bend = np.abs(np.einsum("iak,abk,jbk->ijk", directions, matrix[:3, :3], directions))
+    nearest = nearest_root(
+        np.abs(value),
+        np.einsum("ik,ik->k", slope, reach),
+        np.einsum("ijk,ik,jk->k", bend, reach, reach),
+    )
+    return _Surfaces(forms, value, np.abs(value) > error, nearest)
 
 
 def _eye_inside(regions: Regions, program: Ints, counts: Ints, value: Floats) -> Bools:

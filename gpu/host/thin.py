@@ -2,7 +2,8 @@
 
 A piece of a ray that is shorter than a cell between two grid points is lost. So a region gets
 halvings enough for the least distance between parallel planes, concentric spheres and coaxial
-cylinders: surfaces whose F differ by a constant.
+cylinders, surfaces whose F differ by a constant; and between a plane and a sphere, or a cylinder
+along it, where they are nearest in the box.
 """
 
 from __future__ import annotations
@@ -42,16 +43,38 @@ def least_distance(matrices: Floats, size: float) -> float:
     first, second = order[:-1], order[1:]
     alike = np.abs(shape[first] - shape[second]).max(axis=1, initial=0.0) <= PARALLEL
     distance = np.abs(place[first] - place[second])
-    apart = distance[alike & (distance > CLOSEST)]
-    return float(apart.min(initial=np.inf)) * size
+    films = _films(shape[~is_plane], level[~is_plane], shape[is_plane], place[is_plane])
+    found = np.append(distance[alike], films)
+    return float(found[found > CLOSEST].min(initial=np.inf)) * size
 
 
-def _places(shape: Floats, level: Floats, is_plane: NDArray[np.bool_]) -> Floats:
-    """Where each surface is along its normal, from where all surfaces side by side count.
+def _films(shape: Floats, level: Floats, plane: Floats, place: Floats) -> Floats:
+    """Distances of spheres and cylinders (S, 9) from planes (P, 9), where a plane is along them.
 
-    Of a plane that is its distance, of F = x·M x + 2 s·x - k the semi-axis sqrt(k'/λ), k' being -F
-    at the centre and λ the largest curvature.
+    The box reaches from -1 to 1; those outside of it do not count.
     """
+    second, linear = _parts(shape)
+    bends, axes = np.linalg.eigh(second)
+    largest = bends[:, 2]
+    is_sphere = bends[:, 0] > (1 - PARALLEL) * largest
+    is_cylinder = (bends[:, 1] > (1 - PARALLEL) * largest) & (bends[:, 0] < PARALLEL * largest)
+    center = -np.einsum("sij,sj->si", np.linalg.pinv(second, rcond=1e-9, hermitian=True), linear)
+    square = (level - np.einsum("si,si->s", linear, center)) / np.where(largest > 0, largest, 1.0)
+    is_round = (is_sphere | is_cylinder) & (np.abs(bends[:, 2]) >= np.abs(bends[:, 0]))
+    radius = np.sqrt(np.maximum(square, 0.0))
+
+    normal = _parts(plane)[1]
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    above = center @ normal.T - place
+    along = is_sphere[:, None] | (np.abs(axes[:, :, 0] @ normal.T) < PARALLEL)
+    # The point of the sphere or cylinder that is nearest to the plane.
+    nearest = center[:, None] - np.sign(above)[..., None] * radius[:, None, None] * normal
+    inside = (np.abs(nearest) <= 1).all(axis=-1) & (is_round & (square > 0))[:, None]
+    return np.asarray(np.abs(np.abs(above) - radius[:, None])[inside & along])
+
+
+def _parts(shape: Floats) -> tuple[Floats, Floats]:
+    """Second-order terms (S, 3, 3) and linear ones (S, 3) of coefficients (S, 9)."""
     second = np.zeros((len(shape), 3, 3))
     upper = np.triu_indices(4)
     linear = np.zeros((len(shape), 3))
@@ -60,6 +83,16 @@ def _places(shape: Floats, level: Floats, is_plane: NDArray[np.bool_]) -> Floats
             second[:, i, j] = second[:, j, i] = shape[:, column]
         else:
             linear[:, i] = shape[:, column]
+    return second, linear
+
+
+def _places(shape: Floats, level: Floats, is_plane: NDArray[np.bool_]) -> Floats:
+    """Where each surface is along its normal, from where all surfaces side by side count.
+
+    Of a plane that is its distance, of F = x·M x + 2 s·x - k the semi-axis sqrt(k'/λ), k' being -F
+    at the centre and λ the largest curvature.
+    """
+    second, linear = _parts(shape)
     normal = np.linalg.norm(linear, axis=1)
     flat = level / np.where(is_plane & (normal > 0), 2 * normal, 1.0)
     bend = np.abs(np.linalg.eigvalsh(second)).max(axis=1)

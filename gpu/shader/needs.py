@@ -23,6 +23,8 @@ MOST_LIGHT_ROUNDS = 1 << 12
 
 # Levels of programs that shaders have in variables of their own.
 FEW_LEVELS = 6
+# Surfaces of regions that have their crossings in variables of their own.
+FEW_SURFACES = 8
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ class Needs:
             wanted.add("broadcast")
         if self.has_regions:
             wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
+            wanted |= {"surfaces_5"} if self.surfaces > 4 else set()
             wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
         if "shadows" in wanted or wanted >= {"regions", "normal"}:
             wanted.add("position")
@@ -103,6 +106,8 @@ class Needs:
             chosen |= {"keys_short", "near_key_short"}
         if self.together > 1:
             chosen.add("store_words_wide")
+        if self.surfaces <= FEW_SURFACES and "error" not in self.outputs:
+            chosen.add("crossed_few")
         if self.levels > FEW_LEVELS:
             chosen.add("levels_deep")
         if self.stored > 1:

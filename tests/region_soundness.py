@@ -1,0 +1,141 @@
+"""What ``error`` promises of cells, over many rays: a program of its own.
+
+    python -m tests.region_soundness --rays 10000000
+
+It draws groups of one to three cells, formulas of up to six levels over two to nine surfaces of all
+kinds in a ball, seen from outside and, three times in ten, from within; half of them between base
+planes that cut them. Each is rendered in both number formats with 8 to 30 halvings, and judged by
+`tests.region_oracle`, which sorts all roots in extended precision. A *violation* is a pixel whose
+depth is further from the exact one than ``error`` says, or that is certain of a hit, a miss or a
+cell that is none. *Lost* are pixels that show a hit or a miss that is none, although no two
+surfaces there are nearer than eight cells of the grid. Exit 1 if there is a violation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+import halfstep
+from halfstep.contract.arrays import Floats
+from halfstep.host.boxes import box_of
+from halfstep.host.formulas import normal_form
+from halfstep.host.prepare import prepare
+from halfstep.scene import Scene, with_overrides
+from halfstep.scene.region import Intersection, Literal, Region
+from tests.region_oracle import Truth, truth
+from tests.test_boxes import plain, random_region, random_surface
+from tests.test_regions import NEAR_TIE, ball, random_camera, random_volume, scene_of
+
+SIZE = (96, 72)
+SETTINGS = tuple((form, steps) for form in ("float32", "fixed32") for steps in (8, 12, 16, 22, 30))
+
+
+@dataclass
+class Count:
+    """What was found with one setting."""
+
+    rays: int = 0
+    hits: int = 0
+    certain_hits: int = 0
+    certain_misses: int = 0
+    inside: int = 0
+    lost: int = 0
+    violations: int = 0
+
+    def __str__(self) -> str:
+        return (
+            f"{self.rays:,} rays, {self.hits:,} hits, {self.inside:,} from within, "
+            f"{100 * self.certain_hits / max(self.hits, 1):.2f} % of hits and "
+            f"{100 * self.certain_misses / max(self.rays - self.hits, 1):.2f} % of misses certain, "
+            f"{self.lost:,} lost, {self.violations:,} violations"
+        )
+
+
+def random_scene(rng: np.random.Generator) -> tuple[Floats, list[Region], Scene] | None:
+    """Surfaces, cells and their scene; nothing where a cell is empty."""
+    matrices = np.array([ball(), *(random_surface(rng) for _ in range(rng.integers(2, 10)))])
+    inside = Literal(0, positive=False)
+    cells: list[Region] = [
+        Intersection((inside, random_region(rng, len(matrices), int(rng.integers(1, 7)))))
+        for _ in range(rng.integers(1, 4))
+    ]
+    if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
+        return None
+    scene = scene_of(matrices, cells, random_camera(rng), **random_volume(rng))
+    try:
+        return matrices, cells, with_overrides(scene, size=SIZE)
+    except halfstep.SceneError:  # the camera is in none of the cells, and nothing is ahead
+        return None
+
+
+def judge(count: Count, frame: halfstep.Frame, exact: Truth, far: float, cell: float) -> None:
+    """Add what a frame shows; ``cell`` is the length of one of the grid, in depth."""
+    depth, error = frame.depth.ravel(), frame.error.ravel()
+    hit, bounded = frame.solid.ravel() >= 0, np.isfinite(error)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(depth - exact.depth) > error + 1e-12 * far
+    wrong = np.where(hit, ~exact.hit | off, exact.hit)
+    named = hit & (exact.thin > NEAR_TIE * far)
+    wrong |= named & (frame.cell.ravel() != exact.cell + 1)
+    count.rays += hit.size
+    count.hits += int(hit.sum())
+    count.certain_hits += int((hit & bounded).sum())
+    count.certain_misses += int((~hit & bounded).sum())
+    count.inside += int((exact.inside & hit).sum())
+    count.lost += int(((hit != exact.hit) & (exact.thin > 8 * cell)).sum())
+    count.violations += int((bounded & wrong).sum())
+
+
+def main() -> int:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rays", type=int, default=10_000_000)
+    parser.add_argument("--seed", type=int, default=1998)
+    parser.add_argument("--backend", default="numpy", choices=("numpy", "gpu"))
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    counts: dict[tuple[str, int], Count] = defaultdict(Count)
+    groups, begin = 0, time.perf_counter()
+    while sum(count.rays for count in counts.values()) < options.rays:
+        drawn = random_scene(rng)
+        if drawn is None:
+            continue
+        matrices, cells, scene = drawn
+        setup = prepare(scene).setup
+        j, i = np.mgrid[: SIZE[1], : SIZE[0]]
+        directions = setup.view.directions(i, j).reshape(-1, 3)
+        exact = truth(matrices, cells, setup.view.eye, directions, setup.near, setup.far)
+        deepest = float(setup.depth_half.max(initial=0.0))
+        for form, steps in SETTINGS:
+            frame = halfstep.render(
+                scene,
+                steps=steps,
+                number_format=form,
+                outputs=("depth", "error", "cell"),
+                backend=options.backend,
+            )
+            count = counts[form, steps]
+            before = count.violations
+            judge(count, frame, exact, setup.far, 2 * deepest * 2.0**-steps)
+            if count.violations > before:
+                print(f"{form} n {steps}", scene.to_toml(), sep="\n", flush=True)  # noqa: T201
+        groups += 1
+        if groups % 20 == 0:
+            rays = sum(count.rays for count in counts.values())
+            violations = sum(count.violations for count in counts.values())
+            spent = time.perf_counter() - begin
+            told = f"{groups} groups, {rays:,} rays, {violations} violations, {spent:.0f} s"
+            print(told, flush=True)  # noqa: T201
+    for (form, steps), count in counts.items():
+        print(f"{form} n {steps}: {count}")  # noqa: T201
+    return int(any(count.violations for count in counts.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
