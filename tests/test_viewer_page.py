@@ -105,10 +105,12 @@ def test_it_ends_when_nobody_looks(quits: bool) -> None:
 def test_a_page_that_is_loaded_anew_goes_on() -> None:
     with viewing(SCENE, *OPTIONS) as process:
         address = line_of(process)
-        for _ in range(2):
-            with opened(address) as client:
-                client.picture()
-        assert process.poll() is None
+        with opened(address) as client:
+            client.picture()
+        with opened(address) as client:
+            client.picture()
+            time.sleep(page.LEFT_ALONE + 1)
+            assert process.poll() is None
 
 
 def test_a_lost_device_ends_it(

@@ -345,6 +345,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, help="folder for screenshots")
     parser.add_argument("--only", choices=parts, action="append")
+    parser.add_argument("--scene", action="append", help="to measure")
     arguments = parser.parse_args()
     only = arguments.only or parts
     with contextlib.ExitStack() as stack:
@@ -358,7 +359,7 @@ def main() -> None:
         if "page" in only:
             see_page(folder, save)
         if "measure" in only:
-            for scene in ("gallery", "assembly_17x17"):
+            for scene in arguments.scene or ("gallery", "assembly_17x17"):
                 measure_page(scene)
         if "notebook" in only:
             see_notebook(save)

@@ -31,8 +31,9 @@ _PACKAGES = {
 }
 _MODULES = {"notebook": "anywidget"}
 EVENTS = ("pointer_down", "pointer_move", "pointer_up", "wheel", "key_down", "close")
-# How often a canvas may draw, and how often a session looks whether it has something to draw.
-MOST_FPS = 100.0
+# A canvas looks so often a second whether there are events, and draws at most so often; a session
+# looks after so many seconds whether it has something to draw.
+MOST_FPS = 200.0
 TICK = 0.02
 
 
