@@ -15,9 +15,11 @@ import halfstep
 from halfstep.errors import SceneError
 from halfstep.files.inferno import inferno
 from halfstep.frames.outputs import OUTPUTS
+from halfstep.host.prepare import Solids
 from halfstep.scene import Scene
 from halfstep.shader.needs import Needs
-from halfstep.viewer.clip import Clip, clipped
+from halfstep.viewer.clip import Clip, Clipped
+from halfstep.viewer.clip import clipped as clipped_in
 from halfstep.viewer.picture import NOTHING, UNCERTAIN, picture_of
 from halfstep.viewer.session import Session
 from halfstep.viewer.state import COARSEST, KEYS, SLOW_MS, State, coarser
@@ -380,6 +382,11 @@ def test_lines_are_written_into_the_picture(driven: Driven) -> None:
 
 # ---------------------------------------------------------------------------- clips
 
+
+def clipped(scene: Scene, clip: Clip) -> Clipped:
+    return clipped_in(scene, clip, np.array(Solids.of(scene).volume))
+
+
 PINS = """
 format = 1
 [camera]
@@ -501,6 +508,9 @@ def test_solids_keep_their_numbers_where_others_are_cut_away() -> None:
     scene = Scene.from_dict({"format": 1, "camera": camera, "solid": boxes})
     cut = clipped(scene, Clip(0, 0.0, above=True))
     assert cut.solids == (1,)
+    # What ends where the volume does ends there still.
+    whole, left = Solids.of(scene).volume, Solids.of(cut.scene).volume
+    np.testing.assert_array_equal(whole, left)
     frame = halfstep.render(cut.scene, size=SIZE, backend="numpy")
     assert set(np.unique(frame.solid)) == {-1, 0}
     assert set(np.unique(cut.numbered(frame, scene).solid)) == {-1, 1}

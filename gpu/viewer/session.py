@@ -400,7 +400,7 @@ class Session:
     def _clipped(self, scene: Scene, clip: Clip) -> Clipped:
         """What a clip leaves of the scene, most often the same as before."""
         if self._cut is None or self._cut[0] is not scene or self._cut[1] != clip:
-            self._cut = scene, clip, clipped(scene, clip)
+            self._cut = scene, clip, clipped(scene, clip, self._volume())
         return self._cut[2]
 
     def _volume(self) -> Floats:
