@@ -210,3 +210,8 @@ def test_faults_of_a_scene_are_told_before_anything_is_opened(
     assert "bad.toml: camera: missing" in capsys.readouterr().err
     assert cli.main(["view", SCENE, *OPTIONS, "--steps", "31"]) == 2
     assert capsys.readouterr() == ("", "steps: 31 is not <= 30\n")
+    gpu = ("--canvas", "http", "--backend", "gpu")
+    assert cli.main(["view", SCENE, *gpu, "--adapter", "no such adapter"]) == 3
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "no such adapter" in err
