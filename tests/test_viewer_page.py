@@ -10,6 +10,7 @@ import socket
 import sys
 import threading
 import time
+import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import halfstep
 from halfstep import cli
+from halfstep.contract.choices import CANVASES
 from halfstep.viewer import page, show
 from halfstep.viewer.session import Session
 from tests.page_client import Client, connected, line_of, viewing
@@ -175,6 +177,15 @@ def test_a_canvas_that_is_not_installed_is_refused(
     other = "" if canvas == "http" else ", or take --canvas http"
     words = f"--canvas {canvas}: needs the package {package}: pip install 'halfstep[view]'{other}\n"
     assert capsys.readouterr() == ("", words)
+
+
+def test_the_extra_brings_what_canvases_need() -> None:
+    text = Path(__file__).parents[1].joinpath("pyproject.toml").read_text(encoding="utf-8")
+    extra = tomllib.loads(text)["project"]["optional-dependencies"]["view"]
+    assert set(show._PACKAGES) == {*CANVASES, "notebook"} - {"auto"}
+    for packages in show._PACKAGES.values():
+        for name in packages:
+            assert any(line.startswith(f"{name}>=") for line in extra), name
 
 
 def test_what_is_no_terminal_is_refused(
