@@ -11,8 +11,8 @@ pipeline exists twice, as WGSL for a device and as NumPy for none, and both give
 
 `load` reads and validates a scene (`Scene`), which may also be built of its tables (`Camera`,
 `Sphere`, `Cell` and so on). `render` makes one `Frame` of it, `Renderer` keeps the device, shaders
-and buffers for many. Importing this package touches no device; names are loaded when they are first
-used.
+and buffers for many, `view` shows it live. Importing this package touches no device; names are
+loaded when they are first used.
 """
 
 from typing import TYPE_CHECKING

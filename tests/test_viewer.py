@@ -13,11 +13,14 @@ import pytest
 
 import halfstep
 from halfstep.errors import SceneError
+from halfstep.files.inferno import inferno
 from halfstep.frames.outputs import OUTPUTS
+from halfstep.host.prepare import Solids
 from halfstep.scene import Scene
 from halfstep.shader.needs import Needs
-from halfstep.viewer.clip import Clip, clipped
-from halfstep.viewer.picture import NOTHING, picture_of
+from halfstep.viewer.clip import Clip, Clipped
+from halfstep.viewer.clip import clipped as clipped_in
+from halfstep.viewer.picture import NOTHING, UNCERTAIN, picture_of
 from halfstep.viewer.session import Session
 from halfstep.viewer.state import COARSEST, KEYS, SLOW_MS, State, coarser
 from halfstep.viewer.text import NARROWEST
@@ -122,6 +125,7 @@ def test_a_drag_turns_and_a_wheel_zooms(driven: Driven) -> None:
     before, camera = driven.settle(), driven.session.camera
     driven.drag((48, 36), (68, 36))
     assert (driven.settle() != before).any()
+    assert not driven.told
     turned = driven.session.camera
     # Counter-clockwise from above by a hundredth for each pixel, and to the left: to the right is
     # what is seen.
@@ -140,6 +144,7 @@ def test_what_is_panned_follows_the_pointer(driven: Driven, facts: dict[str, Any
     driven.settle()
     before = rendered(driven).position[36, 48]
     driven.drag((48, 36), (60, 30), **facts)
+    driven.settle()
     after = rendered(driven).position[30, 60]
     np.testing.assert_allclose(after, before, atol=0.1)
     assert not driven.told
@@ -210,6 +215,17 @@ def test_solids_have_colours_of_their_own(driven: Driven) -> None:
     assert len({tuple(each[0]) for each in colors}) == 3
 
 
+def test_errors_have_the_colours_of_a_scale() -> None:
+    """From a ten-thousandth of the largest to that, and other ones of what is not certain."""
+    error = np.array([[0.0, np.inf, 2.0, 2e-2, 2e-4, 2e-7]])
+    solid = np.array([[-1, 0, 0, 1, 1, 1]], np.int32)
+    info = halfstep.render("one_box", size=(2, 2), backend="numpy").info
+    [colors] = picture_of(halfstep.Frame({"error": error, "solid": solid}, info), "error").tolist()
+    assert colors[0] == list(NOTHING)
+    assert colors[1] == list(UNCERTAIN)
+    assert colors[2:] == inferno(np.array([1.0, 0.5, 0.0, 0.0])).tolist()
+
+
 def test_keys_change_what_they_say(driven: Driven) -> None:
     driven.settle()
     n = max(rendered(driven).info["steps"])
@@ -249,6 +265,7 @@ def test_keys_change_what_they_say(driven: Driven) -> None:
 
 def test_the_file_is_read_anew(driven: Driven, path: Path) -> None:
     old = driven.settle()
+    compiles: list[bool] = []
 
     def edit(text: str) -> np.ndarray:
         path.write_text(text)
@@ -256,11 +273,18 @@ def test_the_file_is_read_anew(driven: Driven, path: Path) -> None:
         for _ in range(3):
             driven.session._look_at = 0.0
             driven.session.tick()
+        driven.session.draw(SIZE)
+        compiles.append("compiling shaders" in driven.session.lines)
         return driven.settle()
 
+    path.write_text(SCENE.replace("radius = 1", "radius = 0.5"))
+    assert [driven.source.poll() for _ in range(3)] == [False, True, False]
+    path.write_text(SCENE)
+    edit(SCENE)
     new = edit(SCENE.replace("radius = 1", "radius = 0.5"))
     assert (new != old).any()
     np.testing.assert_array_equal(new, rendered(driven).image)
+    assert compiles == [True, True]
     same = edit(SCENE.replace("radius = 1", "radius = -1"))
     np.testing.assert_array_equal(same, new)
     assert driven.session.lines[0] == "scene.toml: solid[0].radius: -1 is not > 0"
@@ -357,6 +381,11 @@ def test_lines_are_written_into_the_picture(driven: Driven) -> None:
 
 
 # ---------------------------------------------------------------------------- clips
+
+
+def clipped(scene: Scene, clip: Clip) -> Clipped:
+    return clipped_in(scene, clip, np.array(Solids.of(scene).volume))
+
 
 PINS = """
 format = 1
@@ -479,6 +508,9 @@ def test_solids_keep_their_numbers_where_others_are_cut_away() -> None:
     scene = Scene.from_dict({"format": 1, "camera": camera, "solid": boxes})
     cut = clipped(scene, Clip(0, 0.0, above=True))
     assert cut.solids == (1,)
+    # What ends where the volume does ends there still.
+    whole, left = Solids.of(scene).volume, Solids.of(cut.scene).volume
+    np.testing.assert_array_equal(whole, left)
     frame = halfstep.render(cut.scene, size=SIZE, backend="numpy")
     assert set(np.unique(frame.solid)) == {-1, 0}
     assert set(np.unique(cut.numbered(frame, scene).solid)) == {-1, 1}

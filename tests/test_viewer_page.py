@@ -10,6 +10,7 @@ import socket
 import sys
 import threading
 import time
+import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import halfstep
 from halfstep import cli
+from halfstep.contract.choices import CANVASES
 from halfstep.viewer import page, show
 from halfstep.viewer.session import Session
 from tests.page_client import Client, connected, line_of, viewing
@@ -107,10 +109,12 @@ def test_it_ends_when_nobody_looks(quits: bool) -> None:
 def test_a_page_that_is_loaded_anew_goes_on() -> None:
     with viewing(SCENE, *OPTIONS) as process:
         address = line_of(process)
-        for _ in range(2):
-            with opened(address) as client:
-                client.picture()
-        assert process.poll() is None
+        with opened(address) as client:
+            client.picture()
+        with opened(address) as client:
+            client.picture()
+            time.sleep(page.LEFT_ALONE + 1)
+            assert process.poll() is None
 
 
 def test_a_lost_device_ends_it(
@@ -177,6 +181,15 @@ def test_a_canvas_that_is_not_installed_is_refused(
     assert capsys.readouterr() == ("", words)
 
 
+def test_the_extra_brings_what_canvases_need() -> None:
+    text = Path(__file__).parents[1].joinpath("pyproject.toml").read_text(encoding="utf-8")
+    extra = tomllib.loads(text)["project"]["optional-dependencies"]["view"]
+    assert set(show._PACKAGES) == {*CANVASES, "notebook"} - {"auto"}
+    for packages in show._PACKAGES.values():
+        for name in packages:
+            assert any(line.startswith(f"{name}>=") for line in extra), name
+
+
 def test_what_is_no_terminal_is_refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -210,3 +223,8 @@ def test_faults_of_a_scene_are_told_before_anything_is_opened(
     assert "bad.toml: camera: missing" in capsys.readouterr().err
     assert cli.main(["view", SCENE, *OPTIONS, "--steps", "31"]) == 2
     assert capsys.readouterr() == ("", "steps: 31 is not <= 30\n")
+    gpu = ("--canvas", "http", "--backend", "gpu")
+    assert cli.main(["view", SCENE, *gpu, "--adapter", "no such adapter"]) == 3
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "no such adapter" in err

@@ -110,7 +110,7 @@ def one_event(driven: Offscreen, rng: np.random.Generator, path: Path, text: str
     elif kind == 4:
         driven.send("key_down", key=str(rng.choice(KEY_NAMES)), modifiers=modifiers)
     elif kind == 5:
-        size = rng.integers(1, 200, 2)
+        size = rng.integers(1, 320, 2)
         driven.canvas.set_physical_size(*map(int, size))
     elif kind == 6:
         path.write_text(text if rng.random() < 0.5 else text[: int(rng.integers(len(text)))])
@@ -150,7 +150,7 @@ def storm(scene: str, events: int, seed: int, backend: str) -> None:
 def report(driven: Offscreen, events: int, seconds: float) -> None:
     """Print what the process has."""
     # What a device compiled stays, as it may be used again.
-    shaders = len(getattr(driven.session._renderer._backend, "_pipelines", ()))
+    shaders = len(getattr(driven.session._rendering.renderer._backend, "_pipelines", ()))
     line = f"  {events:6} events, {seconds:5.0f} s, {resident():6.0f} MiB, {shaders} shaders\n"
     sys.stdout.write(line)
     sys.stdout.flush()

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from halfstep.contract.arrays import Floats
 from halfstep.errors import SceneError
 from halfstep.frames.frame import Frame
 from halfstep.models.look import both, plane
 from halfstep.models.shape import without_empty
-from halfstep.scene import MAX_HALF_SPACES, Box, Group, PlanePatch, Polyhedron, Scene
+from halfstep.scene import MAX_HALF_SPACES, Box, Group, PlanePatch, Polyhedron, Scene, Volume
 from halfstep.scene.bases import BaseSolid, CutSolid
 from halfstep.scene.formula import Sense
 from halfstep.scene.groups import Cell, Place
@@ -68,8 +69,13 @@ class Clipped:
         return Frame({**arrays, "solid": solid}, frame.info)
 
 
-def clipped(scene: Scene, clip: Clip) -> Clipped:
+def clipped(scene: Scene, clip: Clip, box: Floats) -> Clipped:
     """What a clip leaves of a scene.
+
+    Args:
+        scene: the whole.
+        clip: what is left of it.
+        box: (2, 3), the volume of the whole, which is kept: it ends what nothing else does.
 
     Raises:
         SceneError: a solid has as many half-spaces as it may have; or nothing is left.
@@ -77,7 +83,8 @@ def clipped(scene: Scene, clip: Clip) -> Clipped:
     left = [_cut(solid, clip, f"solid[{ix}]") for ix, solid in enumerate(scene.solids)]
     kept = tuple(ix for ix, solid in enumerate(left) if solid is not None)
     solids = tuple(left[ix] for ix in kept)
-    cut = scene.model_copy(update={"solids": solids, **_cut_regions(scene, clip)})
+    changes = {"solids": solids, "volume": _volume(box), **_cut_regions(scene, clip)}
+    cut = scene.model_copy(update=changes)
     if cut.cells:
         # The cells of the scene alone are cut, and what is in groups takes longest.
         alone = cut.model_copy(update={"groups": ()})
@@ -85,6 +92,11 @@ def clipped(scene: Scene, clip: Clip) -> Clipped:
     if not solids and not cut.places and not any(cell.visible for cell in cut.cells):
         raise SceneError(f"clip: nothing has {clip}")
     return Clipped(cut, kept)
+
+
+def _volume(box: Floats) -> Volume:
+    (a, b, c), (x, y, z) = box.tolist()
+    return Volume(min=(a, b, c), max=(x, y, z))
 
 
 def _cut(solid: Any, clip: Clip, name: str) -> BaseSolid | None:

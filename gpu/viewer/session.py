@@ -10,22 +10,20 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import Array, Bytes, Floats
+from halfstep.contract.arrays import Array, Bytes
 from halfstep.errors import AdapterError, SceneError, UsageError
-from halfstep.frames.frame import Frame, Info
-from halfstep.frames.renderer import WARM_UP, Renderer
-from halfstep.host.prepare import Solids
-from halfstep.scene import Camera, Scene, with_overrides
+from halfstep.frames.frame import Frame
+from halfstep.scene import Camera
 from halfstep.viewer import camera as cameras
 from halfstep.viewer import pick
-from halfstep.viewer.clip import Clip, Clipped, clipped
 from halfstep.viewer.picture import picture_of
+from halfstep.viewer.rendering import Kind, Rendering, Shown
 from halfstep.viewer.state import KEYS, Facts, State, coarser, pressed
+from halfstep.viewer.status import SEPARATOR, certainty, described
 from halfstep.viewer.text import with_text
 from halfstep.viewer.watch import Source
 
@@ -45,8 +43,7 @@ OCTAVES = 0.0025
 MOST_WHEEL = 1000.0
 LEFT, RIGHT, MIDDLE = 1, 2, 3
 BACKGROUND = 18
-# The adapter of a frame of the backend that compiles nothing.
-NUMPY = "numpy"
+NO_MEMORY = "not enough memory for this picture"
 # Keys of events that are not those of a state.
 QUIT, RESET, HELP = ("q", "Q", "Escape"), ("r", "R", "Home"), ("h", "H", "?")
 HELP_LINES = (
@@ -54,28 +51,6 @@ HELP_LINES = (
     *(f"{' '.join(row.names)}: {row.help}" for row in KEYS),
     f"{' '.join(RESET)}: the camera of the scene    {' '.join(HELP)}: this help    q Escape: quit",
 )
-
-
-class _Shown(NamedTuple):
-    """What a picture shows.
-
-    Attributes:
-        scene: as its file is.
-        camera: None for that of the scene.
-        state: what replaces what the scene says.
-    """
-
-    scene: Scene
-    camera: Camera | None
-    state: State
-
-
-class _Kind(Enum):
-    """What a frame is for."""
-
-    MOVING = "seen at once, while it moves"
-    STILL = "seen at rest"
-    CERTAIN = "asked for errors and about pixels"
 
 
 class _Drag(NamedTuple):
@@ -128,11 +103,11 @@ class Session:
             DeviceError: the driver refuses.
         """
         self._source = source
-        self._renderer = Renderer(source.scene, backend=backend, adapter=adapter)
+        self._rendering = Rendering(source.scene, backend, adapter)
         self._tell = tell
         self._rest_after, self._patience = rest_after, patience
-        self._now = _Shown(source.scene, None, State())
-        self._good: _Shown | None = None
+        self._now = Shown(source.scene, None, State())
+        self._good: Shown | None = None
         self._size, self._ratio = (1, 1), 1.0
         self._picture: Bytes | None = None
         self._frame: Frame | None = None
@@ -149,17 +124,14 @@ class Session:
         self._clicked: cameras.Place | None = None
         self._note = self._status = self._certainty = ""
         self._helps = False
-        # Of what shaders were compiled, and whether that they are being compiled was shown.
-        self._compiled: set[object] = set()
+        # Whether it was said that shaders are being compiled.
         self._announced = False
-        self._cut: tuple[Scene, Clip, Clipped] | None = None
-        self._box: tuple[Scene, Floats] | None = None
         self.is_closed = False
 
     def close(self) -> None:
         """Give the device back."""
         self.is_closed = True
-        self._renderer.close()
+        self._rendering.renderer.close()
 
     @property
     def camera(self) -> Camera:
@@ -175,7 +147,7 @@ class Session:
     def lines(self) -> list[str]:
         """What the picture says of itself, one line for each fact."""
         help_ = HELP_LINES if self._helps else ()
-        status = "  ·  ".join(filter(None, (self._status, self._certainty)))
+        status = SEPARATOR.join(filter(None, (self._status, self._certainty)))
         said = [*help_, *self._source.fault.splitlines(), *self._note.splitlines(), status]
         return [line for line in said if line]
 
@@ -185,15 +157,15 @@ class Session:
         return self._is_untold or self._clicked is not None or self._due is not None
 
     @property
-    def _due(self) -> _Kind | None:
+    def _due(self) -> Kind | None:
         """What frame is to be rendered now."""
         now = time.monotonic()
         if self._is_stale:
-            return _Kind.MOVING
+            return Kind.MOVING
         if not self._is_fine and now >= self._rest_at:
-            return _Kind.STILL
+            return Kind.STILL
         if self._certain is None and (self._clicked is not None or now >= self._certain_at):
-            return _Kind.CERTAIN
+            return Kind.CERTAIN
         return None
 
     # ---------------------------------------------------------------------------- events
@@ -207,7 +179,7 @@ class Session:
                 self._is_untold = True
                 if not self._source.fault:
                     self._note, self._cost = "", 0.0
-                    self._compiled.clear()
+                    self._rendering.forget()
                     self._show(scene=self._source.scene)
         return self.wants_draw
 
@@ -272,7 +244,8 @@ class Session:
         elif key in HELP:
             self._helps, self._is_untold = not self._helps, True
         else:
-            facts = Facts(self._now.scene, self._most_steps, self._volume)
+            scene = self._now.scene
+            facts = Facts(scene, self._most_steps, lambda: self._rendering.volume(scene))
             state = pressed(self.state, key, facts)
             if state is not None:
                 self._note = ""
@@ -336,19 +309,12 @@ class Session:
         kind = self._due
         if kind is not None:
             # Compiling takes seconds, so that it is said before.
-            key = self._shader_key(kind)
-            if key not in self._compiled and not self._announced:
+            if not (self._announced or self._rendering.is_compiled(self._now, kind)):
                 self._announced = self._is_untold = True
                 self._status, self._certainty = "compiling shaders", ""
                 return
             self._announced = False
             frame = self._frame_of(kind)
-            if key not in self._compiled and frame.info["adapter"] != NUMPY:
-                # The first frames compile. The one after these takes as long as all others, which
-                # is worth seconds where it is seen.
-                for _ in range(WARM_UP - (kind is _Kind.CERTAIN)):
-                    frame = self._frame_of(kind)
-            self._compiled.add(key)
             self._take(kind, frame)
         if self._clicked is not None and self._certain is not None:
             row, column = _at(self._clicked, self._size, self._certain.depth)
@@ -356,113 +322,42 @@ class Session:
             self._note = pick.told(self._now.scene, self._certain, row, column)
             self._tell(self._note)
 
-    def _take(self, kind: _Kind, frame: Frame) -> None:
+    def _take(self, kind: Kind, frame: Frame) -> None:
         """Let a frame be what is shown, or what is known of that."""
         seconds = frame.info["wall_ms"] / 1e3
-        if kind is _Kind.CERTAIN:
+        if kind is Kind.CERTAIN:
             self._certain, self._cost = frame, seconds
-            self._certainty = _certainty(frame)
+            self._certainty = certainty(frame)
         else:
             self._frame, self._good, self._is_stale = frame, self._now, False
             self._picture = picture_of(frame, self.state.output)
         if self._frame is not None:
-            self._status = self._described(self._frame)
-        if kind is _Kind.MOVING:
+            self._status = described(self._frame, self.state, self._size)
+        if kind is Kind.MOVING:
             self._certainty = ""
-            self._is_fine = self._samples == 1 and self._factor == 1
+            self._is_fine = self._now.samples == 1 and self._factor == 1
             self._factor = coarser(self._factor, 1e3 * seconds)
             self._rest_at = time.monotonic() + self._rest_after
             self._certain_at = self._rest_at + self._patience * self._cost
-        elif kind is _Kind.STILL:
+        elif kind is Kind.STILL:
             self._is_fine = True
 
-    @property
-    def _samples(self) -> int:
-        """Of a pixel at rest: k, for k x k of them."""
-        return self.state.samples or self._now.scene.image.samples
-
-    def _frame_of(self, kind: _Kind) -> Frame:
+    def _frame_of(self, kind: Kind) -> Frame:
         """A frame of what is shown now."""
-        scene, camera, state = self._now
         width, height = self._size
-        if kind is _Kind.MOVING:
+        if kind is Kind.MOVING:
             width, height = max(width // self._factor, 1), max(height // self._factor, 1)
-        cut = None if state.clip is None else self._clipped(scene, state.clip)
-        shown = with_overrides(
-            scene if cut is None else cut.scene,
-            camera=camera,
-            **state.overrides((width, height), self._samples if kind is _Kind.STILL else 1),
-        )
-        outputs = pick.OUTPUTS if kind is _Kind.CERTAIN else (state.output, "depth")
-        frame = self._renderer.render_prepared(self._renderer.prepare(shown, outputs=outputs))
-        return frame if cut is None else cut.numbered(frame, scene)
-
-    def _clipped(self, scene: Scene, clip: Clip) -> Clipped:
-        """What a clip leaves of the scene, most often the same as before."""
-        if self._cut is None or self._cut[0] is not scene or self._cut[1] != clip:
-            self._cut = scene, clip, clipped(scene, clip)
-        return self._cut[2]
-
-    def _volume(self) -> Floats:
-        """The volume of the scene, (2, 3)."""
-        scene = self._now.scene
-        if self._box is None or self._box[0] is not scene:
-            self._box = scene, np.array(Solids.of(scene).volume)
-        return self._box[1]
-
-    def _shader_key(self, kind: _Kind) -> object:
-        """What decides which shaders there are, as far as a session knows."""
-        state = self.state
-        output = None if kind is _Kind.CERTAIN else state.output
-        averages = kind is _Kind.STILL and self._samples > 1
-        own = state.number_format, state.method, state.shadows, state.clip is None
-        return output, averages, kind is _Kind.CERTAIN, own
+        return self._rendering.frame(self._now, kind, (width, height))
 
     def _go_back(self, error: Exception) -> None:
         """Show again what could be shown, and say why what is asked for cannot."""
         if self._good is None:
             raise error
-        self._note = str(error) or _NO_MEMORY
+        self._note = str(error) or NO_MEMORY
         self._clicked, self._announced = None, False
         self._is_fine, self._certain_at = True, math.inf
         self._is_stale = self._now != self._good
         self._now = self._good
-
-    def _described(self, frame: Frame) -> str:
-        """The line about a frame."""
-        info = frame.info
-        height, width = frame.depth.shape
-        coarse = ""
-        if (width, height) != self._size:
-            coarse = f" in place of {self._size[0]}x{self._size[1]} while it moves"
-        parts = [
-            f"{info['wall_ms']:.1f} ms, {width}x{height}{coarse}",
-            f"n {_span(info)}, {info['number_format']}, {info['method']}",
-            self.state.output,
-            "" if self.state.clip is None else str(self.state.clip),
-            info["adapter"],
-        ]
-        return "  ·  ".join(filter(None, parts))
-
-
-_NO_MEMORY = "not enough memory for this picture"
-
-
-def _span(info: Info) -> str:
-    """The numbers of halvings of the solids that are seen."""
-    seen = [steps for steps in info["steps"] if steps]
-    if not seen:
-        return "0"
-    low, high = min(seen), max(seen)
-    return f"{low}" if low == high else f"{low} to {high}"
-
-
-def _certainty(frame: Frame) -> str:
-    """The largest error of a frame, and how many pixels have none."""
-    certain = np.isfinite(frame.error)
-    largest = float(frame.error[certain].max(initial=0.0))
-    left = int(certain.size - certain.sum())
-    return f"error at most {largest:.2g}" + (f", {left} pixels not certain" if left else "")
 
 
 def _at(place: cameras.Place, size: cameras.Size, array: Array) -> tuple[int, int]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import importlib
 import importlib.util
+import logging
 import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from typing import Any, Unpack
 
 from halfstep.contract.choices import CANVASES
@@ -31,8 +32,9 @@ _PACKAGES = {
 }
 _MODULES = {"notebook": "anywidget"}
 EVENTS = ("pointer_down", "pointer_move", "pointer_up", "wheel", "key_down", "close")
-# How often a canvas may draw, and how often a session looks whether it has something to draw.
-MOST_FPS = 100.0
+# A canvas looks so often a second whether there are events, and draws at most so often; a session
+# looks after so many seconds whether it has something to draw.
+MOST_FPS = 200.0
 TICK = 0.02
 
 
@@ -100,21 +102,22 @@ def show(
     """
     name = _chosen(canvas)
     image = source.scene.image
-    server = Server(host, port, (image.width, image.height)) if name == "http" else None
-    session = Session(source, backend=backend, adapter=adapter, tell=tell)
-    try:
-        with _quiet():
-            made = _canvas(name, source)
-            run = _Run(session, made, stop=None if server is None else server.stop)
-            if server is None:
-                run.loop.run()
-            else:
-                tell(server.address)
-                say("open this address in a browser; closing the page, or Ctrl-C, ends it")
-                server.serve(run.close)
+    with ExitStack() as stack:
+        stack.enter_context(_quiet())
+        server = None
+        if name == "http":
+            server = stack.enter_context(closing(Server(host, port, (image.width, image.height))))
+        session = stack.enter_context(
+            closing(Session(source, backend=backend, adapter=adapter, tell=tell))
+        )
+        run = _Run(session, _canvas(name, source), stop=None if server is None else server.stop)
+        if server is None:
+            run.loop.run()
+        else:
+            tell(server.address)
+            say("open this address in a browser; closing the page, or Ctrl-C, ends it")
+            server.serve(run.close)
         run.finish()
-    finally:
-        session.close()
 
 
 class _Run:
@@ -312,17 +315,19 @@ def _is_notebook() -> bool:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Let rendercanvas not log what we say ourselves, nor Python what it forgets to await."""
-    import logging
-
     logger = logging.getLogger("rendercanvas")
-    before = logger.level
-    logger.setLevel(logging.ERROR)
+
+    # Its level would not do: rendercanvas sets it when it is imported.
+    def is_error(record: logging.LogRecord) -> bool:
+        return record.levelno >= logging.ERROR
+
+    logger.addFilter(is_error)
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "coroutine 'Queue.put' was never awaited")
             yield
     finally:
-        logger.setLevel(before)
+        logger.removeFilter(is_error)
 
 
 def _tell(line: str) -> None:
