@@ -140,19 +140,16 @@ def storm(scene: str, events: int, seed: int, backend: str) -> None:
             if rng.random() < 0.1:
                 driven.settle()
             if number % max(events // 10, 1) == 0:
-                report(driven, number, time.monotonic() - begin)
+                report(number, time.monotonic() - begin)
         driven.settle()
-        report(driven, events, time.monotonic() - begin)
+        report(events, time.monotonic() - begin)
         sys.stdout.write(f"  {len(driven.told)} clicks were answered\n")
         driven.session.close()
 
 
-def report(driven: Offscreen, events: int, seconds: float) -> None:
+def report(events: int, seconds: float) -> None:
     """Print what the process has."""
-    # What a device compiled stays, as it may be used again.
-    shaders = len(getattr(driven.session._rendering.renderer._backend, "_pipelines", ()))
-    line = f"  {events:6} events, {seconds:5.0f} s, {resident():6.0f} MiB, {shaders} shaders\n"
-    sys.stdout.write(line)
+    sys.stdout.write(f"  {events:6} events, {seconds:5.0f} s, {resident():6.0f} MiB\n")
     sys.stdout.flush()
 
 

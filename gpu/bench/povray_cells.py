@@ -80,14 +80,15 @@ class _Writer:
                 return f"union {{ {' '.join(map(self.text, of))} }}"
 
     def _surface(self, surface: AnySurface) -> str:
+        radius = getattr(surface, "radius", 0.0)
         match surface.kind:
             case "plane":
                 shape = "plane { z, 0"
             case "sphere":
-                shape = f"sphere {{ 0, {surface.radius:.17g}"
+                shape = f"sphere {{ 0, {radius:.17g}"
             case "cylinder":
                 far = math.ceil(LONG * np.abs(self._box).max())
-                shape = f"cylinder {{ {-far}*z, {far}*z, {surface.radius:.17g}"
+                shape = f"cylinder {{ {-far}*z, {far}*z, {radius:.17g}"
             case kind:
                 raise AssertionError(f"POV-Ray is given no surface of kind {kind}")
         return f"{shape} {placed(surface)} }}"
