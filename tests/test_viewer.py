@@ -349,6 +349,42 @@ def test_files_of_other_programs_are_shown(name: str) -> None:
     driven.session.close()
 
 
+@pytest.mark.parametrize(
+    "event",
+    [
+        {"event_type": "pointer_down", "x": 1.0, "y": 1.0, "button": 1},
+        {"event_type": "pointer_down", "x": 1.0, "y": 1.0, "button": None, "modifiers": ()},
+        {"event_type": "pointer_down", "x": 1.0, "y": 1.0, "button": 1, "modifiers": "Shift"},
+        {"event_type": "pointer_move"},
+        {"event_type": "pointer_move", "x": "1", "y": 1.0},
+        {"event_type": "pointer_up", "x": math.nan, "y": 1.0},
+        {"event_type": "wheel", "x": 1.0, "y": 1.0, "dy": 10**400},
+        {"event_type": "wheel", "x": 1.0, "y": 1.0, "dy": -math.inf},
+        {"event_type": "key_down", "key": None, "modifiers": ()},
+        {"event_type": "key_down", "key": "q", "modifiers": [1]},
+        {"event_type": "before_draw"},
+    ],
+    ids=str,
+)
+def test_what_is_no_event_does_nothing(driven: Driven, event: dict[str, Any]) -> None:
+    camera = driven.session.camera
+    driven.send("pointer_down", x=48, y=36, button=2)
+    driven.session.handle(event)
+    assert (driven.session.camera, driven.session.state) == (camera, State())
+    assert not driven.session.is_closed
+    # With all its facts an event of that place and that button would have moved it.
+    driven.send("pointer_move", x=60, y=36)
+    assert driven.session.camera != camera
+
+
+def test_a_canvas_without_measure_gets_a_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("halfstep.viewer.session.LONGEST", 32)
+    driven = Driven("one_box")
+    for _ in range(4):
+        assert driven.session.draw((10**6, 24), 1e9).shape == (24, 32, 4)
+    driven.session.close()
+
+
 def test_pictures_get_coarser_where_they_are_slow() -> None:
     assert [coarser(1, SLOW_MS), coarser(1, SLOW_MS + 1), coarser(2, SLOW_MS + 1)] == [1, 2, 4]
     assert coarser(COARSEST, 10 * SLOW_MS) == COARSEST

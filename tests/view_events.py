@@ -22,8 +22,8 @@ import numpy as np
 from rendercanvas.offscreen import OffscreenRenderCanvas
 
 from halfstep.scene import load
+from halfstep.viewer.events import FACTS
 from halfstep.viewer.session import Session
-from halfstep.viewer.show import EVENTS
 from halfstep.viewer.state import KEYS
 from halfstep.viewer.watch import Source
 
@@ -48,7 +48,7 @@ class Offscreen:
         self._context = self.canvas.get_bitmap_context()
         # rendercanvas logs what fails, and goes on.
         self._failures: list[Exception] = []
-        self.canvas.add_event_handler(self._handle, *EVENTS)
+        self.canvas.add_event_handler(self._handle, *FACTS)
         self.canvas.request_draw(self._draw)
 
     def _handle(self, event: dict[str, Any]) -> None:

@@ -20,6 +20,7 @@ from halfstep.frames.frame import Frame
 from halfstep.scene import Camera
 from halfstep.viewer import camera as cameras
 from halfstep.viewer import pick
+from halfstep.viewer.events import is_whole
 from halfstep.viewer.picture import picture_of
 from halfstep.viewer.rendering import Kind, Rendering, Shown
 from halfstep.viewer.state import KEYS, Facts, State, coarser, pressed
@@ -42,6 +43,8 @@ TURN = 0.01
 OCTAVES = 0.0025
 MOST_WHEEL = 1000.0
 LEFT, RIGHT, MIDDLE = 1, 2, 3
+# A canvas with longer sides stretches its picture.
+LONGEST = 8192
 BACKGROUND = 18
 NO_MEMORY = "not enough memory for this picture"
 # Keys of events that are not those of a state.
@@ -184,7 +187,9 @@ class Session:
         return self.wants_draw
 
     def handle(self, event: Mapping[str, Any]) -> None:
-        """Take an event of rendercanvas."""
+        """Take an event of rendercanvas; one that lacks facts, as a page may send, is none."""
+        if not is_whole(event):
+            return
         match event["event_type"]:
             case "pointer_down":
                 self._down(event)
@@ -288,6 +293,7 @@ class Session:
         Raises:
             HalfstepError: nothing can be shown, or the device was lost.
         """
+        size = min(size[0], LONGEST), min(size[1], LONGEST)
         if (size, ratio) != (self._size, self._ratio):
             self._size, self._ratio = size, ratio
             self._show()

@@ -18,6 +18,7 @@ from typing import Any, Unpack
 from halfstep.contract.choices import CANVASES
 from halfstep.errors import UsageError
 from halfstep.scene import CameraLike, Overrides, SceneLike
+from halfstep.viewer.events import FACTS
 from halfstep.viewer.page import HOST, Server
 from halfstep.viewer.session import Session
 from halfstep.viewer.text import NARROWEST
@@ -31,7 +32,6 @@ _PACKAGES = {
     "notebook": ("anywidget",),
 }
 _MODULES = {"notebook": "anywidget"}
-EVENTS = ("pointer_down", "pointer_move", "pointer_up", "wheel", "key_down", "close")
 # A canvas looks so often a second whether there are events, and draws at most so often; a session
 # looks after so many seconds whether it has something to draw.
 MOST_FPS = 200.0
@@ -137,7 +137,7 @@ class _Run:
         self.failure: Exception | None = None
         self.loop = canvas._rc_canvas_group.get_loop()  # noqa: SLF001 - there is no other way
         self._context = canvas.get_bitmap_context()
-        canvas.add_event_handler(self._handle, *EVENTS)
+        canvas.add_event_handler(self._handle, *FACTS)
         canvas.request_draw(self._draw)
         self.loop.add_task(self._ticking, name="halfstep")
 

@@ -33,6 +33,8 @@ def with_text(picture: Bytes, lines: Sequence[str], ratio: float = 1.0) -> Bytes
     whole[..., :3] = picture
     if width < NARROWEST or not lines:
         return whole
+    # Screens have at most so many times as many pixels.
+    ratio = min(max(ratio, 1.0), 4.0)
     font, line = _font(round(_SIZE * ratio)), round(_LINE * ratio)
     room = width - 2 * _MARGIN
     broken = [
