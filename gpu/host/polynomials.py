@@ -88,7 +88,11 @@ class OnRays:
 
 def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
     """Stack the polynomials of ``solids``; None where there is none."""
-    found = [(ix, solid) for ix, solid in enumerate(solids) if isinstance(solid, Algebraic)]
+    found = [
+        (ix, solid)
+        for ix, solid in enumerate(solids)
+        if isinstance(solid, Algebraic) and solid.has_polynomial
+    ]
     if not found:
         return None
     degree = max(LEAST_DEGREE, *(solid.degree() for _, solid in found))

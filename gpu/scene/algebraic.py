@@ -1,4 +1,4 @@
-"""Solids of which F is a polynomial of any degree: the torus, and formulas."""
+"""Solids of which F is a polynomial of any degree, or any formula: the torus, and formulas."""
 
 import functools
 import math
@@ -19,9 +19,9 @@ from pydantic import (
 )
 
 from halfstep.scene import algebra
-from halfstep.scene.algebra import NotPolynomialError, Polynomial
+from halfstep.scene.algebra import DegreeError, Polynomial
 from halfstep.scene.bases import CutSolid
-from halfstep.scene.expression import name_fault, parsed
+from halfstep.scene.expression import Node, name_fault, parsed
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, Fault, fault, show
 from halfstep.scene.formula import fault_at
 from halfstep.scene.keys import SolidKey, are_in_order
@@ -41,13 +41,18 @@ from halfstep.scene.values import (
 
 
 class Algebraic(CutSolid, ABC):
-    """A solid F <= 0 of which F is a polynomial."""
+    """A solid F <= 0 of which F is a polynomial or another formula."""
 
     is_algebraic: ClassVar[bool] = True
 
+    @property
+    def has_polynomial(self) -> bool:
+        """Whether F is a polynomial, whatever its numbers are."""
+        return True
+
     @abstractmethod
     def polynomial(self) -> Polynomial:
-        """F in local coordinates, with exact coefficients."""
+        """F in local coordinates, with exact coefficients, where it is a polynomial."""
 
     @abstractmethod
     def degree(self) -> int:
@@ -228,10 +233,10 @@ class Implicit(Algebraic):
 
     @field_validator("formula")
     @classmethod
-    def _is_polynomial(cls, formula: str, info: ValidationInfo) -> str:
+    def _has_a_meaning(cls, formula: str, info: ValidationInfo) -> str:
         if "parameters" in info.data:
             try:
-                _expanded(formula, info.data["parameters"])
+                _check(formula, info.data["parameters"])
             except ValueError as error:
                 raise fault(str(error)) from None
         return formula
@@ -254,14 +259,30 @@ class Implicit(Algebraic):
         others = {name: value for name, value in state.items() if name not in parameters}
         return {**others, "parameters": parameters}
 
+    @property
+    def has_polynomial(self) -> bool:
+        """Whether the formula is one with these parameters and with others."""
+        return _has_polynomial(self.formula, tuple(self.parameters.items()))
+
+    def check(self) -> None:
+        """See that the formula has a meaning with these parameters.
+
+        Raises:
+            ValueError: it has none; with the column.
+        """
+        _check(self.formula, self.parameters)
+
+    def expression(self) -> Node:
+        """The formula's tree."""
+        return _parsed(self.formula, tuple(self.parameters.items()))
+
     def polynomial(self) -> Polynomial:
         """The formula's."""
         return _expanded(self.formula, self.parameters)
 
     def degree(self) -> int:
         """That of the formula with parameters of which no terms cancel."""
-        generic = {name: k + 1 / (math.pi + k) for k, name in enumerate(self.parameters, start=2)}
-        return algebra.degree(_expanded(self.formula, generic))
+        return algebra.degree(_expanded(self.formula, _generic(self.parameters)))
 
     def box(self) -> tuple[Vector, Vector]:
         """Around its bounds."""
@@ -295,14 +316,50 @@ class Implicit(Algebraic):
         yield from super()._rows()
 
 
+Parameters = tuple[tuple[str, float], ...]
+
+
 @functools.lru_cache(maxsize=256)
-def _expansion(formula: str, parameters: tuple[tuple[str, float], ...]) -> Polynomial:
-    values = {name: Fraction(value) for name, value in parameters}
+def _parsed(formula: str, parameters: Parameters) -> Node:
+    return parsed(formula, {name: Fraction(value) for name, value in parameters})
+
+
+def _generic(parameters: Iterable[str]) -> Mapping[str, float]:
+    """Values of parameters with which nothing cancels and no power is whole."""
+    return {name: k + 1 / (math.pi + k) for k, name in enumerate(parameters, start=2)}
+
+
+@functools.lru_cache(maxsize=256)
+def _has_polynomial(formula: str, parameters: Parameters) -> bool:
+    names = [name for name, _ in parameters]
+    found = algebra.is_polynomial(_parsed(formula, parameters))
+    if not found or not names:
+        return found
     try:
-        found = algebra.expanded(parsed(formula, values))
-    except NotPolynomialError as error:
-        what = f"{error}: only polynomials can be drawn yet"
-        raise ValueError(fault_at(formula, error.column, what)) from None
+        return algebra.is_polynomial(_parsed(formula, tuple(_generic(names).items())))
+    except ValueError:  # these values have no meaning; those of the scene have
+        return found
+
+
+def _check(formula: str, parameters: Mapping[str, float]) -> None:
+    """See that a formula has a meaning.
+
+    Raises:
+        ValueError: it has none; with the column.
+    """
+    given = tuple(parameters.items())
+    if _parsed(formula, given).kind == "number":
+        raise ValueError("it is the same everywhere, which is no surface")
+    if _has_polynomial(formula, given):
+        _expanded(formula, parameters)
+
+
+@functools.lru_cache(maxsize=256)
+def _expansion(formula: str, parameters: Parameters) -> Polynomial:
+    try:
+        found = algebra.expanded(_parsed(formula, parameters))
+    except DegreeError as error:
+        raise ValueError(fault_at(formula, error.column, str(error))) from None
     if not algebra.degree(found):
         raise ValueError("it is the same everywhere, which is no surface")
     return found
@@ -312,6 +369,6 @@ def _expanded(formula: str, parameters: Mapping[str, float]) -> Polynomial:
     """The polynomial that a formula is.
 
     Raises:
-        ValueError: it is none, or no formula; with the column.
+        ValueError: it has too high a degree, or is the same everywhere; with the column.
     """
     return _expansion(formula, tuple(parameters.items()))

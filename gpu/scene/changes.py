@@ -190,7 +190,7 @@ def still(
                 faults.append((("solid", index, "bounds"), NO_PATCH))
         if isinstance(solid, Implicit) and solid is not scene.solids[index]:
             try:
-                solid.polynomial()
+                solid.check()
             except ValueError as error:
                 faults.append((("solid", index, "formula"), str(error)))
     if faults:

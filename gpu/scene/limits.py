@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from halfstep.scene.algebraic import Algebraic
 from halfstep.scene.bases import BaseSolid
 from halfstep.scene.copies import Layout
 from halfstep.scene.faults import Fault, Loc, show
@@ -29,7 +30,7 @@ def algebraic_faults(
     solids: Sequence[BaseSolid], accuracy: Accuracy, camera: Camera
 ) -> list[Fault]:
     """What of ``[accuracy]`` and ``[camera]`` solids cannot have that polynomials bound."""
-    found = [solid for solid in solids if solid.is_algebraic]
+    found = [solid for solid in solids if isinstance(solid, Algebraic)]
     if not found:
         return []
     kinds = {"torus": "a torus", "implicit": "a formula"}
@@ -44,8 +45,8 @@ def algebraic_faults(
     if accuracy.steps is not None and accuracy.steps > MOST_STEPS_OF_CELLS:
         text = f"{accuracy.steps} is not <= {MOST_STEPS_OF_CELLS}, the most with {names}"
         faults.append((("accuracy", "steps"), text))
-    if camera.orthographic_height is not None:
-        text = f"parallel rays do not draw {names} yet; use fov_degrees"
+    if camera.orthographic_height is not None and any(each.has_polynomial for each in found):
+        text = "parallel rays do not draw a torus or a polynomial yet; use fov_degrees"
         faults.append((("camera", "orthographic_height"), text))
     return faults
 
