@@ -167,6 +167,35 @@ def test_ranges_hold_all_values(text: str, rng: np.random.Generator) -> None:
 
 FROM = (2.1, -3.2, 1.5)
 MIXED = "sqrt(x) + 1/y + log(z) - (x^2 + 0.1)^0.7"
+
+
+def test_a_torus_that_crosses_itself_is_solid() -> None:
+    """Its section through the axis shows no hole."""
+    table = {
+        "kind": "torus",
+        "major": 1,
+        "minor": [1.5, 1],
+        "color": [1, 1, 1],
+        "cut": [[0, 1, 0, 0]],
+    }
+    scene = scene_of(table, (0.3, 7, 0.2))
+    frame = halfstep.render(scene, outputs=(*CLAIMED, "position"), backend="numpy", steps=14)
+    hit = frame.solid >= 0
+    assert hit.sum() > 300
+    assert np.isfinite(frame.error[hit]).mean() > 0.98
+    face = hit & (frame.surface == 1)
+    x, y, z = frame.position[face].T
+    assert np.abs(y).max() < 1e-3
+    assert ((np.abs(x) - 1) ** 2 / 2.25 + z**2 < 1.001).all()
+    view = prepare(scene).setup.view
+    i, j = np.meshgrid(np.arange(64), np.arange(48))
+    along = view.directions(i, j)
+    at = -view.eye[1] / along[..., 1]
+    x, z = view.eye[0] + at * along[..., 0], view.eye[2] + at * along[..., 2]
+    inside = (np.abs(x) - 1) ** 2 / 2.25 + z**2 < 0.999
+    np.testing.assert_array_equal(face & inside, inside)
+
+
 # Together they take all ways through the visit and through the choice of formulas.
 WAYS = {
     "cut": scene_of({**solid_of("gyroid"), "cut": [[1, 0.2, 0, 0.3]]}, FROM),

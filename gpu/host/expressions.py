@@ -17,7 +17,7 @@ from halfstep.host.forms import Sight, power_of_two
 from halfstep.host.polynomials import MOST_HALVINGS
 from halfstep.host.programs import Compiled, compiled
 from halfstep.host.ranges import Range, range_of
-from halfstep.scene import Implicit, Solid
+from halfstep.scene import Algebraic, Solid
 
 # Points are asked for as far beyond the interval as it is long, in all directions.
 BEYOND = 4.0
@@ -61,7 +61,7 @@ def expressions(solids: Sequence[Solid]) -> Expressions | None:
     found = [
         (ix, solid)
         for ix, solid in enumerate(solids)
-        if isinstance(solid, Implicit) and not solid.has_polynomial
+        if isinstance(solid, Algebraic) and not solid.has_polynomial
     ]
     if not found:
         return None

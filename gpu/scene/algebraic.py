@@ -55,6 +55,10 @@ class Algebraic(CutSolid, ABC):
         """F in local coordinates, with exact coefficients, where it is a polynomial."""
 
     @abstractmethod
+    def expression(self) -> Node:
+        """F in local coordinates as a tree."""
+
+    @abstractmethod
     def degree(self) -> int:
         """The highest that F has with any values of its numbers."""
 
@@ -71,9 +75,6 @@ class Algebraic(CutSolid, ABC):
         return False
 
 
-Pair = tuple[float, float]
-
-
 def _pair(value: Any) -> Any:
     """Both radii of a tube; one number stands for two."""
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -87,6 +88,7 @@ Radii = Annotated[
     tuple[Length, Length],
     BeforeValidator(_pair, json_schema_input_type=Length | tuple[Length, Length]),
 ]
+_TORUS = "((sqrt(x^2 + y^2) - major)/across)^2 + (z/along)^2 - 1"
 # Corners of the polygons around a torus: they are 1 % wider.
 _CORNERS = 24
 
@@ -98,16 +100,15 @@ class Torus(Algebraic):
     major: Length
     minor: Radii
 
-    @field_validator("minor")
-    @classmethod
-    def _does_not_cross_itself(cls, minor: Pair, info: ValidationInfo) -> Pair:
-        major = info.data.get("major")
-        if major is not None and minor[0] > major:
-            raise fault(
-                f"{show(minor[0])} is not <= major = {show(major)}: a torus that crosses itself "
-                "cannot be drawn yet"
-            )
-        return minor
+    @property
+    def has_polynomial(self) -> bool:
+        """Whether the tube does not cross itself: inside of what does, the polynomial is > 0."""
+        return self.minor[0] <= self.major
+
+    def expression(self) -> Node:
+        """The left side less 1."""
+        major, across, along = self.major, *self.minor
+        return _parsed(_TORUS, (("major", major), ("across", across), ("along", along)))
 
     def polynomial(self) -> Polynomial:
         """(x² + y² + (across/along)² z² + major² - across²)² - 4 major² (x² + y²)."""
