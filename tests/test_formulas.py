@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,12 +16,12 @@ from halfstep.contract.expressions import Operation
 from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.host.prepare import prepare
-from halfstep.host.programs import compiled
-from halfstep.host.ranges import Range, range_of
 from halfstep.run import gpu as run_gpu
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.expression import parsed
+from halfstep.scene.programs import compiled
+from halfstep.scene.ranges import Range, is_positive, range_of
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from halfstep.twin.expression import Formula, expression_jet, trace_of
@@ -345,7 +346,7 @@ def test_roots_of_what_is_never_negative_are_defined(text: str, undefined: float
 
 
 @pytest.mark.parametrize(
-    "formula", ["sqrt(x) - y", "log(x) - y", "1/x - y", "abs(x)^1e6 - y", "exp(99*x)"]
+    "formula", ["sqrt(x) - y", "log(x) - y", "1/x - y", "abs(x)^1e6 - y", "exp(99*x) - exp(98*y)"]
 )
 def test_where_a_formula_has_no_value_pixels_are_flagged(formula: str) -> None:
     table = {"kind": "implicit", "formula": formula, "bounds": BOX}
@@ -356,3 +357,22 @@ def test_where_a_formula_has_no_value_pixels_are_flagged(formula: str) -> None:
     assert np.isfinite(frame.color).all()
     assert np.isfinite(frame.normal).all()
     assert np.isfinite(frame.depth[frame.solid >= 0]).all()
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+def test_no_solid_with_a_point_is_told_to_be_empty(name: str, rng: np.random.Generator) -> None:
+    """Small boxes about points of the surface, and the same without the surface."""
+    values = {key: Fraction(value) for key, value in FORMULAS[name].parameters.items()}
+    made = compiled(parsed(FORMULAS[name].formula, values))
+    empty = 0
+    for _ in range(30):
+        middle = rng.uniform(-1.4, 1.4, 3)
+        half = 2.0 ** -rng.uniform(1, 6)
+        corners = middle + half * rng.uniform(-1, 1, (200, 3))
+        points = [Range(axis, axis) for axis in corners.T]
+        some = (range_of(made.program, made.numbers, points).high < 0).any()
+        found = is_positive(made.program, made.numbers, (middle - half, middle + half), None)
+        assert not (found and some)
+        empty += found
+    assert empty > 0
+    assert not is_positive(made.program, made.numbers, (-np.ones(3), np.ones(3)), 1.0)

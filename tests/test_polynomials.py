@@ -340,6 +340,18 @@ def test_faults_of_tori(keys: dict[str, Any], text: str) -> None:
         ({"bounds": {"radius": 0}}, "solid[0].bounds.radius: 0 is not > 0"),
         ({"bounds": {"min": [0, 0, 0]}}, "solid[0].bounds: has neither min and max nor radius"),
         (
+            {"formula": "x^2 + y^2 + 0.01", "bounds": {"radius": 3}},
+            "solid[0].bounds: nothing of the solid is in them, where the formula is positive",
+        ),
+        (
+            {"formula": "sin(x) + cosine - 2*y", "parameters": {"cosine": 7}},
+            "solid[0].bounds: nothing of the solid is in them, where the formula is positive",
+        ),
+        (
+            {"formula": "9 - x^2 - y^2 - z^2", "bounds": {"radius": 2}},
+            "solid[0].bounds: nothing of the solid is in them, where the formula is positive",
+        ),
+        (
             {"bounds": {"min": [0] * 3, "max": [1] * 3, "radius": 1}},
             "solid[0].bounds: has min and max and radius; a box has no radius",
         ),

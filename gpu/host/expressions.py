@@ -15,9 +15,9 @@ from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.expressions import Program
 from halfstep.host.forms import Sight, power_of_two
 from halfstep.host.polynomials import MOST_HALVINGS
-from halfstep.host.programs import Compiled, compiled
-from halfstep.host.ranges import Range, range_of
 from halfstep.scene import Algebraic, Solid
+from halfstep.scene.programs import Compiled, compiled
+from halfstep.scene.ranges import Range, range_of
 
 # Points are asked for as far beyond the interval as it is long, in all directions.
 BEYOND = 4.0

@@ -25,6 +25,8 @@ from halfstep.scene.expression import Node, name_fault, parsed
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, Fault, fault, show
 from halfstep.scene.formula import fault_at
 from halfstep.scene.keys import SolidKey, are_in_order
+from halfstep.scene.programs import compiled
+from halfstep.scene.ranges import is_positive
 from halfstep.scene.values import (
     MAX_HALF_SPACES,
     Array,
@@ -242,6 +244,16 @@ class Implicit(Algebraic):
                 raise fault(str(error)) from None
         return formula
 
+    @field_validator("bounds")
+    @classmethod
+    def _hold_something(cls, bounds: FormulaBounds, info: ValidationInfo) -> FormulaBounds:
+        # What keys move may be empty at times.
+        if {"parameters", "formula"} <= info.data.keys() and not info.data.get("keyframes"):
+            given = tuple(info.data["parameters"].items())
+            if _is_positive(info.data["formula"], given, bounds.box(), bounds.radius):
+                raise fault("nothing of the solid is in them, where the formula is positive")
+        return bounds
+
     @field_validator("sheet")
     @classmethod
     def _are_few_enough_with_bounds(cls, sheet: bool, info: ValidationInfo) -> bool:
@@ -340,6 +352,16 @@ def _has_polynomial(formula: str, parameters: Parameters) -> bool:
         return algebra.is_polynomial(_parsed(formula, tuple(_generic(names).items())))
     except ValueError:  # these values have no meaning; those of the scene have
         return found
+
+
+@functools.lru_cache(maxsize=256)
+def _is_positive(
+    formula: str, parameters: Parameters, box: tuple[Vector, Vector], radius: float | None
+) -> bool:
+    """Whether a formula surely exceeds 0 all over bounds."""
+    made = compiled(_parsed(formula, parameters))
+    low, high = map(np.array, box)
+    return is_positive(made.program, made.numbers, (low, high), radius)
 
 
 def _check(formula: str, parameters: Mapping[str, float]) -> None:

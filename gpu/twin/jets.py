@@ -26,8 +26,8 @@ their own rounding, a few EPSILON for each operation. Where numbers
 are lost because they are too small, FAINTEST is larger, for no error is less.
 
 What is greater than LARGEST is not known at all. Products and functions see to that; sums and
-multiples that could grow by more than 2^16 are followed by `checked_jet` (``host.programs``). So no
-number here is ever infinite, and nothing a device may make of NaN is asked.
+multiples that could grow by more than 2^16 are followed by `checked_jet` (``scene.programs``). So
+no number here is ever infinite, and nothing a device may make of NaN is asked.
 """
 
 from __future__ import annotations

@@ -16,6 +16,8 @@ from halfstep.contract.expressions import NO_NUMBER, Program
 
 # Ends are moved by so much of themselves, and by so much at least.
 WIDENING, LEAST_WIDENING = 2.0**-46, 2.0**-1000
+# Into so many a box is halved where it is asked whether a formula is above 0 there.
+MOST_BOXES = 4096
 # Angles beyond this are not asked where they are in a turn.
 LARGEST_ANGLE = 2.0**30
 
@@ -45,6 +47,35 @@ def range_of(program: Program, numbers: Sequence[float], box: Sequence[Range]) -
             found.append(_widened(_OPERATIONS[step.name](*given)))
     shape = np.broadcast_shapes(*(end.shape for axis in found[:3] for end in axis))
     return Range(*(np.broadcast_to(end, shape) for end in found[-1]))
+
+
+def is_positive(
+    program: Program, numbers: Sequence[float], box: tuple[Floats, Floats], radius: float | None
+) -> bool:
+    """Whether a formula surely exceeds 0 all over a box, or the ball in it where it has a radius.
+
+    The box is halved along all axes until that is seen, but not into more than MOST_BOXES.
+    """
+    low, high = (np.array(end, np.float64).reshape(3, 1) for end in box)
+    while low.shape[1] <= MOST_BOXES:
+        found = range_of(program, numbers, [Range(*ends) for ends in zip(low, high, strict=True)])
+        if (found.high <= 0).any():
+            return False
+        left = found.low <= 0
+        if radius is not None:
+            nearest = np.maximum(np.maximum(low, -high), 0.0)
+            left &= (nearest**2).sum(axis=0) <= radius**2
+        if not left.any():
+            return True
+        low, high = low[:, left], high[:, left]
+        middle = (low + high) / 2
+        halves = np.stack([np.stack([low, middle]), np.stack([middle, high])])
+        parts = np.indices((2, 2, 2)).reshape(3, 8)
+        low, high = (
+            np.concatenate([halves[parts[:, k], end, np.arange(3)] for k in range(8)], axis=1)
+            for end in (0, 1)
+        )
+    return False
 
 
 def _widened(found: Range) -> Range:
