@@ -9,8 +9,11 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from halfstep.scene import Ellipsoid, Scene, Sphere
+from halfstep.scene import Ellipsoid, Implicit, Scene, Solid, Sphere, Torus
+from halfstep.scene.expression import Node
 
+# No formula of the benchmark changes faster; POV-Ray wants to know.
+STEEPEST = 8.0
 _TRACE = re.compile(r"Trace Time:.*\((\d+\.\d+) seconds\)")
 
 
@@ -68,9 +71,11 @@ def trace_time(
 
 
 def text(scene: Scene, aspect: float) -> str:
-    """A scene of spheres and unturned ellipsoids, one light each way, as POV-Ray reads it.
+    """A scene of some kinds of solids, none turned, one light each way, as POV-Ray reads it.
 
-    No shadows and no second ray, so that both programs compute the same picture.
+    No shadows and no second ray, so that both programs compute the same picture. The kinds are
+    spheres, ellipsoids, tori and formulas in a ball: polynomials as ``poly``, by Sturm's theorem,
+    others as ``isosurface``.
     """
     camera, ambient = scene.camera, _vector(scene.ambient.color)
     assert camera.fov_degrees is not None
@@ -91,18 +96,53 @@ def text(scene: Scene, aspect: float) -> str:
             " shadowless }"
         )
     for solid in scene.solids:
-        assert isinstance(solid, Sphere | Ellipsoid)
+        assert isinstance(solid, Sphere | Ellipsoid | Torus | Implicit)
         assert solid.color is not None
-        shape = (
-            f"0, {solid.radius:.17g}"
-            if isinstance(solid, Sphere)
-            else f"0, 1 scale {_vector(solid.semi_axes)}"
-        )
         lines.append(
-            f"sphere {{ {shape} translate {_vector(solid.origin)} pigment {{ rgb"
+            f"{_shape(solid)} translate {_vector(solid.origin)} pigment {{ rgb"
             f" {_vector(solid.color)} }} finish {{ ambient rgb {ambient} diffuse 1 }} }}"
         )
     return "\n".join(lines) + "\n"
+
+
+def _shape(solid: Solid) -> str:
+    """The beginning of a solid, up to where it is placed."""
+    match solid:
+        case Sphere():
+            return f"sphere {{ 0, {solid.radius:.17g}"
+        case Ellipsoid():
+            return f"sphere {{ 0, 1 scale {_vector(solid.semi_axes)}"
+        case Torus():
+            # POV-Ray's has the axis y.
+            return f"torus {{ {solid.major:.17g}, {solid.minor[0]:.17g} rotate 90*x"
+    assert isinstance(solid, Implicit)
+    ball = f"sphere {{ 0, {solid.bounds.radius:.17g} }}"
+    if solid.has_polynomial:
+        terms, degree = solid.polynomial(), solid.degree()
+        values = [
+            float(terms.get((i, j, k), 0))
+            for i in range(degree, -1, -1)
+            for j in range(degree - i, -1, -1)
+            for k in range(degree - i - j, -1, -1)
+        ]
+        return f"intersection {{ poly {{ {degree}, {_vector(tuple(values))} sturm }} {ball}"
+    function = _function(solid.expression())
+    steepest = f"max_gradient {STEEPEST:.17g}"
+    return f"isosurface {{ function {{ {function} }} contained_by {{ {ball} }} {steepest}"
+
+
+def _function(node: Node) -> str:
+    """A formula as POV-Ray reads it."""
+    if node.kind == "number":
+        return f"({float(node.value):.17g})"
+    if node.kind == "coordinate":
+        return "xyz"[int(node.value)]
+    parts = [_function(operand) for operand in node.operands]
+    if node.kind == "^":
+        return f"pow({parts[0]}, {parts[1]})"
+    if len(node.kind) == 1:
+        return f"({parts[0]} {node.kind} {parts[1]})"
+    return f"{node.kind}({', '.join(parts)})"
 
 
 def _horizontal(vertical_degrees: float, aspect: float) -> float:
