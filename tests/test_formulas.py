@@ -225,11 +225,11 @@ WAYS = {
 }
 # A word of the visit or of what it calls, what a slip would make of it, and where it is seen.
 FAULTS = [
-    ("is_above", "jet.value > reach_of", "jet.value < reach_of", "error", "sheet"),
+    ("surety_of", "jet.value > off", "jet.value < off", "error", "sheet"),
     ("walked_formula", "judged_jet(jet)", "judged_jet(negated_jet(jet))", "solid", "sheet"),
     ("finished_formula", "-value, turned", "value, turned", "depth", "inside a ball"),
     ("finished_formula", "u < high", "u < low", "depth", "sheet"),
-    ("bound_of_formula", "-reach, reach", "reach, -reach", "error", "sheet"),
+    ("surety_of", "-reach, reach", "reach, -reach", "error", "sheet"),
     ("nudged", "NUDGE, is_one", "NUDGE, !is_one", "normal", "sheet"),
     ("slope_of_formula", "form.axes[1]", "form.axes[3]", "normal", "two of them"),
     ("track_of", "y * level[2]", "y * level[1]", "depth", "sheet"),

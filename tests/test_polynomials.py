@@ -300,6 +300,7 @@ FORMULAS = [
     ("x^6 * y^5", "column 5: degree 11 is not <= 10"),
     ("1 + pi = e", "it is the same everywhere, which is no surface"),
     ("", "the formula is empty"),
+    ("+".join(f"sin({k}*x)" for k in range(1, 100)), "is not <= 256 operations, which is the most"),
     ("(" * 65 + "x" + ")" * 65, "column 65: more than 64 nested levels"),
     ("x" + "+x" * 2048, "4097 characters is not <= 4096"),
     ("+".join(["x"] * 1026), "more than 1024 operations"),

@@ -76,12 +76,6 @@ fn expression_value(form: Expression, trace: Trace, u: f4) -> f4 {
   );
 }
 
-// Whether F, or -F where turned, is surely above 0 as far from u as `slack`.
-fn is_above(form: Expression, trace: Trace, turned: b4, u: f4, slack: f4) -> b4 {
-  let jet = expression_jet(form, trace, turned, u, min(slack, f4(WIDEST)));
-  return ((jet.state & u4(UNDEFINED)) == u4(0u)) & (jet.value > reach_of(jet));
-}
-
 // The cell with the first root of F, or -F where turned, between `start` and `stop`.
 fn walked_formula(
   form: Expression,
@@ -140,36 +134,57 @@ fn finished_formula(
   return position_in(cell, steps);
 }
 
-// How far the only root of a cell is from a position at most: so many BOUNDS are tried, each four
-// times the one before.
-fn bound_of_formula(
+// What is sure of F on a piece of a ray: whether it has the sign that was found where the piece
+// begins, whether it is above 0 where it ends, and how far the only root of the cell is from its
+// position at most.
+struct Surety {
+  begins: b4,
+  ends: b4,
+  bound: f4,
+}
+
+// That of F, or -F where turned; ends of pieces are known to a slack. So many BOUNDS are tried, each
+// four times the one before. All is asked in one loop, because a formula takes long to compile.
+fn surety_of(
   form: Expression,
   trace: Trace,
+  begins_below: b4,
   turned: b4,
   start: f4,
+  start_slack: f4,
   stop: f4,
+  stop_slack: f4,
   cell: Cell,
   position: i4,
   last_step: f32,
-) -> f4 {
+) -> Surety {
   let span = span_of(cell, start, stop, last_step);
   let u = f4(position) * last_step;
   var reach = last_step;
   var before = b4(false);
-  var bound = f4(UNBOUNDED);
-  for (var k = 0u; k < 2u * BOUNDS; k++) {
-    // Both sides are tried in turn.
+  var surety = Surety(b4(false), b4(false), f4(UNBOUNDED));
+  for (var k = 0u; k < 2u * BOUNDS + 2u; k++) {
+    // Both ends of the piece, then both sides of the position in turn.
+    let is_start = k == 0u;
+    let is_end = k < 2u;
     let is_far = (k & 1u) == 1u;
-    let place = u + select(-reach, reach, is_far);
-    let jet = expression_jet(form, trace, turned, place, f4(0.0));
-    let above = (place <= span.low) | (jet.value > jet.value_error);
-    let below = (place >= span.high) | (jet.value < -jet.value_error);
-    let found = before & below & b4(is_far) & (bound == f4(UNBOUNDED));
-    bound = select(bound, f4(reach + (CLIPPING + CLIPPING)), found);
-    before = above;
-    reach = select(reach, reach * 4.0, is_far);
+    let slack = min(select(stop_slack, start_slack, is_start), f4(WIDEST));
+    let beside = u + select(-reach, reach, is_far);
+    let place = select(beside, select(stop, start, is_start), is_end);
+    let down = select(turned, begins_below, is_start);
+    let jet = expression_jet(form, trace, down, place, select(f4(0.0), slack, is_end));
+    let off = reach_of(jet);
+    let above = jet.value > off;
+    let defined = (jet.state & u4(UNDEFINED)) == u4(0u);
+    surety.begins = select(surety.begins, above & defined, b4(is_start));
+    surety.ends = select(surety.ends, above & defined, b4(k == 1u));
+    let below = (place >= span.high) | (jet.value < -off);
+    let found = before & below & b4(is_far & !is_end) & (surety.bound == f4(UNBOUNDED));
+    surety.bound = select(surety.bound, f4(reach + (CLIPPING + CLIPPING)), found);
+    before = (place <= span.low) | above;
+    reach = select(reach, reach * 4.0, is_far & !is_end);
   }
-  return bound;
+  return surety;
 }
 
 // A coordinate at the places u, nudged if it is the one.

@@ -216,16 +216,25 @@ fn visit_polynomial(solid: Solid, y: i32) {
     let start_error = curve_error(curve, start_off) + start_slack * slope;  //? error & !formula
     var sure_start = b4(false);  //? error
     sure_start = abs(first) > start_error;  //? error & !formula
-    sure_start = is_above(  //? error & formula
-      formula, trace, first <= f4(0.0), start, start_slack
+    let surety = surety_of(  //? error & formula
+      formula,
+      trace,
+      first <= f4(0.0),
+      inside,
+      start,
+      start_slack,
+      stop,
+      stop_slack,
+      cell,
+      position,
+      solid.last_step,
     );
+    sure_start = surety.begins;  //? error & formula
     sure_start = select(sure_start, b4(eye_sure(solid)), from_eye);  //? error
     let ordered = surely_ordered(ends_0);  //? error
     var bound = f4(0.0);  //? error
     bound = bound_in(seen, start, stop, cell, position, solid.last_step);  //? error & !formula
-    bound = bound_of_formula(  //? error & formula
-      formula, trace, inside, start, stop, cell, position, solid.last_step
-    );
+    bound = surety.bound;  //? error & formula
     let u = f4(position) * solid.last_step;  //? error
     let before_end = (u + bound) + stop_slack < stop;  //? error
     let uncut = stop_slack == f4(0.0);  //? error
@@ -233,7 +242,7 @@ fn visit_polynomial(solid: Solid, y: i32) {
     let stop_error = curve_error(curve, stop_off) + stop_slack * slope;  //? error & !formula
     var past = b4(false);  //? error
     past = curve_value(seen, stop) > stop_error;  //? error & !formula
-    past = is_above(formula, trace, inside, stop, stop_slack);  //? error & formula
+    past = surety.ends;  //? error & formula
     let sure_miss = (past | uncut) & (ordered | !on_exit);  //? error
     let sure_cell = cell.sure & select(sure_miss, sure_root, cell.met);  //? error
     let certain = select(sure_cell, ordered, on_entry) & sure_start & bounds_sure  //? error

@@ -329,6 +329,9 @@ class Implicit(Algebraic):
         yield from super()._rows()
 
 
+# Of a formula that is no polynomial, for which a shader is written: compilers take a tenth of a
+# second for each.
+MOST_OPERATIONS = 256
 Parameters = tuple[tuple[str, float], ...]
 
 
@@ -375,6 +378,11 @@ def _check(formula: str, parameters: Mapping[str, float]) -> None:
         raise ValueError("it is the same everywhere, which is no surface")
     if _has_polynomial(formula, given):
         _expanded(formula, parameters)
+        return
+    count = len(compiled(_parsed(formula, given)).program)
+    if count > MOST_OPERATIONS:
+        what = "operations, which is the most of a formula that is no polynomial"
+        raise ValueError(f"{count} is not <= {MOST_OPERATIONS} {what}")
 
 
 @functools.lru_cache(maxsize=256)

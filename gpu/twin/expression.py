@@ -159,12 +159,6 @@ def expression_value(formula: Formula, trace: Trace, u: F32) -> F32:
     return formula_value(formula, *(track.level + u * track.along for track in trace))
 
 
-def is_above(formula: Formula, trace: Trace, turned: Bools, u: F32, slack: F32) -> Bools:
-    """Whether F, or -F where turned, is surely above 0 as far from u as ``slack``."""
-    jet = expression_jet(formula, trace, turned, u, np.minimum(slack, WIDEST))
-    return ((jet.state & UNDEFINED) == 0) & (jet.value > reach_of(jet))
-
-
 def walked_formula(
     formula: Formula,
     trace: Trace,
@@ -217,17 +211,33 @@ def finished_formula(
     return position_in(cell, steps)
 
 
-def bound_of_formula(
+class Surety(NamedTuple):
+    """What is sure of F on a piece of a ray."""
+
+    begins: Bools  # F has the sign that was found where it begins
+    ends: Bools  # F is above 0 where it ends
+    bound: F32  # how far the only root of the cell is from its position at most
+
+
+def surety_of(
     formula: Formula,
     trace: Trace,
+    begins_below: Bools,
     turned: Bools,
     start: F32,
+    start_slack: F32,
     stop: F32,
+    stop_slack: F32,
     cell: Cell,
     position: I32,
     last_step: np.float32,
-) -> F32:
-    """How far the only root of a cell is from a position at most."""
+) -> Surety:
+    """That of F, or -F where turned; ends of pieces are known to a slack."""
+
+    def above(turned: Bools, u: F32, slack: F32) -> Bools:
+        jet = expression_jet(formula, trace, turned, u, np.minimum(slack, WIDEST))
+        return ((jet.state & UNDEFINED) == 0) & (jet.value > reach_of(jet))
+
     span = span_of(cell, start, stop, last_step)
     u = position.astype(np.float32) * last_step
     reach = last_step
@@ -236,12 +246,12 @@ def bound_of_formula(
     for _ in range(BOUNDS):
         near = expression_jet(formula, trace, turned, u - reach, point)
         far = expression_jet(formula, trace, turned, u + reach, point)
-        before = (u - reach <= span.low) | (near.value > near.value_error)
-        behind = (u + reach >= span.high) | (far.value < -far.value_error)
+        before = (u - reach <= span.low) | (near.value > reach_of(near))
+        behind = (u + reach >= span.high) | (far.value < -reach_of(far))
         found = before & behind & (bound == UNBOUNDED)
         bound = np.where(found, reach + (CLIPPING + CLIPPING), bound)
         reach = reach * np.float32(4)
-    return bound
+    return Surety(above(begins_below, start, start_slack), above(turned, stop, stop_slack), bound)
 
 
 def nudged(track: Track, host_error: np.float32, u: F32, is_one: bool) -> Jet:

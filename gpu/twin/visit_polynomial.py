@@ -42,12 +42,12 @@ from halfstep.twin.certify import (
 from halfstep.twin.chosen import Chosen
 from halfstep.twin.expression import (
     Formula,
-    bound_of_formula,
+    Surety,
     expression_value,
     finished_formula,
     formula_of,
-    is_above,
     slope_of_formula,
+    surety_of,
     trace_of,
     walked_formula,
 )
@@ -98,10 +98,23 @@ class _Polynomial:
     def finished(self, turned: Bools, *along: Any) -> I32:
         return finished(opposite(turned, self._curve), *along)
 
-    def bound(self, turned: Bools, *along: Any) -> F32:
-        return bound_in(opposite(turned, self._curve), *along)
+    def surety(
+        self,
+        begins_below: Bools,
+        turned: Bools,
+        start: F32,
+        start_slack: F32,
+        stop: F32,
+        stop_slack: F32,
+        *along: Any,
+    ) -> Surety:
+        return Surety(
+            self._is_above(begins_below, start, start_slack, stop),
+            self._is_above(turned, stop, stop_slack, start),
+            bound_in(opposite(turned, self._curve), start, stop, *along),
+        )
 
-    def is_above(self, turned: Bools, u: F32, slack: F32, other_end: F32) -> Bools:
+    def _is_above(self, turned: Bools, u: F32, slack: F32, other_end: F32) -> Bools:
         """Whether it is surely above 0 at an end of the piece, known to a slack."""
         curve = self._curve
         off, other = np.abs(u - curve.middle), np.abs(other_end - curve.middle)
@@ -131,11 +144,8 @@ class _Formula:
     def finished(self, turned: Bools, *along: Any) -> I32:
         return finished_formula(self._formula, self._trace, turned, *along)
 
-    def bound(self, turned: Bools, *along: Any) -> F32:
-        return bound_of_formula(self._formula, self._trace, turned, *along)
-
-    def is_above(self, turned: Bools, u: F32, slack: F32, _: F32) -> Bools:
-        return is_above(self._formula, self._trace, turned, u, slack)
+    def surety(self, begins_below: Bools, turned: Bools, *along: Any) -> Surety:
+        return surety_of(self._formula, self._trace, begins_below, turned, *along)
 
     def slope(self, u: F32) -> Vector:
         return slope_of_formula(self._formula, self._trace, u)
@@ -291,14 +301,25 @@ def visit_polynomial(
             bounds_sure = (chord.sure & caps_sure) | ~is_ball
             apart = start - start_slack > stop + stop_slack
             beside = is_ball & ((chord.sure & ~chord.met) | (ends.sure & apart))
-        sure_start = of_f.is_above(first <= 0, start, start_slack, stop)
+        surety = of_f.surety(
+            first <= 0,
+            inside,
+            start,
+            start_slack,
+            stop,
+            stop_slack,
+            cell,
+            position,
+            last_step,
+        )
+        sure_start = surety.begins
         sure_start = np.where(from_eye, eye_sure(solid), sure_start)
         ordered = surely_ordered(ends)
-        bound = of_f.bound(inside, start, stop, cell, position, last_step)
+        bound = surety.bound
         u = position.astype(np.float32) * last_step
         before_end = (u + bound) + stop_slack < stop
         sure_root = (bound < UNBOUNDED) & (before_end | (stop_slack == 0))
-        past = of_f.is_above(inside, stop, stop_slack, start)
+        past = surety.ends
         sure_miss = (past | (stop_slack == 0)) & (ordered | ~on_exit)
         certain = np.where(on_entry, ordered, cell.sure & np.where(cell.met, sure_root, sure_miss))
         certain = certain & sure_start & bounds_sure & (outside | inside | on_entry)
