@@ -141,15 +141,15 @@ class PolynomialOracle:
         middle = MP.mpf(self.middle)
         rotation = _rotation(self._solid)
         columns = [[row[axis] for row in rotation] for axis in range(3)]
-        _, steps = view.ray_steps(0, 0, 1)
+        starts, steps = view.ray_steps(0, 0, middle)
         offset = _sum(view.eye, _scaled(origin, -1))
 
         def local(vector: Any) -> list[Any]:
             return [_dot(axis, vector) for axis in columns]
 
         w = [local(step) for step in steps]
-        p = [_scaled(step, middle) for step in w]
-        p[0] = local(_sum(offset, _scaled(steps[0], middle)))
+        p = [local(start) for start in starts]
+        p[0] = local(_sum(offset, starts[0]))
         self._rays = [[_rational(value) for value in vector] for vector in (*p, *w)]
 
     def _planes(self) -> list[list[Fraction]]:

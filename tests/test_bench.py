@@ -217,6 +217,22 @@ def test_cells_for_povray_are_the_same_cells() -> None:
     assert copies[1] == "object { group_1 matrix <0, 0, -1, 0, 1, 0, 1, 0, 0, 0, 0, 0> }"
 
 
+def test_formulas_for_povray_are_the_same_formulas() -> None:
+    torus, roots, cubic, gyroid = (
+        povray.text(scene, aspect=1.0).splitlines()[-1]
+        for scene in (scenes.torus(), scenes.torus_of_roots(), scenes.cubic(), scenes.gyroid())
+    )
+    assert torus.startswith("torus { 1, 0.40000000000000002 rotate 90*x translate <0, 0, 0>")
+    assert roots.startswith(
+        "isosurface { function { ((pow((sqrt((pow(x, (2)) + pow(y, (2)))) - (1)), (2))"
+        " + pow(z, (2))) - (0.16)) } contained_by { sphere { 0, 1.5 } } max_gradient 8"
+    )
+    # Of x³, x²y, x²z, x² and so on, in the order of their names.
+    assert cubic.startswith("intersection { poly { 3, <81, -189, -189, -9, -189, 54, 126, -189,")
+    assert "sturm } sphere { 0, 1.3 }" in cubic
+    assert "(sin(((4) * x)) * cos(((4) * y)))" in gyroid
+
+
 def test_povray_is_asked_for_the_picture_and_its_trace_time_is_read(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

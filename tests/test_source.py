@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from halfstep.contract.classes import Class
+from halfstep.contract.expressions import Operation
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 from halfstep.contract.shadows import Kind
@@ -23,6 +24,7 @@ from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, bundled_scenes, load, with_overrides
 from halfstep.shader.expand import marks
 from halfstep.shader.fetch import fetches
+from halfstep.shader.formulas import formulas
 from halfstep.shader.library import definitions, joined, reached, stage
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import bindings, compose, constants, hides, stage_files
@@ -36,7 +38,7 @@ ALL = frozenset(DEVICE_OUTPUTS.keys() | OUTPUT_BYTES)
 QUADRICS = {Class.QUADRIC, Class.QUADRIC_INSIDE}
 POLYHEDRA = {Class.POLYHEDRON, Class.POLYHEDRON_INSIDE}
 REGIONS = {Class.REGION, Class.REGION_INSIDE}
-POLYNOMIALS = {Class.POLYNOMIAL}
+POLYNOMIALS = {Class.POLYNOMIAL, Class.FORMULA}
 # Function -> the classes one of which it is there for.
 CALLED = {
     "visible": {
@@ -48,7 +50,8 @@ CALLED = {
         "clip": QUADRICS | POLYHEDRA | POLYNOMIALS,
         "whole_interval": QUADRICS | POLYHEDRA | POLYNOMIALS,
         "from_the_eye": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE, *POLYNOMIALS},
-        "walked": POLYNOMIALS,
+        "walked": {Class.POLYNOMIAL},
+        "walked_formula": {Class.FORMULA},
         "choose": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
         "form_at": {Class.ELLIPSOID, *QUADRICS, *REGIONS},
         "crossing": REGIONS,
@@ -64,6 +67,31 @@ CALLED = {
         "look": REGIONS,
     },
 }
+# Two formulas with all operations.
+PROGRAMS = (
+    (
+        Operation("number", (), 0),
+        Operation("raised", (0,), 1),
+        Operation("scaled", (1,), 2),
+        Operation("negated", (2,)),
+        Operation("sum", (3, 4)),
+        Operation("difference", (5, 6)),
+        Operation("product", (7, 8)),
+        Operation("square", (9,)),
+        Operation("checked", (10,)),
+    ),
+    (
+        Operation("reciprocal", (0,)),
+        Operation("root", (1,), 3),
+        Operation("magnitude", (2,)),
+        Operation("greatest", (3, 4)),
+        Operation("least", (5, 6)),
+        Operation("sine", (7,)),
+        Operation("cosine", (8,)),
+        Operation("exponential", (9,)),
+        Operation("logarithm", (10,)),
+    ),
+)
 NEEDS = Needs(
     classes=(Class.QUADRIC,),
     outputs=ALL,
@@ -76,6 +104,8 @@ NEEDS = Needs(
     surfaces=8,
     levels=4,
     degree=4,
+    programs=PROGRAMS,
+    numbers=4,
     balls=True,
 )
 
@@ -187,6 +217,7 @@ def test_no_built_in_leaves_the_device_a_choice() -> None:
         "clamp",
         "countLeadingZeros",
         "countTrailingZeros",
+        "floor",
         "max",
         "min",
         "round",
@@ -311,7 +342,7 @@ def as_it_lies(name: str) -> str:
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], together=4)
     method = "article" if name == "visit_article" else "visible"
-    texts = [constants(need), fetches(need)]
+    texts = [constants(need), formulas(need), fetches(need)]
     for klass in Class:
         if (method, klass) in VISITS:
             file = VISITS[method, klass].file

@@ -124,6 +124,7 @@ const CROSSINGS: u32 = {3 * SURFACES}u;
 const LEVELS: u32 = {LEVELS}u;
 const DEGREE: u32 = {DEGREE}u;
 const TERMS: u32 = {term_count(DEGREE)}u;
+const NUMBERS: u32 = 4u;
 const CLOCKS: u32 = {CLOCKS}u;
 const BOUNDS: u32 = {BOUNDS}u;
 {"".join(f"const {name}: u32 = {getattr(words, name)}u;" for name in WORD)}
@@ -402,12 +403,18 @@ FAULTS = [
     ("cells.judged_of", "size_1 < twice", "size_1 < size_2"),
     ("cells.judged_of", "f32(j) * size", "size"),
     ("cells.judged_of", "last < -error", "last < error"),
+    ("cells.judged_of", "last <= f4", "last < f4"),
     ("cells.largest_at", "u4(steps)", "u4(steps + 1u)"),
     ("cells.cells_from", "first < i4", "first <= i4"),
-    ("cells.clocked", "high <= low", "high < low"),
-    ("cells.clocked", "right >= stop", "right > stop"),
-    ("cells.clocked", "leaf | judged.vague", "leaf"),
+    ("cells.span_of", "min(right, stop)", "right"),
+    ("cells.next_cell", "high <= span.low", "high < span.low"),
+    ("cells.next_cell", "right >= stop", "right > stop"),
+    ("cells.next_cell", "leaf | judged.vague", "leaf"),
+    ("cells.next_cell", "& judged.defined", ""),
+    ("cells.clocked", "- curve.middle", "+ curve.middle"),
     ("cells.walked", "!cell.going", "cell.going"),
+    ("cells.middle_of", "- 1, i4(0)", ", i4(0)"),
+    ("cells.half_of", "some & far", "far"),
     ("cells.narrowed", "u < start", "u < stop"),
     ("cells.position_in", "1 - (1i << steps)", "1 + (1i << steps)"),
     ("cells.bound_in", "reach * 4.0", "reach * 2.0"),
@@ -419,7 +426,49 @@ FAULTS = [
     ("algebraic.root_slack", "reach * reach", "reach"),
     ("algebraic.later_slack", "u > other", "u < other"),
     ("algebraic.finished", "all(cell.size == i4(0))", "any(cell.size == i4(0))"),
+    ("algebraic.begun_cell", "i4(0), found.first", "i4(1), found.first"),
+    ("algebraic.outline_of", "form.left, form.right", "form.right, form.left"),
     ("algebraic.world_slope", "form.axes[4]", "form.axes[3]"),
+    ("elementary.turned_sine", "& i4(1)", "& i4(2)"),
+    ("elementary.sine_of", "+ 0.5)", "+ 0.25)"),
+    ("elementary.cosine_of", ") + 0.5)", ") - 0.5)"),
+    ("elementary.exponential_of", "i4(127)", "i4(126)"),
+    ("elementary.logarithm_of", "mantissa * 0.5", "mantissa * 0.25"),
+    ("elementary.reciprocal_of", "select(x, f4(SMALLEST", "select(x, f4(-SMALLEST"),
+    ("elementary.product_of", "a * b", "a + b"),
+    ("elementary.root_of", "max(x, f4(0.0))", "abs(x)"),
+    ("jets.fitted", "known & (size", "(size"),
+    ("jets.checked_jet", "b4(true)", "b4(false)"),
+    ("jets.bend_at_most", "+ jet.bend_error", ""),
+    ("jets.steepest", "2.0 *", "3.0 *"),
+    ("jets.reach_of", "ROOM *", ""),
+    ("jets.coordinate_jet", "6.0 * abs(m)", "6.0 * m"),
+    ("jets.number_jet", "EPSILON * abs(k)", "abs(k)"),
+    ("jets.raised_jet", "abs(k) + abs(jet.value)", "abs(k)"),
+    ("jets.scaled_jet", "k * a.bend", "k * a.slope"),
+    ("jets.negated_jet", "-a.bend", "a.bend"),
+    ("jets.opposite_jet", "-a.slope", "a.slope"),
+    ("jets.sum_jet", "a.state | b.state", "a.state"),
+    ("jets.difference_jet", "negated_jet(b)", "b"),
+    ("jets.product_jet", "tilt_a * tilt_b", "tilt_a * tilt_a"),
+    ("jets.product_jet", "steepest(b)", "steepest(a)"),
+    ("jets.square_jet", "4.0 *", "3.0 *"),
+    ("jets.composed", "outer.second_change * (steep", "outer.first_change * (steep"),
+    ("jets.composed", "known & (most", "(most"),
+    ("jets.turned_jet", "f4(2.0)", "f4(1.0)"),
+    ("jets.sine_jet", "cosine_of(a.value)", "sine_of(a.value)"),
+    ("jets.cosine_jet", "-sine_of", "sine_of"),
+    ("jets.exponential_jet", "largest - value", "largest + value"),
+    ("jets.logarithm_jet", "-0.5", "0.5"),
+    ("jets.reciprocal_jet", "-square", "square"),
+    ("jets.root_jet", "a.value < change", "a.value < -change"),
+    ("jets.root_jet", "0.375", "0.25"),
+    ("jets.either_jet", "other.state, chosen.state", "chosen.state, other.state"),
+    ("jets.magnitude_jet", "negated_jet(a), a)", "a, a)"),
+    ("jets.greatest_jet", "apart.value < -reach", "apart.value < reach"),
+    ("jets.least_jet", "negated_jet(b)", "b"),
+    ("jets.judged_jet", "low + low", "low"),
+    ("jets.judged_jet", "runs | bends", "runs"),
 ]
 
 
@@ -532,6 +581,16 @@ class Draw:
                 return rng.integers(-1, 2, shape)
             case "eye":
                 return rng.integers(0, 3, shape)
+            case "beyond":
+                return rng.choice([0, 4], shape)
+            case "state":
+                return rng.integers(0, 8, shape)
+            case "half_turns":
+                return rng.integers(-4, 5, shape) / 2
+            case "x" if self._function.name == "turned_sine":
+                return rng.uniform(-7, 7, shape)
+            case "x" if self._function.file == "elementary":
+                return rng.choice([-1, 1], shape) * np.exp2(rng.uniform(-45, 14, shape))
             case "until":
                 few = rng.integers(-3, 4, shape)
                 return np.where(rng.random(shape) < 0.5, few, self._usual(name, leaf))

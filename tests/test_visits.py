@@ -37,7 +37,7 @@ MOST_SOLIDS = 12
 ROWS = 192
 
 # Visits that are run alone: the others read buffers of their own, and are tried in whole frames.
-TOGETHER = (Class.REGION, Class.REGION_INSIDE, Class.POLYNOMIAL)
+TOGETHER = (Class.REGION, Class.REGION_INSIDE, Class.POLYNOMIAL, Class.FORMULA)
 ALONE = [key for key in VISITS if key[1] not in TOGETHER]
 
 # Class by method -> a word of its visit, and what a slip would make of it.

@@ -3,6 +3,24 @@
 // Beyond both ends of every interval.
 const BEYOND: f32 = 2.0;
 
+// Where a solid is on the screen, and what it is.
+struct Outline {
+  scale: f32,  // of pixel offsets
+  left: i32,
+  right: i32,
+  top: i32,
+  bottom: i32,
+  sheet: u32,
+  ball: u32,
+}
+
+// That of a polynomial.
+fn outline_of(form: Polynomial) -> Outline {
+  return Outline(
+    form.scale, form.left, form.right, form.top, form.bottom, form.sheet, form.ball
+  );
+}
+
 // u of the root of c + b u, within the interval.
 fn line_place(c: f4, b: f4) -> f4 {
   let u = -c / select(b, f4(1.0), b == f4(0.0));
@@ -87,6 +105,14 @@ fn later_slack(u: f4, slack: f4, other: f4, other_slack: f4) -> f4 {
   return select(max(slack, other_slack), select(other_slack, slack, u > other), clear);
 }
 
+// The cell to be halved on: what was found, or all of the interval where a cap is seen.
+fn begun_cell(found: Cell, is_cap: b4, steps: u32) -> Cell {
+  var cell = found;
+  cell.first = select(i4(0), found.first, found.met);
+  cell.size = select(select(i4(0), i4(i32(steps)), is_cap), found.size, found.met);
+  return cell;
+}
+
 // The position of the root in a cell, or that of the cap c + b u + a u² where it is seen, which has
 // one root between `cap_start` and `cap_stop`.
 fn finished(
@@ -103,9 +129,7 @@ fn finished(
   steps: u32,
   last_step: f32,
 ) -> i4 {
-  var cell = found;
-  cell.first = select(i4(0), found.first, found.met);
-  cell.size = select(select(i4(0), i4(i32(steps)), is_cap), found.size, found.met);
+  var cell = begun_cell(found, is_cap, steps);
   let powers = cap_or(found.met, curve.powers, c, b, a);
   let middle = select(f4(0.0), f4(curve.middle), found.met);
   let low = select(cap_start, start, found.met);

@@ -10,7 +10,9 @@ struct Judged {
   passed: b4,  // it has no root
   single: b4,  // it has one root
   vague: b4,  // F changes by less than its error
-  last: f4,  // F at the end
+  within: b4,  // F <= 0 at the end
+  below: b4,  // F < 0 at the end, surely
+  defined: b4,  // F has a value all over the cell
 }
 
 // A cell that is tried, or what was found.
@@ -42,11 +44,14 @@ fn judged_of(t: array<f4, POWERS>, error: f4) -> Judged {
   let least = t[0] - rest;
   let dips = (t[2] > f4(0.0)) & (size_1 < twice);
   let above = (least > f4(0.0)) & ((4.0 * t[2]) * least > (1.000001 * size_1) * size_1);
+  let below = last < -error;
   return Judged(
     select((least - size_1) + t[2] > f4(0.0), above, dips),
-    (last < -error) & ((size_1 > slope + twice) | (size_2 > bend)),
+    below & ((size_1 > slope + twice) | (size_2 > bend)),
     (size_1 + size_2) + (rest - error) < error,
-    last,
+    last <= f4(0.0),
+    below,
+    b4(true),
   );
 }
 
@@ -66,6 +71,52 @@ fn cells_from(first: i4, going: b4, steps: u32) -> Cell {
   );
 }
 
+// Where a cell is on a ray, cut off at both ends.
+struct Span {
+  following: i4,  // the leaf behind it
+  right: f4,  // where the whole cell ends
+  low: f4,
+  high: f4,
+  middle: f4,
+  half: f4,  // of its width, and a little more where it is cut off
+}
+
+// Where a cell is between `start` and `stop`.
+fn span_of(cell: Cell, start: f4, stop: f4, last_step: f32) -> Span {
+  let width = last_step + last_step;
+  let following = cell.first + (i4(1) << u4(cell.size));
+  let left = f4(cell.first) * width - 1.0;
+  let right = f4(following) * width - 1.0;
+  let low = max(left, start);
+  let high = min(right, stop);
+  let clipped = (low > left) | (high < right);
+  let half = max((high - low) * 0.5, f4(0.0)) + select(f4(0.0), f4(CLIPPING), clipped);
+  return Span(following, right, low, high, (low + high) * 0.5, half);
+}
+
+// The next cell before `stop`, after one was judged.
+fn next_cell(old: Cell, span: Span, judged: Judged, stop: f4, steps: u32) -> Cell {
+  let nowhere = span.high <= span.low;
+  let passed = judged.passed | nowhere;
+  let leaf = old.size == i4(0);
+  let ends = leaf | judged.vague;
+  let met = !passed & (judged.single | (ends & judged.within));
+  let skips = passed | (ends & !met);
+  let known = (passed | (leaf & judged.below)) & judged.defined;
+  let sure = nowhere | known | judged.single | !(passed | ends);
+  let size = select(
+    select(old.size - 1, old.size, met), largest_at(span.following, steps), skips
+  );
+  let going = !met & !(skips & (span.right >= stop));
+  return Cell(
+    select(old.first, span.following, old.going & skips),
+    select(old.size, size, old.going),
+    old.going & going,
+    old.met | (old.going & met),
+    old.sure & (!old.going | sure),
+  );
+}
+
 // The next cell between `start` and `stop`, after one was tried.
 fn clocked(
   curve: Curve,
@@ -75,34 +126,11 @@ fn clocked(
   steps: u32,
   last_step: f32,
 ) -> Cell {
-  let width = last_step + last_step;
-  let following = old.first + (i4(1) << u4(old.size));
-  let left = f4(old.first) * width - 1.0;
-  let right = f4(following) * width - 1.0;
-  let low = max(left, start);
-  let high = min(right, stop);
-  let clipped = (low > left) | (high < right);
-  let m = (low + high) * 0.5 - curve.middle;
-  let h = max((high - low) * 0.5, f4(0.0)) + select(f4(0.0), f4(CLIPPING), clipped);
-  let error = curve_error(curve, abs(m) + h);
-  let judged = judged_of(about(curve.powers, m, h), error);
-  let passed = judged.passed | (high <= low);
-  let leaf = old.size == i4(0);
-  let ends = leaf | judged.vague;
-  let met = !passed & (judged.single | (ends & (judged.last <= f4(0.0))));
-  let skips = passed | (ends & !met);
-  let sure = passed | judged.single | !ends | (leaf & (judged.last < -error));
-  let size = select(
-    select(old.size - 1, old.size, met), largest_at(following, steps), skips
-  );
-  let going = !met & !(skips & (right >= stop));
-  return Cell(
-    select(old.first, following, old.going & skips),
-    select(old.size, size, old.going),
-    old.going & going,
-    old.met | (old.going & met),
-    old.sure & (!old.going | sure),
-  );
+  let span = span_of(old, start, stop, last_step);
+  let m = span.middle - curve.middle;
+  let error = curve_error(curve, abs(m) + span.half);
+  let judged = judged_of(about(curve.powers, m, span.half), error);
+  return next_cell(old, span, judged, stop, steps);
 }
 
 // The cell with the first root of F between `start` and `stop`.
@@ -118,6 +146,25 @@ fn walked(curve: Curve, start: f4, stop: f4, begun: Cell, steps: u32, last_step:
   return cell;
 }
 
+// The middle of a cell, where it is halved.
+fn middle_of(cell: Cell, last_step: f32) -> f4 {
+  let half = i4(1) << u4(max(cell.size - 1, i4(0)));
+  return f4(cell.first + half) * (last_step + last_step) - 1.0;
+}
+
+// The far half of a cell in some pixels, else the near one; a leaf stays.
+fn half_of(old: Cell, far: b4) -> Cell {
+  let some = old.size > i4(0);
+  let half = i4(1) << u4(max(old.size - 1, i4(0)));
+  return Cell(
+    select(old.first, old.first + half, some & far),
+    select(old.size, old.size - 1, some),
+    old.going,
+    old.met,
+    old.sure,
+  );
+}
+
 // The half of a cell in which a root lies of what has powers of u - middle; a leaf stays.
 fn narrowed(
   powers: array<f4, POWERS>,
@@ -127,17 +174,9 @@ fn narrowed(
   old: Cell,
   last_step: f32,
 ) -> Cell {
-  let some = old.size > i4(0);
-  let half = i4(1) << u4(max(old.size - 1, i4(0)));
-  let u = f4(old.first + half) * (last_step + last_step) - 1.0;
-  let on = some & (u < stop) & ((u < start) | (value_at(powers, u - middle) > f4(0.0)));
-  return Cell(
-    select(old.first, old.first + half, on),
-    select(old.size, old.size - 1, some),
-    old.going,
-    old.met,
-    old.sure,
-  );
+  let u = middle_of(old, last_step);
+  let before = (u < start) | (value_at(powers, u - middle) > f4(0.0));
+  return half_of(old, (u < stop) & before);
 }
 
 // The middle of a leaf as a position: an odd number of last steps.
@@ -155,18 +194,15 @@ fn bound_in(
   position: i4,
   last_step: f32,
 ) -> f4 {
-  let width = last_step + last_step;
-  let following = cell.first + (i4(1) << u4(cell.size));
-  let low = max(f4(cell.first) * width - 1.0, start);
-  let high = min(f4(following) * width - 1.0, stop);
+  let span = span_of(cell, start, stop, last_step);
   let u = f4(position) * last_step;
   let off = abs(u - curve.middle);
   var reach = last_step;
   var bound = f4(UNBOUNDED);
   for (var k = 0u; k < BOUNDS; k++) {
     let error = curve_error(curve, off + reach);
-    let before = (u - reach <= low) | (curve_value(curve, u - reach) > error);
-    let behind = (u + reach >= high) | (curve_value(curve, u + reach) < -error);
+    let before = (u - reach <= span.low) | (curve_value(curve, u - reach) > error);
+    let behind = (u + reach >= span.high) | (curve_value(curve, u + reach) < -error);
     let found = before & behind & (bound == f4(UNBOUNDED));
     bound = select(bound, f4(reach + (CLIPPING + CLIPPING)), found);
     reach = reach * 4.0;

@@ -50,7 +50,7 @@ struct Solid {
   color: array<f32, 3>,  // of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
-  polynomial: u32,  // its row among the polynomials, if it has one
+  polynomial: u32,  // its row among the polynomials or the formulas, if it has one
 }
 
 // A half-space along a ray: inside where c + b u <= 0.
@@ -137,6 +137,27 @@ struct Polynomial {
   tangents: array<f32, 3>,  // of the ray at x = y = 0, right and down; of x or y = 1
   stretch: array<f32, 2>,  // width of x = 1 in halves of the interval: in the middle; per u
   terms: array<f32, TERMS>,  // as gpu/contract/powers.py orders them
+}
+
+// What a solid that a formula bounds has besides: points of rays are level + u along.
+struct Expression {
+  @align(32) host_error: f32,  // error of points from the set-up
+  scale: f32,  // of pixel offsets: x and y, which are at most 1
+  left: i32,  // least offset of its rectangle
+  right: i32,  // greatest offset
+  top: i32,  // least offset down
+  bottom: i32,  // greatest offset down
+  sheet: u32,  // 1 if F = 0 is shown from both sides, else 0
+  ball: u32,  // number of the ball that bounds it, behind planes; 0 for none
+  formula: u32,  // which of the scene's
+  level_x: array<f32, 3>,  // local coordinate at u = 0: coefficients of 1, x, y
+  level_y: array<f32, 3>,  // the same
+  level_z: array<f32, 3>,  // the same
+  along_x: array<f32, 3>,  // its change to u = 1, likewise
+  along_y: array<f32, 3>,  // the same
+  along_z: array<f32, 3>,  // the same
+  axes: array<f32, 9>,  // world from local
+  numbers: array<f32, NUMBERS>,  // of the formula, in the order of its operations
 }
 
 // Where the points of a visible solid are on the grid of the world, before a shift.

@@ -137,6 +137,17 @@ fn render(
       keep_block(solid);
     }
   }
+  {  //? list_formula
+    let first = tile.starts[LIST_FORMULA];
+    let end = tile.starts[LIST_FORMULA + 1u];
+    for (var entry = first; entry < end; entry++) {
+      let solid = solid_at(tile_solids[entry]);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_formula(solid, j - solid.center_y);
+      keep_block(solid);
+    }
+  }
   {  //? list_region
     let first = tile.starts[LIST_REGION];
     let end = tile.starts[LIST_REGION + 1u];

@@ -284,6 +284,47 @@ def regions(bench: Bench) -> Part:
     return Part("regions", title, rows, summary, notes=notes)
 
 
+def formulas(bench: Bench) -> Part:
+    """Tori and formulas, beside POV-Ray's own."""
+    size = 640, 480
+    given = {
+        "torus": (scenes.torus(), "torus"),
+        "cubic": (scenes.cubic(), "poly"),
+        "torus of roots": (scenes.torus_of_roots(), "isosurface"),
+        "gyroid": (scenes.gyroid(), "isosurface"),
+    }
+    title = f"Tori and formulas, {_named(size)}"
+    notes: list[str] = []
+    try:
+        notes.append(f"{povray.version()}: its trace time.")
+        is_there = True
+    except povray.NoPovrayError as error:
+        notes.append(f"Not compared with POV-Ray: {error}.")
+        is_there = False
+    with ExitStack() as stack:
+        cases: dict[tuple[str, str], Callable[[], float | None]] = {}
+        for name, (scene, _) in given.items():
+            sized = with_overrides(scene, size=size, steps=12)
+            renderer = stack.enter_context(bench.renderer(sized))
+            cases["halfstep", name] = partial(_frame, renderer, sized)
+            if is_there:
+                cases["povray", name] = partial(povray.trace_time, sized, size, machine.threads())
+        times = bench.times(cases, turn=100.0)
+    rows: list[dict[str, Value]] = []
+    summary: dict[str, str] = {}
+    for name, (_, kind) in given.items():
+        own = times["halfstep", name]
+        row: dict[str, Value] = {"what": name, **_row(own)}
+        found = f"{own.wall:.1f} ms"
+        if is_there:
+            traced = times["povray", name].best
+            row |= {"POV-Ray": kind, "its ms": traced, "ratio": traced / own.wall}
+            found += f", POV-Ray's {kind} {traced / own.wall:.1f} ×"
+        rows.append(row)
+        summary[f"{name}, {_named(size)}"] = found
+    return Part("formulas", title, rows, summary, notes=notes)
+
+
 def solids(bench: Bench) -> Part:
     """Frame time against the number of solids, which together cover the same area."""
     with ExitStack() as stack:
@@ -419,6 +460,7 @@ PARTS: dict[str, Callable[[Bench], Part]] = {
     "steps": steps,
     "closed": closed,
     "povray": pov,
+    "formulas": formulas,
     "twin": twin,
     "frames": frames,
     "regions": regions,

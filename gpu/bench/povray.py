@@ -10,8 +10,11 @@ import tempfile
 from pathlib import Path
 
 from halfstep.bench.povray_cells import finish, objects, vector
-from halfstep.scene import Ellipsoid, Scene, Sphere
+from halfstep.scene import Ellipsoid, Implicit, Scene, Solid, Sphere, Torus
+from halfstep.scene.expression import Node
 
+# No formula of the benchmark changes faster; POV-Ray wants to know.
+STEEPEST = 8.0
 _TRACE = re.compile(r"Trace Time:.*\((\d+\.\d+) seconds\)")
 
 
@@ -69,9 +72,11 @@ def trace_time(
 
 
 def text(scene: Scene, aspect: float) -> str:
-    """A scene of spheres, unturned ellipsoids and cells, lights far away, as POV-Ray reads it.
+    """A scene of solids of some kinds, none turned, and of cells, as POV-Ray reads it.
 
-    No shadows and no second ray, so that both programs compute the same picture.
+    Lights are far away, without shadows, so that both compute the same picture. The kinds are
+    spheres, ellipsoids, tori and formulas in a ball: polynomials as ``poly``, by Sturm's theorem,
+    others as ``isosurface``.
     """
     camera = scene.camera
     assert camera.fov_degrees is not None
@@ -92,16 +97,51 @@ def text(scene: Scene, aspect: float) -> str:
             " shadowless }"
         )
     for solid in scene.solids:
-        assert isinstance(solid, Sphere | Ellipsoid)
-        shape = (
-            f"0, {solid.radius:.17g}"
-            if isinstance(solid, Sphere)
-            else f"0, 1 scale {vector(solid.semi_axes)}"
-        )
+        assert isinstance(solid, Sphere | Ellipsoid | Torus | Implicit)
         look = finish(scene.material_of(solid), scene)
-        lines.append(f"sphere {{ {shape} translate {vector(solid.origin)} {look} }}")
+        lines.append(f"{_shape(solid)} translate {vector(solid.origin)} {look} }}")
     lines += objects(scene)
     return "\n".join(lines) + "\n"
+
+
+def _shape(solid: Solid) -> str:
+    """The beginning of a solid, up to where it is placed."""
+    match solid:
+        case Sphere():
+            return f"sphere {{ 0, {solid.radius:.17g}"
+        case Ellipsoid():
+            return f"sphere {{ 0, 1 scale {vector(solid.semi_axes)}"
+        case Torus():
+            # POV-Ray's has the axis y.
+            return f"torus {{ {solid.major:.17g}, {solid.minor[0]:.17g} rotate 90*x"
+    assert isinstance(solid, Implicit)
+    ball = f"sphere {{ 0, {solid.bounds.radius:.17g} }}"
+    if solid.has_polynomial:
+        terms, degree = solid.polynomial(), solid.degree()
+        values = [
+            float(terms.get((i, j, k), 0))
+            for i in range(degree, -1, -1)
+            for j in range(degree - i, -1, -1)
+            for k in range(degree - i - j, -1, -1)
+        ]
+        return f"intersection {{ poly {{ {degree}, {vector(tuple(values))} sturm }} {ball}"
+    function = _function(solid.expression())
+    steepest = f"max_gradient {STEEPEST:.17g}"
+    return f"isosurface {{ function {{ {function} }} contained_by {{ {ball} }} {steepest}"
+
+
+def _function(node: Node) -> str:
+    """A formula as POV-Ray reads it."""
+    if node.kind == "number":
+        return f"({float(node.value):.17g})"
+    if node.kind == "coordinate":
+        return "xyz"[int(node.value)]
+    parts = [_function(operand) for operand in node.operands]
+    if node.kind == "^":
+        return f"pow({parts[0]}, {parts[1]})"
+    if len(node.kind) == 1:
+        return f"({parts[0]} {node.kind} {parts[1]})"
+    return f"{node.kind}({', '.join(parts)})"
 
 
 def _horizontal(vertical_degrees: float, aspect: float) -> float:

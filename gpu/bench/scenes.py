@@ -122,6 +122,45 @@ def pins(side: int) -> Scene:
     )
 
 
+def torus() -> Scene:
+    """A torus that covers a third of a picture."""
+    solid = {"kind": "torus", "major": 1.0, "minor": 0.4, "color": _COLORS[0]}
+    return _tilted([solid])
+
+
+def torus_of_roots() -> Scene:
+    """The same by a formula that is no polynomial."""
+    formula = "(sqrt(x^2 + y^2) - 1)^2 + z^2 - 0.16"
+    return _tilted([_in_ball(formula, 1.5)])
+
+
+def cubic() -> Scene:
+    """Clebsch's diagonal cubic."""
+    formula = (
+        "81*(x^3+y^3+z^3) - 189*(x^2*y+x^2*z+y^2*x+y^2*z+z^2*x+z^2*y) + 54*x*y*z"
+        " + 126*(x*y+x*z+y*z) - 9*(x^2+y^2+z^2) - 9*(x+y+z) + 1"
+    )
+    return _tilted([_in_ball(formula, 1.3)])
+
+
+def gyroid() -> Scene:
+    """A gyroid."""
+    formula = "sin(4*x)*cos(4*y) + sin(4*y)*cos(4*z) + sin(4*z)*cos(4*x)"
+    return _tilted([_in_ball(formula, 1.5)])
+
+
+def _in_ball(formula: str, radius: float) -> dict[str, Any]:
+    bounds = {"radius": radius}
+    return {"kind": "implicit", "formula": formula, "bounds": bounds, "color": _COLORS[0]}
+
+
+def _tilted(solids: list[dict[str, Any]]) -> Scene:
+    """Solids about the origin from aside and above."""
+    camera = {"center": (1.6, -3.6, 2.6), "look_at": (0.0, 0.0, 0.0), "fov_degrees": 36.0}
+    light = {"direction": (1.0, -1.0, 2.0)}
+    return Scene.from_dict({"format": 1, "camera": camera, "light": [light], "solid": solids})
+
+
 def _seen(solids: list[dict[str, Any]], distance: float = 11.0) -> Scene:
     camera = {"center": (0.0, -distance, 0.0), "look_at": (0.0, 0.0, 0.0), "fov_degrees": 40.0}
     light = {"direction": (1.0, -1.0, 2.0)}

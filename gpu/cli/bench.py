@@ -14,6 +14,7 @@ PARTS = (
     "steps",
     "closed",
     "povray",
+    "formulas",
     "twin",
     "frames",
     "regions",

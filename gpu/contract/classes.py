@@ -17,3 +17,4 @@ class Class(IntEnum):
     REGION = 6
     REGION_INSIDE = 7
     POLYNOMIAL = 8  # of any degree, also cut, or seen from inside
+    FORMULA = 9  # any other formula, likewise

@@ -168,7 +168,9 @@ SOLID = Record(
         Field("color", "f32", 3, "of its material, linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
-        Field("polynomial", "u32", 1, "its row among the polynomials, if it has one"),
+        Field(
+            "polynomial", "u32", 1, "its row among the polynomials or the formulas, if it has one"
+        ),
     ),
 )
 
@@ -281,6 +283,30 @@ POLYNOMIAL = Record(
     ),
 )
 
+EXPRESSION = Record(
+    "Expression",
+    "What a solid that a formula bounds has besides: points of rays are level + u along.",
+    (
+        Field("host_error", "f32", 1, "error of points from the set-up"),
+        Field("scale", "f32", 1, "of pixel offsets: x and y, which are at most 1"),
+        Field("left", "i32", 1, "least offset of its rectangle"),
+        Field("right", "i32", 1, "greatest offset"),
+        Field("top", "i32", 1, "least offset down"),
+        Field("bottom", "i32", 1, "greatest offset down"),
+        Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
+        Field("ball", "u32", 1, "number of the ball that bounds it, behind planes; 0 for none"),
+        Field("formula", "u32", 1, "which of the scene's"),
+        Field("level_x", "f32", 3, "local coordinate at u = 0: coefficients of 1, x, y"),
+        Field("level_y", "f32", 3, "the same"),
+        Field("level_z", "f32", 3, "the same"),
+        Field("along_x", "f32", 3, "its change to u = 1, likewise"),
+        Field("along_y", "f32", 3, "the same"),
+        Field("along_z", "f32", 3, "the same"),
+        Field("axes", "f32", 9, "world from local"),
+        Field("numbers", "f32", "NUMBERS", "of the formula, in the order of its operations"),
+    ),
+)
+
 LOCATION = Record(
     "Location",
     "Where the points of a visible solid are on the grid of the world, before a shift.",
@@ -368,6 +394,7 @@ RECORDS = (
     CURVED,
     APPEARANCE,
     POLYNOMIAL,
+    EXPRESSION,
     LOCATION,
     LIGHT_VIEW,
     OCCLUDER,

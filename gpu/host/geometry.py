@@ -15,6 +15,7 @@ import numpy as np
 from halfstep.contract.arrays import Array, Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.edges import EDGES
+from halfstep.host.expressions import Expressions, expressions
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
 from halfstep.host.polynomials import Polynomials, polynomials
 from halfstep.host.regions import Regions
@@ -90,11 +91,19 @@ class Geometry:
     hulls: Hulls
     regions: Regions | None  # copies of groups, each the last of the K solids
     polynomials: Polynomials | None  # of the solids that have one of any degree
+    expressions: Expressions | None  # of the solids that have a formula that is no polynomial
 
     @property
     def count(self) -> int:
         """Number of solids K."""
         return len(self.is_patch)
+
+    @property
+    def in_balls(self) -> Ints:
+        """Solids that a ball bounds besides a polynomial or a formula, in order."""
+        known = (self.polynomials, self.expressions)
+        found = [each.solid[each.is_in_ball] for each in known if each is not None]
+        return np.sort(np.concatenate([np.empty(0, np.int64), *found]))
 
     @property
     def solid_count(self) -> int:
@@ -168,6 +177,7 @@ def build(scene: Scene) -> Geometry:
         hulls=hulls,
         regions=None,
         polynomials=polynomials(solids),
+        expressions=expressions(solids),
     )
 
 
@@ -210,6 +220,7 @@ def with_regions(solids: Geometry, regions: Regions) -> Geometry:
         ),
         regions=regions,
         polynomials=solids.polynomials,
+        expressions=solids.expressions,
     )
 
 

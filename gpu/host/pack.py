@@ -11,6 +11,7 @@ import numpy as np
 from halfstep.contract import layout
 from halfstep.contract.arrays import F32, U32, Floats, Ints, Records
 from halfstep.contract.classes import Class
+from halfstep.contract.expressions import PackedExpressions
 from halfstep.contract.formats import Format
 from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
@@ -21,6 +22,7 @@ from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, fixed_point_scale
 from halfstep.host.geometry import Geometry
 from halfstep.host.numbers import Numbers, numbers_of
+from halfstep.host.pack_expressions import pack_expressions
 from halfstep.host.pack_polynomials import pack_polynomials
 from halfstep.host.pack_regions import Appearances, appearances, pack_regions
 from halfstep.host.pack_shadows import ShadowTables
@@ -44,6 +46,7 @@ _CLASS_SEEN = np.array(
         [Class.REGION, Class.REGION, Class.REGION_INSIDE],
         [Class.REGION_INSIDE] * 3,
         [Class.POLYNOMIAL] * 3,
+        [Class.FORMULA] * 3,
     ],
     np.int64,
 )
@@ -59,6 +62,7 @@ _ARTICLE_CLASS = np.array(
         Class.REGION,
         Class.REGION_INSIDE,
         Class.POLYNOMIAL,
+        Class.FORMULA,
     ],
     np.int64,
 )
@@ -67,6 +71,7 @@ _ARTICLE_CLASS = np.array(
 _CLOSED = {
     Class.POLYHEDRON: Class.POLYHEDRON_INSIDE,
     Class.QUADRIC: Class.QUADRIC_INSIDE,
+    Class.ELLIPSOID: Class.QUADRIC_INSIDE,
 }
 
 _FRAME, _LIGHT = layout.FRAME.dtype(), layout.LIGHT.dtype()
@@ -108,17 +113,15 @@ class Packed:
     surface_count: int  # of the scene
     regions: PackedRegions | None  # what copies of groups have besides
     polynomials: PackedPolynomials | None  # what solids have besides that polynomials bound
+    expressions: PackedExpressions | None  # and those that other formulas do
     shadows: PackedShadows | None = None  # what hides lights, if any have shadows
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     """Number the surfaces of ``scene`` and look up the material of each solid."""
     per_solid, alone = geometry.plane_count + 1, geometry.solid_count
-    balls = np.empty(0, np.int64)
-    if geometry.polynomials is not None:
-        # A ball comes behind the half-spaces.
-        balls = geometry.polynomials.solid[geometry.polynomials.is_in_ball]
-        per_solid[balls] += 1
+    balls = geometry.in_balls
+    per_solid[balls] += 1  # a ball comes behind the half-spaces
     regions = geometry.regions
     if regions is not None:
         per_solid[alone:] = regions.faces[regions.of]
@@ -200,6 +203,7 @@ def pack(
         if tables.appearances is None
         else pack_regions(setup, tables.appearances, count, number_format),
         polynomials=pack_polynomials(setup, half_spaces),
+        expressions=pack_expressions(setup, half_spaces),
         shadows=None if shadows is None else shadows.packed(setup, solids, number_format),
     )
 
@@ -263,6 +267,9 @@ def _solids(
     if setup.polynomials is not None:
         row = setup.polynomials.row
         solids["polynomial"][row] = np.arange(len(row))
+    if setup.formulas is not None:
+        row = setup.formulas.row
+        solids["polynomial"][row] = np.arange(len(row))
     solids["color"] = tables.color.take(setup.solid, axis=0)
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]
@@ -315,7 +322,7 @@ def _fewer(classes: Ints, outside: Ints) -> tuple[Ints, Ints]:
     """The classes, some joined: code for solids that rays may start in does for others, too.
 
     Regions are long to compile, so they share one class where one of them needs it. Polyhedra do
-    where there are more classes than a tile's record has lists, and then quadrics.
+    where there are more classes than a tile's record has lists, then quadrics, then ellipsoids.
     """
     table = np.arange(len(Class))
     seen = np.bincount(np.append(classes, outside), minlength=len(Class)) > 0
@@ -345,6 +352,8 @@ def _outside_classes(geometry: Geometry) -> Ints:
     found[geometry.solid_count :] = Class.REGION
     if geometry.polynomials is not None:
         found[geometry.polynomials.solid] = Class.POLYNOMIAL
+    if geometry.expressions is not None:
+        found[geometry.expressions.solid] = Class.FORMULA
     return found
 
 

@@ -88,7 +88,11 @@ class OnRays:
 
 def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
     """Stack the polynomials of ``solids``; None where there is none."""
-    found = [(ix, solid) for ix, solid in enumerate(solids) if isinstance(solid, Algebraic)]
+    found = [
+        (ix, solid)
+        for ix, solid in enumerate(solids)
+        if isinstance(solid, Algebraic) and solid.has_polynomial
+    ]
     if not found:
         return None
     degree = max(LEAST_DEGREE, *(solid.degree() for _, solid in found))
@@ -155,7 +159,11 @@ def on_rays(
     points[:, :] = rays[1:]
     points[:, 1:] *= reach
     points[1] *= half
-    points[0] *= middle
+    points[0, 0] *= middle
+    if sight.parallel:
+        points[1, 1:] = 0.0
+    else:
+        points[0, 1:] *= middle
     points[0, 0] += rays[0]
 
     # What counts is F between the ends of the solid.
@@ -174,6 +182,10 @@ def on_rays(
     forms[small] = 0.0
 
     step = pixel * reach
+    aside, stretch = np.stack([*tangent, step]), np.stack([step * middle / half, step])
+    if sight.parallel:
+        # Pixels are as far apart at any depth, and no ray leads aside.
+        aside[:], stretch = 0.0, np.stack([step / half, np.zeros_like(step)])
     return OnRays(
         row=row,
         degree=known.degree,
@@ -183,8 +195,8 @@ def on_rays(
         host_error=error,
         scale=1.0 / reach,
         frame=np.broadcast_to(camera_from_world, (len(row), 3, 3)),
-        tangents=np.stack([*tangent, step], axis=-1),
-        stretch=np.stack([step * middle / half, step], axis=-1),
+        tangents=aside.T,
+        stretch=stretch.T,
         is_sheet=known.is_sheet,
         is_in_ball=known.is_in_ball,
         has_balls=has_balls,

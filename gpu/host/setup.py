@@ -21,6 +21,7 @@ from halfstep.host.bounds import Bounds, bounds
 from halfstep.host.camera import View
 from halfstep.host.copies import Copies, copies
 from halfstep.host.edges import edge_forms, end_lines
+from halfstep.host.expressions import FormulaAtEye, FormulasOnRays, formulas_on_rays
 from halfstep.host.forms import (
     HOST_ROUNDINGS,
     NEGLIGIBLE,
@@ -94,6 +95,7 @@ class Setup:
     plane_host_error: Floats  # (N,), error of c and b made by this set-up
     copies: Copies | None  # of groups; they are the last of the scene's solids
     polynomials: OnRays | None  # of the solids that have one of any degree
+    formulas: FormulasOnRays | None  # of the solids that have one that is no polynomial
 
     @property
     def count(self) -> int:
@@ -158,6 +160,9 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     at_eye = at_eye[starts_at_eye[at_eye]]
     if len(at_eye):
         _see_polynomials(facts, at_eye, geometry, ix, sight)
+    formulas = _formulas(geometry, ix, sight)
+    if formulas is not None:
+        _see_formulas(facts, formulas, starts_at_eye, geometry, ix, sight)
 
     return Setup(
         view=view,
@@ -194,6 +199,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         plane_host_error=flat.error,
         copies=groups,
         polynomials=algebraic,
+        formulas=formulas,
     )
 
 
@@ -354,14 +360,45 @@ def _see_polynomials(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight
     known = geometry.polynomials
     assert known is not None
     own = known.at(np.searchsorted(known.solid, ix[row]))
+    _see(facts, row, AtEye(own, sight.at(row)), own.is_sheet, sight)
+    _see_balls(facts, row[own.is_in_ball], geometry, ix, sight)
+
+
+def _formulas(geometry: Geometry, ix: Ints, sight: Sight) -> FormulasOnRays | None:
+    """Formulas of the visible solids along their rays; None where the scene has none."""
+    known = geometry.expressions
+    if known is None:
+        return None
+    row = np.flatnonzero(np.isin(ix, known.solid))
+    rotation = geometry.world_from_local.take(ix[row], axis=-1)
+    return formulas_on_rays(known, row, known.places(ix[row]), sight.at(row), rotation)
+
+
+def _see_formulas(
+    facts: _Eye,
+    formulas: FormulasOnRays,
+    starts_at_eye: Bools,
+    geometry: Geometry,
+    ix: Ints,
+    sight: Sight,
+) -> None:
+    """The same as `_see_polynomials` of formulas."""
+    from_eye = starts_at_eye[formulas.row]
+    row, of, known = formulas.row[from_eye], formulas.of[from_eye], formulas.known
+    if len(row):
+        _see(facts, row, FormulaAtEye(known, of, sight.at(row)), known.is_sheet[of], sight)
+        _see_balls(facts, row[known.is_in_ball[of]], geometry, ix, sight)
+
+
+def _see(
+    facts: _Eye, row: Ints, at_eye: AtEye | FormulaAtEye, is_sheet: Bools, sight: Sight
+) -> None:
     seen = sight.at(row)
-    at_eye = AtEye(own, seen)
     far = float((seen.middle + seen.half).max(initial=0.0))
-    facts.inside[row] &= ~at_eye.outside & ~own.is_sheet
+    facts.inside[row] &= ~at_eye.outside & ~is_sheet
     facts.outside_quadric[row] = at_eye.outside
     facts.sure[row] &= at_eye.sure
     facts.nearest[row] = np.minimum(facts.nearest[row], at_eye.nearest(far))
-    _see_balls(facts, row[own.is_in_ball], geometry, ix, sight)
 
 
 def _see_balls(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:

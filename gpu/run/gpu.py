@@ -39,7 +39,7 @@ from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
 from halfstep.shader.needs import UNIFORM_BYTES
-from halfstep.shader.source import SHADOW_BINDINGS
+from halfstep.shader.source import EXPRESSIONS_BINDING, SHADOW_BINDINGS
 
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
 BAND_BYTES = 128 << 20
@@ -72,6 +72,7 @@ _NAMES = {
     17: "occluders",
     18: "sides of occluders",
     19: "boxes of occluders",
+    20: "formulas",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -251,6 +252,8 @@ class Device(Turns):
             contents |= dict(enumerate(lists.regions.arrays, start=9))
         if packed.polynomials is not None:
             contents[14] = packed.polynomials.records
+        if packed.expressions is not None:
+            contents[EXPRESSIONS_BINDING] = packed.expressions.records
         if packed.shadows is not None:
             contents |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
         try:

@@ -47,7 +47,11 @@ def needs_of(
         hides=frozenset() if shadows is None else frozenset(kind for kind, _ in shadows.kinds),
         encloses=shadows is not None and shadows.encloses,
         parallel=packed.setup.view.parallel,
-        balls=packed.polynomials is not None and packed.polynomials.has_balls,
+        programs=() if packed.expressions is None else packed.expressions.programs,
+        numbers=0 if packed.expressions is None else packed.expressions.numbers,
+        balls=any(
+            each is not None and each.has_balls for each in (packed.polynomials, packed.expressions)
+        ),
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
 

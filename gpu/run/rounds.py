@@ -35,6 +35,11 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
     tried = (BOUNDS + 1) * ("error" in needs.outputs)
     of_polynomial = packed.classes == Class.POLYNOMIAL
     rounds[of_polynomial] += (walks * (CLOCKS + 1 + steps) + tried)[of_polynomial]
+    # A formula tries both sides of a bound and both ends in rounds of their own, and has one for
+    # each axis; where there are several, each of these asks all of them.
+    of_formula = packed.classes == Class.FORMULA
+    asked = walks * (CLOCKS + 1 + steps) + 2 * tried + 8
+    rounds[of_formula] += (asked * (1 + 2 * len(needs.programs)))[of_formula]
     return np.asarray(rounds + 1)
 
 

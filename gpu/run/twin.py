@@ -85,6 +85,8 @@ class Band:
             row = int(regions.records[member]["solid"])
         elif klass == Class.POLYNOMIAL:
             rest = (self._packed.polynomials,)
+        elif klass == Class.FORMULA:
+            rest = (self._packed.expressions,)
         solid = self._packed.solids[row]
         x = i - solid["center_x"]
         y = j + np.int32(self._first_row) - solid["center_y"]

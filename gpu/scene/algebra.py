@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 
 from halfstep.scene.expression import Node
-from halfstep.scene.faults import show
 
 # Of every part of a formula.
 MAX_DEGREE = 10
@@ -15,11 +14,11 @@ Exponents = tuple[int, int, int]
 Polynomial = Mapping[Exponents, Fraction]  # without zeros
 
 
-class NotPolynomialError(ValueError):
-    """A formula is no polynomial.
+class DegreeError(ValueError):
+    """A part of a polynomial has too high a degree.
 
     Attributes:
-        column: index of the first character of what is none.
+        column: index of the first character of that part.
     """
 
     def __init__(self, text: str, column: int) -> None:
@@ -81,11 +80,37 @@ def substituted(polynomial: Polynomial, axes: tuple[Polynomial, ...]) -> Polynom
     return result
 
 
+def is_polynomial(node: Node) -> bool:
+    """Whether a formula is a polynomial, of whatever degree."""
+    known: dict[int, bool] = {}
+
+    def visit(node: Node) -> bool:
+        if id(node) not in known:
+            known[id(node)] = _keeps(node) and all(map(visit, node.operands))
+        return known[id(node)]
+
+    return visit(node)
+
+
+def _keeps(node: Node) -> bool:
+    """Whether an operation makes a polynomial of polynomials."""
+    match node.kind:
+        case "number" | "coordinate" | "+" | "-" | "*":
+            return True
+        case "/":
+            return node.operands[1].kind == "number"
+        case "^":
+            exponent = node.operands[1]
+            is_whole = exponent.kind == "number" and exponent.value.denominator == 1
+            return is_whole and exponent.value >= 0
+    return False
+
+
 def expanded(node: Node) -> Polynomial:
-    """The polynomial that a formula is.
+    """The polynomial that a formula is, which `is_polynomial`.
 
     Raises:
-        NotPolynomialError: it is none, or a part of it has too high a degree.
+        DegreeError: a part of it has too high a degree.
     """
     known: dict[int, Polynomial] = {}
 
@@ -111,19 +136,14 @@ def _expanded(node: Node, visit: Callable[[Node], Polynomial]) -> Polynomial:
         case "*":
             _check_degree(node, degree(parts[0]) + degree(parts[1]))
             return multiplied(parts[0], parts[1])
-        case "/" if node.operands[1].kind == "number":
-            return added({}, parts[0], 1 / Fraction(node.operands[1].value))
         case "/":
-            raise NotPolynomialError("division by what is no number", node.column)
-        case "^":
-            exponent = node.operands[1]
-            if exponent.kind != "number" or exponent.value.denominator != 1 or exponent.value < 0:
-                raise NotPolynomialError("an exponent that is no whole number", node.column)
-            _check_degree(node, degree(parts[0]) * int(exponent.value))
-            return power(parts[0], int(exponent.value))
-    raise NotPolynomialError(f"the function {show(node.kind)}", node.column)
+            return added({}, parts[0], 1 / Fraction(node.operands[1].value))
+    assert node.kind == "^"
+    exponent = int(node.operands[1].value)
+    _check_degree(node, degree(parts[0]) * exponent)
+    return power(parts[0], exponent)
 
 
 def _check_degree(node: Node, found: int) -> None:
     if found > MAX_DEGREE:
-        raise NotPolynomialError(f"degree {found} is not <= {MAX_DEGREE}", node.column)
+        raise DegreeError(f"degree {found} is not <= {MAX_DEGREE}", node.column)

@@ -1,4 +1,4 @@
-"""Solids of which F is a polynomial of any degree: the torus, and formulas."""
+"""Solids of which F is a polynomial of any degree, or any formula: the torus, and formulas."""
 
 import functools
 import math
@@ -19,12 +19,14 @@ from pydantic import (
 )
 
 from halfstep.scene import algebra
-from halfstep.scene.algebra import NotPolynomialError, Polynomial
+from halfstep.scene.algebra import DegreeError, Polynomial
 from halfstep.scene.bases import CutSolid
-from halfstep.scene.expression import name_fault, parsed
+from halfstep.scene.expression import Node, name_fault, parsed
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, Fault, fault, show
 from halfstep.scene.formula import fault_at
 from halfstep.scene.keys import SolidKey, are_in_order
+from halfstep.scene.programs import compiled
+from halfstep.scene.ranges import is_positive
 from halfstep.scene.values import (
     MAX_HALF_SPACES,
     Array,
@@ -41,13 +43,22 @@ from halfstep.scene.values import (
 
 
 class Algebraic(CutSolid, ABC):
-    """A solid F <= 0 of which F is a polynomial."""
+    """A solid F <= 0 of which F is a polynomial or another formula."""
 
     is_algebraic: ClassVar[bool] = True
 
+    @property
+    def has_polynomial(self) -> bool:
+        """Whether F is a polynomial, whatever its numbers are."""
+        return True
+
     @abstractmethod
     def polynomial(self) -> Polynomial:
-        """F in local coordinates, with exact coefficients."""
+        """F in local coordinates, with exact coefficients, where it is a polynomial."""
+
+    @abstractmethod
+    def expression(self) -> Node:
+        """F in local coordinates as a tree."""
 
     @abstractmethod
     def degree(self) -> int:
@@ -66,9 +77,6 @@ class Algebraic(CutSolid, ABC):
         return False
 
 
-Pair = tuple[float, float]
-
-
 def _pair(value: Any) -> Any:
     """Both radii of a tube; one number stands for two."""
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -82,6 +90,7 @@ Radii = Annotated[
     tuple[Length, Length],
     BeforeValidator(_pair, json_schema_input_type=Length | tuple[Length, Length]),
 ]
+_TORUS = "((sqrt(x^2 + y^2) - major)/across)^2 + (z/along)^2 - 1"
 # Corners of the polygons around a torus: they are 1 % wider.
 _CORNERS = 24
 
@@ -93,16 +102,15 @@ class Torus(Algebraic):
     major: Length
     minor: Radii
 
-    @field_validator("minor")
-    @classmethod
-    def _does_not_cross_itself(cls, minor: Pair, info: ValidationInfo) -> Pair:
-        major = info.data.get("major")
-        if major is not None and minor[0] > major:
-            raise fault(
-                f"{show(minor[0])} is not <= major = {show(major)}: a torus that crosses itself "
-                "cannot be drawn yet"
-            )
-        return minor
+    @property
+    def has_polynomial(self) -> bool:
+        """Whether the tube does not cross itself: inside of what does, the polynomial is > 0."""
+        return self.minor[0] <= self.major
+
+    def expression(self) -> Node:
+        """The left side less 1."""
+        major, across, along = self.major, *self.minor
+        return _parsed(_TORUS, (("major", major), ("across", across), ("along", along)))
 
     def polynomial(self) -> Polynomial:
         """(x² + y² + (across/along)² z² + major² - across²)² - 4 major² (x² + y²)."""
@@ -228,13 +236,23 @@ class Implicit(Algebraic):
 
     @field_validator("formula")
     @classmethod
-    def _is_polynomial(cls, formula: str, info: ValidationInfo) -> str:
+    def _has_a_meaning(cls, formula: str, info: ValidationInfo) -> str:
         if "parameters" in info.data:
             try:
-                _expanded(formula, info.data["parameters"])
+                _check(formula, info.data["parameters"])
             except ValueError as error:
                 raise fault(str(error)) from None
         return formula
+
+    @field_validator("bounds")
+    @classmethod
+    def _hold_something(cls, bounds: FormulaBounds, info: ValidationInfo) -> FormulaBounds:
+        # What keys move may be empty at times.
+        if {"parameters", "formula"} <= info.data.keys() and not info.data.get("keyframes"):
+            given = tuple(info.data["parameters"].items())
+            if _is_positive(info.data["formula"], given, bounds.box(), bounds.radius):
+                raise fault("nothing of the solid is in them, where the formula is positive")
+        return bounds
 
     @field_validator("sheet")
     @classmethod
@@ -254,14 +272,30 @@ class Implicit(Algebraic):
         others = {name: value for name, value in state.items() if name not in parameters}
         return {**others, "parameters": parameters}
 
+    @property
+    def has_polynomial(self) -> bool:
+        """Whether the formula is one with these parameters and with others."""
+        return _has_polynomial(self.formula, tuple(self.parameters.items()))
+
+    def check(self) -> None:
+        """See that the formula has a meaning with these parameters.
+
+        Raises:
+            ValueError: it has none; with the column.
+        """
+        _check(self.formula, self.parameters)
+
+    def expression(self) -> Node:
+        """The formula's tree."""
+        return _parsed(self.formula, tuple(self.parameters.items()))
+
     def polynomial(self) -> Polynomial:
         """The formula's."""
         return _expanded(self.formula, self.parameters)
 
     def degree(self) -> int:
         """That of the formula with parameters of which no terms cancel."""
-        generic = {name: k + 1 / (math.pi + k) for k, name in enumerate(self.parameters, start=2)}
-        return algebra.degree(_expanded(self.formula, generic))
+        return algebra.degree(_expanded(self.formula, _generic(self.parameters)))
 
     def box(self) -> tuple[Vector, Vector]:
         """Around its bounds."""
@@ -295,14 +329,68 @@ class Implicit(Algebraic):
         yield from super()._rows()
 
 
+# Of a formula that is no polynomial, for which a shader is written: compilers take a tenth of a
+# second for each.
+MOST_OPERATIONS = 256
+Parameters = tuple[tuple[str, float], ...]
+
+
 @functools.lru_cache(maxsize=256)
-def _expansion(formula: str, parameters: tuple[tuple[str, float], ...]) -> Polynomial:
-    values = {name: Fraction(value) for name, value in parameters}
+def _parsed(formula: str, parameters: Parameters) -> Node:
+    return parsed(formula, {name: Fraction(value) for name, value in parameters})
+
+
+def _generic(parameters: Iterable[str]) -> Mapping[str, float]:
+    """Values of parameters with which nothing cancels and no power is whole."""
+    return {name: k + 1 / (math.pi + k) for k, name in enumerate(parameters, start=2)}
+
+
+@functools.lru_cache(maxsize=256)
+def _has_polynomial(formula: str, parameters: Parameters) -> bool:
+    names = [name for name, _ in parameters]
+    found = algebra.is_polynomial(_parsed(formula, parameters))
+    if not found or not names:
+        return found
     try:
-        found = algebra.expanded(parsed(formula, values))
-    except NotPolynomialError as error:
-        what = f"{error}: only polynomials can be drawn yet"
-        raise ValueError(fault_at(formula, error.column, what)) from None
+        return algebra.is_polynomial(_parsed(formula, tuple(_generic(names).items())))
+    except ValueError:  # these values have no meaning; those of the scene have
+        return found
+
+
+@functools.lru_cache(maxsize=256)
+def _is_positive(
+    formula: str, parameters: Parameters, box: tuple[Vector, Vector], radius: float | None
+) -> bool:
+    """Whether a formula surely exceeds 0 all over bounds."""
+    made = compiled(_parsed(formula, parameters))
+    low, high = map(np.array, box)
+    return is_positive(made.program, made.numbers, (low, high), radius)
+
+
+def _check(formula: str, parameters: Mapping[str, float]) -> None:
+    """See that a formula has a meaning.
+
+    Raises:
+        ValueError: it has none; with the column.
+    """
+    given = tuple(parameters.items())
+    if _parsed(formula, given).kind == "number":
+        raise ValueError("it is the same everywhere, which is no surface")
+    if _has_polynomial(formula, given):
+        _expanded(formula, parameters)
+        return
+    count = len(compiled(_parsed(formula, given)).program)
+    if count > MOST_OPERATIONS:
+        what = "operations, which is the most of a formula that is no polynomial"
+        raise ValueError(f"{count} is not <= {MOST_OPERATIONS} {what}")
+
+
+@functools.lru_cache(maxsize=256)
+def _expansion(formula: str, parameters: Parameters) -> Polynomial:
+    try:
+        found = algebra.expanded(_parsed(formula, parameters))
+    except DegreeError as error:
+        raise ValueError(fault_at(formula, error.column, str(error))) from None
     if not algebra.degree(found):
         raise ValueError("it is the same everywhere, which is no surface")
     return found
@@ -312,6 +400,6 @@ def _expanded(formula: str, parameters: Mapping[str, float]) -> Polynomial:
     """The polynomial that a formula is.
 
     Raises:
-        ValueError: it is none, or no formula; with the column.
+        ValueError: it has too high a degree, or is the same everywhere; with the column.
     """
     return _expansion(formula, tuple(parameters.items()))

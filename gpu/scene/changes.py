@@ -102,7 +102,7 @@ def with_overrides(
 
 def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
     """What the solids of a scene cannot have, by the options that are ``given``."""
-    found = algebraic_faults(scene.solids, scene.accuracy, scene.camera)
+    found = algebraic_faults(scene.solids, scene.accuracy)
     return [(loc[1:] if loc[1] in given else loc, text) for loc, text in found]
 
 
@@ -190,7 +190,7 @@ def still(
                 faults.append((("solid", index, "bounds"), NO_PATCH))
         if isinstance(solid, Implicit) and solid is not scene.solids[index]:
             try:
-                solid.polynomial()
+                solid.check()
             except ValueError as error:
                 faults.append((("solid", index, "formula"), str(error)))
     if faults:

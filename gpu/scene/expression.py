@@ -5,7 +5,8 @@ closest, also before a sign, and from the right; parentheses; the functions of `
 ``left = right`` means left - right. There are no other names, and nothing is evaluated as Python.
 
 A formula is read into a tree in which equal parts are one node and constants are folded. Decimal
-numbers are exact, and so is what ``+ - * /`` and whole powers make of them.
+numbers are exact, and so is what ``+ - * /`` and whole powers make of them. Numbers that parameters
+are part of are equal only if they are made alike, so the tree does not depend on values.
 """
 
 from __future__ import annotations
@@ -98,6 +99,8 @@ class _Parser:
         self._level = 0
         self._operations = 0
         self._nodes: dict[tuple[object, ...], Node] = {}
+        # By the identity of a number that parameters are part of, how it is made.
+        self._origins: dict[int, tuple[object, ...]] = {}
 
     def _scan(self) -> Iterator[tuple[str, int]]:
         text, index = self._text, 0
@@ -179,7 +182,7 @@ class _Parser:
         if word in FUNCTIONS:
             return self._call(word, at)
         if word in self._parameters:
-            return self._checked(self._number(self._parameters[word], at), at)
+            return self._checked(self._number(self._parameters[word], at, (word,)), at)
         if word in COORDINATES:
             return self._node("coordinate", (), COORDINATES.index(word), at)
         if word in CONSTANTS:
@@ -216,14 +219,25 @@ class _Parser:
             except (ValueError, OverflowError, ZeroDivisionError, TypeError):
                 numbers = ", ".join(show(float(value)) for value in values)
                 raise self._fault(at, f"{show(kind)} of {numbers} is no number") from None
-            return self._checked(self._number(value, at), at)
+            return self._checked(self._number(value, at, self._origin(kind, operands)), at)
         self._operations += 1
         if self._operations > MAX_OPERATIONS:
             raise self._fault(at, f"more than {MAX_OPERATIONS} operations")
         return self._node(kind, operands, 0, at)
 
-    def _number(self, value: Fraction, at: int) -> Node:
-        return self._node("number", (), value, at)
+    def _number(self, value: Fraction, at: int, origin: tuple[object, ...] = ()) -> Node:
+        node = self._node("number", (), value, at, origin)
+        if origin:
+            self._origins[id(node)] = origin
+        return node
+
+    def _origin(self, kind: str, operands: tuple[Node, ...]) -> tuple[object, ...]:
+        """How a number is made of others, if parameters are part of it."""
+        made = [self._origins.get(id(node), ()) for node in operands]
+        if not any(made):
+            return ()
+        parts = zip(made, operands, strict=True)
+        return kind, *(origin or node.value for origin, node in parts)
 
     def _checked(self, node: Node, at: int) -> Node:
         """A number that is neither too large nor too small."""
@@ -234,8 +248,15 @@ class _Parser:
             raise self._fault(at, f"a number is not 0 and below {SMALLEST_CONSTANT:g}")
         return node
 
-    def _node(self, kind: str, operands: tuple[Node, ...], value: Fraction | int, at: int) -> Node:
-        key = (kind, value, *map(id, operands))
+    def _node(
+        self,
+        kind: str,
+        operands: tuple[Node, ...],
+        value: Fraction | int,
+        at: int,
+        origin: tuple[object, ...] = (),
+    ) -> Node:
+        key = (kind, origin or value, *map(id, operands))
         column = self._tokens[min(at, len(self._tokens) - 1)][1]
         return self._nodes.setdefault(key, Node(kind, operands, value, column))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from halfstep.scene.algebraic import Algebraic
 from halfstep.scene.bases import BaseSolid
 from halfstep.scene.copies import Layout
 from halfstep.scene.faults import Fault, Loc, show
@@ -12,7 +13,7 @@ from halfstep.scene.functions import function_count
 from halfstep.scene.groups import Fragment
 from halfstep.scene.lattices import MAX_PLACES
 from halfstep.scene.region import Complement, Literal, Region
-from halfstep.scene.tables import Accuracy, Camera
+from halfstep.scene.tables import Accuracy
 
 MAX_SURFACES = 4096
 # Lights with shadows, of which the output `shadow` has a bit each.
@@ -25,11 +26,9 @@ MAX_LITERALS = 1 << 16
 MOST_STEPS_OF_CELLS = 22
 
 
-def algebraic_faults(
-    solids: Sequence[BaseSolid], accuracy: Accuracy, camera: Camera
-) -> list[Fault]:
-    """What of ``[accuracy]`` and ``[camera]`` solids cannot have that polynomials bound."""
-    found = [solid for solid in solids if solid.is_algebraic]
+def algebraic_faults(solids: Sequence[BaseSolid], accuracy: Accuracy) -> list[Fault]:
+    """What of ``[accuracy]`` solids cannot have that polynomials or formulas bound."""
+    found = [solid for solid in solids if isinstance(solid, Algebraic)]
     if not found:
         return []
     kinds = {"torus": "a torus", "implicit": "a formula"}
@@ -44,9 +43,6 @@ def algebraic_faults(
     if accuracy.steps is not None and accuracy.steps > MOST_STEPS_OF_CELLS:
         text = f"{accuracy.steps} is not <= {MOST_STEPS_OF_CELLS}, the most with {names}"
         faults.append((("accuracy", "steps"), text))
-    if camera.orthographic_height is not None:
-        text = f"parallel rays do not draw {names} yet; use fov_degrees"
-        faults.append((("camera", "orthographic_height"), text))
     return faults
 
 

@@ -132,7 +132,7 @@ class Scene(Fragment, _Tables):
         return [
             *limit_faults(self),
             *shadow_faults(self, [each.shadows for each in self.lights], self.solids),
-            *algebraic_faults(self.solids, self.accuracy, self.camera),
+            *algebraic_faults(self.solids, self.accuracy),
         ]
 
     @classmethod

@@ -14,6 +14,7 @@ from halfstep.contract.layout import (
     APPEARANCE,
     BOX,
     CURVED,
+    EXPRESSION,
     FLAT,
     HALF_SPACE,
     LIGHT_VIEW,
@@ -69,6 +70,9 @@ def fetches(needs: Needs) -> str:
     if Class.POLYNOMIAL in needs.classes:
         record = POLYNOMIAL.counted(TERMS=term_count(needs.degree))
         functions.append(_record_at(needs, record, "polynomials", "polynomial"))
+    if Class.FORMULA in needs.classes:
+        record = EXPRESSION.counted(NUMBERS=needs.numbers)
+        functions.append(_record_at(needs, record, "expressions", "expression"))
     if "shadows" in needs.facts:
         functions += [
             _record_at(needs, record, array, name)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from halfstep.contract.classes import Class
+from halfstep.contract.expressions import Program
 from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 from halfstep.contract.shadows import Kind
@@ -50,7 +51,9 @@ class Needs:
     levels: int = 0  # the most that a region's program opens at once
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest of a polynomial of the scene
-    balls: bool = False  # a ball bounds one of its solids
+    programs: tuple[Program, ...] = ()  # formulas of the scene that are no polynomials
+    numbers: int = 0  # that a record has room for
+    balls: bool = False  # a ball bounds a solid with a polynomial or a formula
     conveyor: str = "conveyor"  # the stage that finds where roots are
     parallel: bool = False  # rays are
     shadows: int = 0  # lights that have them
@@ -124,6 +127,7 @@ class Needs:
         is_long = self.method == "article" or "error" in self.outputs or self.has_regions
         walks = Class.POLYNOMIAL in self.classes
         is_long |= walks and self.degree > MOST_DEGREE_OF_BLOCKS
+        is_long |= Class.FORMULA in self.classes
         if is_long or shades_long:
             return 1
         is_alone = len(self.classes) <= 1 and not walks and "shadows" not in self.facts

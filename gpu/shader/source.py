@@ -34,6 +34,7 @@ from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import HIDES, STAGES, VISITS, Kind, files_of
 from halfstep.shader.expand import expand
 from halfstep.shader.fetch import FETCHED, REGION_RECORDS, SHADOW_RECORDS, fetches
+from halfstep.shader.formulas import formulas
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
 
@@ -43,6 +44,9 @@ MAX_LINES = 8
 
 # Where what hides lights is bound.
 SHADOW_BINDINGS = range(15, 15 + len(SHADOW_RECORDS))
+
+# Where formulas of solids are bound.
+EXPRESSIONS_BINDING = SHADOW_BINDINGS.stop
 
 # What words of programs are made of.
 WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "HIDDEN", "SIDE")
@@ -83,6 +87,7 @@ def _definitions(needs: Needs) -> list[Definition]:
     texts = [
         constants(needs),
         *(_expanded(needs, name) for name in stages),
+        formulas(needs),
         fetches(needs),
         *_visits(needs),
         *hides(needs),
@@ -137,6 +142,7 @@ def constants(needs: Needs) -> str:
         "LEVELS": needs.levels,
         "DEGREE": needs.degree,
         "TERMS": term_count(needs.degree),
+        "NUMBERS": needs.numbers,
         "CLOCKS": CLOCKS,
         "BOUNDS": BOUNDS,
         "CLASSES": len(needs.classes),
@@ -170,6 +176,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
     if needs.degree:  # likewise
         types[10 + len(REGION_RECORDS)] = "read-only-storage"
+    if needs.programs:  # likewise
+        types[EXPRESSIONS_BINDING] = "read-only-storage"
     if "shadows" in needs.facts:
         types |= dict.fromkeys(SHADOW_BINDINGS, "read-only-storage")
     return types
@@ -215,6 +223,10 @@ def bindings(needs: Needs) -> str:
         polynomial = "Polynomial" if needs.together == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
+    if Class.FORMULA in needs.classes:
+        expression = "Expression" if needs.together == 1 else "vec4<u64>"
+        binding = f"@group(0) @binding({EXPRESSIONS_BINDING})"
+        lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
     if "shadows" in needs.facts:
         for number, (name, record) in zip(SHADOW_BINDINGS, SHADOW_RECORDS.items(), strict=True):
             type_ = record.name if needs.together == 1 else "vec4<u64>"

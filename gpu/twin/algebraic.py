@@ -18,6 +18,23 @@ ROUNDINGS_2, ROUNDINGS_8 = np.float32(2.0**-23), np.float32(2.0**-21)
 BEYOND = np.float32(2)
 
 
+class Outline(NamedTuple):
+    """Where a solid is on the screen, and what it is; the record of the solid has it here."""
+
+    scale: np.float32  # of pixel offsets
+    left: np.int32
+    right: np.int32
+    top: np.int32
+    bottom: np.int32
+    sheet: np.uint32
+    ball: np.uint32
+
+
+def outline_of(form: np.void) -> Outline:
+    """That of a polynomial."""
+    return Outline(*(form[name] for name in Outline._fields))
+
+
 def line_place(c: F32, b: F32) -> F32:
     """u of the root of c + b u, within the interval."""
     one = np.float32(1)
@@ -104,6 +121,15 @@ def later_slack(u: F32, slack: F32, other: F32, other_slack: F32) -> F32:
     return np.where(clear, later, np.maximum(slack, other_slack))
 
 
+def begun_cell(found: Cell, is_cap: Bools, steps: int) -> Cell:
+    """The cell to be halved on: what was found, or all of the interval where a cap is seen."""
+    zero = np.zeros_like(found.first)
+    return found._replace(
+        first=np.where(found.met, found.first, zero),
+        size=np.where(found.met, found.size, np.where(is_cap, np.int32(steps), zero)),
+    )
+
+
 def finished(
     curve: Curve,
     start: F32,
@@ -122,11 +148,7 @@ def finished(
 
     The cap has one root between ``cap_start`` and ``cap_stop``.
     """
-    zero = np.zeros_like(found.first)
-    cell = found._replace(
-        first=np.where(found.met, found.first, zero),
-        size=np.where(found.met, found.size, np.where(is_cap, np.int32(steps), zero)),
-    )
+    cell = begun_cell(found, is_cap, steps)
     powers = cap_or(found.met, curve.powers, c, b, a)
     middle = np.where(found.met, curve.middle, np.float32(0))
     low = np.where(found.met, start, cap_start)

@@ -36,7 +36,9 @@ class Judged(NamedTuple):
     passed: Bools  # it has no root
     single: Bools  # it has one root
     vague: Bools  # F changes by less than its error
-    last: F32  # F at the end
+    within: Bools  # F <= 0 at the end
+    below: Bools  # F < 0 at the end, surely
+    defined: Bools  # F has a value all over the cell
 
 
 class Cell(NamedTuple):
@@ -47,6 +49,17 @@ class Cell(NamedTuple):
     going: Bools  # there is more to try
     met: Bools  # a root lies in it
     sure: Bools  # nothing doubtful was left behind
+
+
+class Span(NamedTuple):
+    """Where a cell is on a ray, cut off at both ends."""
+
+    following: I32  # the leaf behind it
+    right: F32  # where the whole cell ends
+    low: F32
+    high: F32
+    middle: F32
+    half: F32  # of its width, and a little more where it is cut off
 
 
 def judged_of(t: Powers, error: F32) -> Judged:
@@ -66,11 +79,14 @@ def judged_of(t: Powers, error: F32) -> Judged:
     least = t[0] - rest
     dips = (t[2] > 0) & (size_1 < twice)
     above = (least > 0) & (np.float32(4) * t[2] * least > np.float32(1.000001) * size_1 * size_1)
+    below = last < -error
     return Judged(
         passed=np.where(dips, above, (least - size_1) + t[2] > 0),
-        single=(last < -error) & ((size_1 > slope + twice) | (size_2 > bend)),
+        single=below & ((size_1 > slope + twice) | (size_2 > bend)),
         vague=(size_1 + size_2) + (rest - error) < error,
-        last=last,
+        within=last <= 0,
+        below=below,
+        defined=np.ones(last.shape, bool),
     )
 
 
@@ -87,37 +103,50 @@ def largest_at(first: I32, steps: int) -> I32:
     return np.minimum(bits.astype(np.int32), np.int32(steps))
 
 
-def clocked(
-    curve: Curve, start: F32, stop: F32, old: Cell, steps: int, last_step: np.float32
-) -> Cell:
-    """The next cell between ``start`` and ``stop``, after one was tried."""
+def span_of(cell: Cell, start: F32, stop: F32, last_step: np.float32) -> Span:
+    """Where a cell is between ``start`` and ``stop``."""
     width = last_step + last_step
-    following = old.first + (np.int32(1) << old.size)
-    left = old.first.astype(np.float32) * width - np.float32(1)
+    following = cell.first + (np.int32(1) << cell.size)
+    left = cell.first.astype(np.float32) * width - np.float32(1)
     right = following.astype(np.float32) * width - np.float32(1)
     low, high = np.maximum(left, start), np.minimum(right, stop)
     clipped = (low > left) | (high < right)
-    m = (low + high) * np.float32(0.5) - curve.middle
-    h = np.maximum((high - low) * np.float32(0.5), np.float32(0))
-    h = h + np.where(clipped, CLIPPING, np.float32(0))
-    error = curve_error(curve, np.abs(m) + h)
-    judged = judged_of(about(curve.powers, m, h), error)
-    passed = judged.passed | (high <= low)
+    half = np.maximum((high - low) * np.float32(0.5), np.float32(0))
+    half = half + np.where(clipped, CLIPPING, np.float32(0))
+    return Span(following, right, low, high, (low + high) * np.float32(0.5), half)
+
+
+def next_cell(old: Cell, span: Span, judged: Judged, stop: F32, steps: int) -> Cell:
+    """The next cell before ``stop``, after one was judged."""
+    nowhere = span.high <= span.low
+    passed = judged.passed | nowhere
     leaf = old.size == 0
     ends = leaf | judged.vague
-    met = ~passed & (judged.single | (ends & (judged.last <= 0)))
+    met = ~passed & (judged.single | (ends & judged.within))
     skips = passed | (ends & ~met)
-    sure = passed | judged.single | ~ends | (leaf & (judged.last < -error))
+    known = (passed | (leaf & judged.below)) & judged.defined
+    sure = nowhere | known | judged.single | ~(passed | ends)
     size = np.where(met, old.size, old.size - 1)
-    size = np.where(skips, largest_at(following, steps), size)
-    going = ~met & ~(skips & (right >= stop))
+    size = np.where(skips, largest_at(span.following, steps), size)
+    going = ~met & ~(skips & (span.right >= stop))
     return Cell(
-        np.where(old.going & skips, following, old.first),
+        np.where(old.going & skips, span.following, old.first),
         np.where(old.going, size, old.size),
         old.going & going,
         old.met | (old.going & met),
         old.sure & (~old.going | sure),
     )
+
+
+def clocked(
+    curve: Curve, start: F32, stop: F32, old: Cell, steps: int, last_step: np.float32
+) -> Cell:
+    """The next cell between ``start`` and ``stop``, after one was tried."""
+    span = span_of(old, start, stop, last_step)
+    m = span.middle - curve.middle
+    error = curve_error(curve, np.abs(m) + span.half)
+    judged = judged_of(about(curve.powers, m, span.half), error)
+    return next_cell(old, span, judged, stop, steps)
 
 
 def walked(
@@ -132,18 +161,29 @@ def walked(
     return cell._replace(sure=cell.sure & ~cell.going)
 
 
+def middle_of(cell: Cell, last_step: np.float32) -> F32:
+    """The middle of a cell, where it is halved."""
+    half = np.int32(1) << np.maximum(cell.size - 1, np.int32(0))
+    return (cell.first + half).astype(np.float32) * (last_step + last_step) - np.float32(1)
+
+
+def half_of(old: Cell, far: Bools) -> Cell:
+    """The far half of a cell in some pixels, else the near one; a leaf stays."""
+    some = old.size > 0
+    half = np.int32(1) << np.maximum(old.size - 1, np.int32(0))
+    return old._replace(
+        first=np.where(some & far, old.first + half, old.first),
+        size=np.where(some, old.size - 1, old.size),
+    )
+
+
 def narrowed(
     powers: Powers, middle: F32, start: F32, stop: F32, old: Cell, last_step: np.float32
 ) -> Cell:
     """The half of a cell in which a root lies of what has powers of u - middle; a leaf stays."""
-    some = old.size > 0
-    half = np.int32(1) << np.maximum(old.size - 1, np.int32(0))
-    u = (old.first + half).astype(np.float32) * (last_step + last_step) - np.float32(1)
-    on = some & (u < stop) & ((u < start) | (value_at(powers, u - middle) > 0))
-    return old._replace(
-        first=np.where(on, old.first + half, old.first),
-        size=np.where(some, old.size - 1, old.size),
-    )
+    u = middle_of(old, last_step)
+    before = (u < start) | (value_at(powers, u - middle) > 0)
+    return half_of(old, (u < stop) & before)
 
 
 def position_in(cell: Cell, steps: int) -> I32:
@@ -160,18 +200,15 @@ def bound_in(
     last_step: np.float32,
 ) -> F32:
     """How far the only root of a cell is from a position at most."""
-    width = last_step + last_step
-    following = cell.first + (np.int32(1) << cell.size)
-    low = np.maximum(cell.first.astype(np.float32) * width - np.float32(1), start)
-    high = np.minimum(following.astype(np.float32) * width - np.float32(1), stop)
+    span = span_of(cell, start, stop, last_step)
     u = position.astype(np.float32) * last_step
     off = np.abs(u - curve.middle)
     reach = last_step
     bound = np.full(u.shape, UNBOUNDED)
     for _ in range(BOUNDS):
         error = curve_error(curve, off + reach)
-        before = (u - reach <= low) | (curve_value(curve, u - reach) > error)
-        behind = (u + reach >= high) | (curve_value(curve, u + reach) < -error)
+        before = (u - reach <= span.low) | (curve_value(curve, u - reach) > error)
+        behind = (u + reach >= span.high) | (curve_value(curve, u + reach) < -error)
         found = before & behind & (bound == UNBOUNDED)
         bound = np.where(found, reach + (CLIPPING + CLIPPING), bound)
         reach = reach * np.float32(4)

@@ -1,4 +1,4 @@
-"""Twin of ``visit_polynomial.wgsl``: a solid that a polynomial bounds.
+"""Twin of ``visit_polynomial.wgsl``: a solid that a polynomial or a formula bounds.
 
 What is certain.  The piece of a ray begins and ends where half-spaces do, so each end is known to a
 slack.  F is of one sign there if it exceeds its error by more than it can change within the slack.
@@ -9,9 +9,11 @@ it.  A root counts where it surely lies before the end; a miss where F is surely
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Any
 
 import numpy as np
 
+from halfstep.contract.expressions import PackedExpressions
 from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.twin.algebraic import (
     BEYOND,
@@ -21,9 +23,10 @@ from halfstep.twin.algebraic import (
     later_slack,
     line_place,
     line_slack,
+    outline_of,
     world_slope,
 )
-from halfstep.twin.cells import bound_in, cells_from, walked
+from halfstep.twin.cells import Cell, bound_in, cells_from, walked
 from halfstep.twin.certify import (
     NO_CERTIFICATE,
     UNBOUNDED,
@@ -37,8 +40,19 @@ from halfstep.twin.certify import (
     surely_ordered,
 )
 from halfstep.twin.chosen import Chosen
-from halfstep.twin.lanes import I32, Form, FormErrors
-from halfstep.twin.normal import NO_VECTOR, either, turned
+from halfstep.twin.expression import (
+    Formula,
+    Surety,
+    expression_value,
+    finished_formula,
+    formula_of,
+    slope_of_formula,
+    surety_of,
+    trace_of,
+    walked_formula,
+)
+from halfstep.twin.lanes import F32, I32, Bools, Form, FormErrors
+from halfstep.twin.normal import NO_VECTOR, Vector, either, turned
 from halfstep.twin.piece import clip, from_the_eye, remains, whole_interval
 from halfstep.twin.sight import Seen, Sight
 from halfstep.twin.solid import (
@@ -62,9 +76,84 @@ from halfstep.twin.taylor import (
 )
 
 
+class _Polynomial:
+    """F on rays where it is a polynomial; F is turned where -F is asked for."""
+
+    def __init__(self, form: np.void, right: F32, down: F32) -> None:
+        self._form, self._right, self._down = form, right, down
+        self._curve = Curve(
+            on_rays(form["terms"], right, down),
+            sizes_on_rays(form["terms"], right, down),
+            form["middle"],
+            form["rounding"],
+            form["host_error"],
+        )
+
+    def value(self, u: F32) -> F32:
+        return curve_value(self._curve, u)
+
+    def walked(self, turned: Bools, *along: Any) -> Cell:
+        return walked(opposite(turned, self._curve), *along)
+
+    def finished(self, turned: Bools, *along: Any) -> I32:
+        return finished(opposite(turned, self._curve), *along)
+
+    def surety(
+        self,
+        begins_below: Bools,
+        turned: Bools,
+        start: F32,
+        start_slack: F32,
+        stop: F32,
+        stop_slack: F32,
+        *along: Any,
+    ) -> Surety:
+        return Surety(
+            self._is_above(begins_below, start, start_slack, stop),
+            self._is_above(turned, stop, stop_slack, start),
+            bound_in(opposite(turned, self._curve), start, stop, *along),
+        )
+
+    def _is_above(self, turned: Bools, u: F32, slack: F32, other_end: F32) -> Bools:
+        """Whether it is surely above 0 at an end of the piece, known to a slack."""
+        curve = self._curve
+        off, other = np.abs(u - curve.middle), np.abs(other_end - curve.middle)
+        slope = slope_at_most(curve.sizes, np.maximum(off, other))
+        value = curve_value(opposite(turned, curve), u)
+        return value > curve_error(curve, off) + slack * slope
+
+    def slope(self, u: F32) -> Vector:
+        """The gradient, but for its length."""
+        form, right, down = self._form, self._right, self._down
+        v = u - self._curve.middle
+        return world_slope(form, right, down, v, slopes_on_rays(form["terms"], right, down, v))
+
+
+class _Formula:
+    """The same where it is a formula."""
+
+    def __init__(self, formula: Formula, right: F32, down: F32) -> None:
+        self._formula, self._trace = formula, trace_of(formula.form, right, down)
+
+    def value(self, u: F32) -> F32:
+        return expression_value(self._formula, self._trace, u)
+
+    def walked(self, turned: Bools, *along: Any) -> Cell:
+        return walked_formula(self._formula, self._trace, turned, *along)
+
+    def finished(self, turned: Bools, *along: Any) -> I32:
+        return finished_formula(self._formula, self._trace, turned, *along)
+
+    def surety(self, begins_below: Bools, turned: Bools, *along: Any) -> Surety:
+        return surety_of(self._formula, self._trace, begins_below, turned, *along)
+
+    def slope(self, u: F32) -> Vector:
+        return slope_of_formula(self._formula, self._trace, u)
+
+
 def visit_polynomial(
     solid: np.void,
-    rest: PackedPolynomials,
+    rest: PackedPolynomials | PackedExpressions,
     x: I32,
     y: I32,
     chosen: Chosen,
@@ -96,15 +185,15 @@ def visit_polynomial(
         piece = from_the_eye(piece, near_u)
         ends = bounded_from_the_eye(ends, near_u)
 
-    right, down = x.astype(np.float32) * form["scale"], y.astype(np.float32) * form["scale"]
+    outline = outline_of(form)
+    right = x.astype(np.float32) * outline.scale
+    down = y.astype(np.float32) * outline.scale
     right, down = right + 0 * down, down + 0 * right
-    curve = Curve(
-        on_rays(form["terms"], right, down),
-        sizes_on_rays(form["terms"], right, down),
-        form["middle"],
-        form["rounding"],
-        form["host_error"],
-    )
+    of_f: _Polynomial | _Formula
+    if isinstance(rest, PackedExpressions):
+        of_f = _Formula(formula_of(rest, int(solid["polynomial"])), right, down)
+    else:
+        of_f = _Polynomial(form, right, down)
     start, stop = line_place(piece.c_in, piece.b_in), line_place(piece.c_out, piece.b_out)
     id_in, id_out, some = piece.id_in, piece.id_out, remains(piece)
     plane_start, plane_stop = start, stop
@@ -114,7 +203,7 @@ def visit_polynomial(
     ball_errors: FormErrors | None = None
     chord: Chord | None = None
     if "ball" in facts:
-        of_ball = np.int32(form["ball"])
+        of_ball = np.int32(outline.ball)
         is_ball = never | (of_ball != 0)
         a, g, c = solid["a"], solid["g"], solid["c"]
         ball = chosen.forms.form_at(a, g, c, at)
@@ -126,19 +215,18 @@ def visit_polynomial(
         id_in, id_out = np.where(enters, of_ball, id_in), np.where(leaves, of_ball, id_out)
         some = some & (~is_ball | (chord.met & (start <= stop)))
 
-    is_sheet = bool(form["sheet"])
-    first = curve_value(curve, start)
+    is_sheet = bool(outline.sheet)
+    first = of_f.value(start)
     at_start = id_in == 0
     from_eye = at_start & starts_at_eye(solid)
     outside = np.where(from_eye, eye_outside(solid), first > 0)
     inside = ~outside & (is_sheet | (at_start & (eye_inside(solid) | near_cut(solid))))
     on_entry = ~outside & ~inside & ~at_start
-    within = (form["left"] <= x) & (x <= form["right"])
-    within = within & ((form["top"] <= y) & (y <= form["bottom"]))
+    within = (outline.left <= x) & (x <= outline.right)
+    within = within & ((outline.top <= y) & (y <= outline.bottom))
     some = some & within
-    seen = opposite(inside, curve)
     cell = cells_from(np.zeros_like(like), some & ~on_entry, steps)
-    cell = walked(seen, start, stop, cell, steps, last_step)
+    cell = of_f.walked(inside, start, stop, cell, steps, last_step)
     on_exit = inside & ~cell.met & (id_out > 0) & (not is_sheet)
     c_cap = np.where(on_entry, piece.c_in, -piece.c_out)
     b_cap = np.where(on_entry, piece.b_in, -piece.b_out)
@@ -151,8 +239,8 @@ def visit_polynomial(
         a_cap = np.where(on_ball, np.where(on_entry, ball.a, -ball.a), a_cap)
         cap_start = np.where(on_ball & ~on_entry, chord.middle, cap_start)
         cap_stop = np.where(on_ball & on_entry, chord.middle, cap_stop)
-    position = finished(
-        seen,
+    position = of_f.finished(
+        inside,
         start,
         stop,
         cell,
@@ -172,9 +260,8 @@ def visit_polynomial(
         stays = inside | is_sheet
         behind = (position + np.int32(1 << steps)) >> np.int32(1)
         behind = np.where(cell.met, behind + np.int32(1), np.int32(0))
-        leaving = opposite(~inside, curve)
         last = cells_from(behind, hit & ~stays, steps)
-        last = walked(leaving, start, stop, last, steps, last_step)
+        last = of_f.walked(~inside, start, stop, last, steps, last_step)
         c_out, b_out = -piece.c_out, -piece.b_out
         a_out = np.zeros_like(c_out)
         out_start = a_out - BEYOND
@@ -182,8 +269,8 @@ def visit_polynomial(
             c_out, b_out = np.where(leaves, -ball.c, c_out), np.where(leaves, -ball.g, b_out)
             a_out = np.where(leaves, -ball.a, a_out)
             out_start = np.where(leaves, chord.middle, out_start)
-        exit_position = finished(
-            leaving,
+        exit_position = of_f.finished(
+            ~inside,
             start,
             stop,
             last,
@@ -200,8 +287,6 @@ def visit_polynomial(
         left = np.where(stays, hit, last.met | (id_out > 0))
     certificate = NO_CERTIFICATE
     if "error" in facts:
-        start_off, stop_off = np.abs(start - curve.middle), np.abs(stop - curve.middle)
-        slope = slope_at_most(curve.sizes, np.maximum(start_off, stop_off))
         start_slack = line_slack(piece.c_in, piece.b_in, ends.error_in, piece.id_in)
         stop_slack = line_slack(piece.c_out, piece.b_out, ends.error_out, piece.id_out)
         bounds_sure, beside = ~never, never
@@ -216,14 +301,25 @@ def visit_polynomial(
             bounds_sure = (chord.sure & caps_sure) | ~is_ball
             apart = start - start_slack > stop + stop_slack
             beside = is_ball & ((chord.sure & ~chord.met) | (ends.sure & apart))
-        sure_start = np.abs(first) > curve_error(curve, start_off) + start_slack * slope
+        surety = of_f.surety(
+            first <= 0,
+            inside,
+            start,
+            start_slack,
+            stop,
+            stop_slack,
+            cell,
+            position,
+            last_step,
+        )
+        sure_start = surety.begins
         sure_start = np.where(from_eye, eye_sure(solid), sure_start)
         ordered = surely_ordered(ends)
-        bound = bound_in(seen, start, stop, cell, position, last_step)
+        bound = surety.bound
         u = position.astype(np.float32) * last_step
         before_end = (u + bound) + stop_slack < stop
         sure_root = (bound < UNBOUNDED) & (before_end | (stop_slack == 0))
-        past = curve_value(seen, stop) > curve_error(curve, stop_off) + stop_slack * slope
+        past = surety.ends
         sure_miss = (past | (stop_slack == 0)) & (ordered | ~on_exit)
         certain = np.where(on_entry, ordered, cell.sure & np.where(cell.met, sure_root, sure_miss))
         certain = certain & sure_start & bounds_sure & (outside | inside | on_entry)
@@ -245,13 +341,12 @@ def visit_polynomial(
     sight = Sight(hit, surface, position, left, exit_position)
     slope_vector = NO_VECTOR
     if "normal" in facts:
-        u = position.astype(np.float32) * last_step - curve.middle
-        bend = world_slope(form, right, down, u, slopes_on_rays(form["terms"], right, down, u))
+        bend = of_f.slope(position.astype(np.float32) * last_step)
         bend = turned(inside & is_sheet, bend)
         curved = hit & (surface == 0)
         slope_vector = either(on_entry, normal_in, normal_out)
         if "ball" in facts:
-            on_cap = is_ball & (surface == form["ball"])
+            on_cap = is_ball & (surface == outline.ball)
             slope_vector = either(on_cap, slope_at(solid, x, y, position), slope_vector)
         slope_vector = either(curved, bend, slope_vector)
     return Seen(sight, slope_vector, certificate)

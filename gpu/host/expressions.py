@@ -1,0 +1,150 @@
+"""Formulas that are no polynomials on the rays of a frame, float64, on the host.
+
+The point of a ray is affine in (1, x, y), and both parts of that in u: shaders take the coordinates
+of points so, in the solid's own frame, and evaluate the formula there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.contract.expressions import Program
+from halfstep.host.forms import Sight, power_of_two
+from halfstep.host.polynomials import MOST_HALVINGS
+from halfstep.scene import Algebraic, Solid
+from halfstep.scene.programs import Compiled, compiled
+from halfstep.scene.ranges import Range, range_of
+
+# Points are asked for as far beyond the interval as it is long, in all directions.
+BEYOND = 4.0
+# Records have room for so many numbers, or twice as many, and so on.
+FEWEST_NUMBERS = 4
+
+
+@dataclass(frozen=True)
+class Expressions:
+    """The Q solids of a scene that are bounded by formulas."""
+
+    solid: Ints  # (Q,), rows in ``Geometry``
+    formulas: tuple[Compiled, ...]  # of each
+    programs: tuple[Program, ...]  # of all, each once
+    numbers: int  # room of a record for them
+    box: Floats  # (2, 3, Q), least and greatest coordinates, local
+    is_sheet: Bools  # (Q,)
+    is_in_ball: Bools  # (Q,), their quadric in ``Geometry`` is that of a ball that bounds them
+
+    def places(self, solid: Ints) -> Ints:
+        """Those of solids that are among them."""
+        return np.searchsorted(self.solid, solid)
+
+
+@dataclass(frozen=True)
+class FormulasOnRays:
+    """Formulas of E visible solids along the rays of a frame."""
+
+    row: Ints  # (E,), rows in ``Setup``
+    of: Ints  # (E,), places in ``Expressions``
+    known: Expressions
+    level: Floats  # (3, 3, E), points at u = 0: [axis][1, x, y], local
+    along: Floats  # (3, 3, E), their change to u = 1
+    error: Floats  # (E,), of points
+    scale: Floats  # (E,), of pixel offsets: with it they are at most 1
+    rotation: Floats  # (3, 3, E), world from local
+
+
+def expressions(solids: Sequence[Solid]) -> Expressions | None:
+    """The formulas of ``solids`` that are no polynomials; None where there is none."""
+    found = [
+        (ix, solid)
+        for ix, solid in enumerate(solids)
+        if isinstance(solid, Algebraic) and not solid.has_polynomial
+    ]
+    if not found:
+        return None
+    formulas = tuple(compiled(solid.expression()) for _, solid in found)
+    most = max(len(each.numbers) for each in formulas)
+    room = FEWEST_NUMBERS
+    while room < most:
+        room *= 2
+    return Expressions(
+        np.array([ix for ix, _ in found]),
+        formulas,
+        tuple(dict.fromkeys(each.program for each in formulas)),
+        room,
+        np.stack([np.array(solid.box()) for _, solid in found], axis=-1),
+        np.array([solid.is_sheet() for _, solid in found]),
+        np.array([solid.is_in_ball() for _, solid in found]),
+    )
+
+
+def formulas_on_rays(
+    known: Expressions, row: Ints, of: Ints, sight: Sight, rotation: Floats
+) -> FormulasOnRays:
+    """Formulas along rays.
+
+    Args:
+        known: of the scene.
+        row: (E,), of each in ``Setup``.
+        of: (E,), places in ``known``.
+        sight: how they are seen, (E,).
+        rotation: (3, 3, E), world from local.
+    """
+    rays = sight.rays
+    reach = 1.0 / power_of_two(np.maximum(sight.offsets.max(axis=0), 1.0))
+    level = rays[1:] * sight.spread
+    level[0] = rays[0] + rays[1] * sight.middle
+    along = rays[1:] * sight.half
+    if sight.parallel:
+        along[1:] = 0.0
+    level[1:] *= reach
+    along[1:] *= reach
+    return FormulasOnRays(
+        row=row,
+        of=of,
+        known=known,
+        level=level.transpose(1, 0, 2),
+        along=along.transpose(1, 0, 2),
+        error=BEYOND * sight.error,
+        scale=1.0 / reach,
+        rotation=rotation,
+    )
+
+
+class FormulaAtEye:
+    """What is known of formulas at the centre of projection, (E,)."""
+
+    def __init__(self, known: Expressions, of: Ints, sight: Sight) -> None:
+        """``of``: places in ``known``; ``sight``: how they are seen, (E,)."""
+        self._known, self._of = known, of
+        self._eye = sight.rays[0]
+        self._error = sight.error
+        found = self._ranges(np.zeros_like(self._eye))
+        # Where it has no value, the eye is outside.
+        self.outside: Bools = ~((found.high <= -found.low) & np.isfinite(found.high))
+        self.sure: Bools = (found.low > 0) | (found.high < 0)
+        reach = np.concatenate([np.ones((1, *sight.offsets.shape[1:])), sight.offsets])
+        self._steepest = np.einsum("iap,ip->ap", np.abs(sight.rays[1:]), reach)
+
+    def nearest(self, far: float) -> Floats:
+        """A lower bound (E,) of the depth, up to ``far``, at which any ray meets F = 0."""
+        low, high = np.zeros(len(self._of)), np.full(len(self._of), far)
+        for _ in range(MOST_HALVINGS):
+            middle = (low + high) / 2
+            found = self._ranges(middle * self._steepest)
+            before = (found.low > 0) | (found.high < 0)
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        return low
+
+    def _ranges(self, reach: Floats) -> Range:
+        """Of F as far from the eye as ``reach`` (3, E)."""
+        low, high = self._eye - reach - self._error, self._eye + reach + self._error
+        ends = np.empty((2, len(self._of)))
+        for k, place in enumerate(self._of.tolist()):
+            formula = self._known.formulas[place]
+            box = [Range(low[axis, k], high[axis, k]) for axis in range(3)]
+            ends[:, k] = range_of(formula.program, formula.numbers, box)
+        return Range(*ends)

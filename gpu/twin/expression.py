@@ -1,0 +1,279 @@
+"""Twin of ``expression.wgsl``: a formula along rays, its first root, and how far it may be off.
+
+A formula is a list of operations (``contract.expressions``). A shader has it written out; here the
+operations are called one by one.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from halfstep.contract.expressions import NO_NUMBER, PackedExpressions, Program
+from halfstep.contract.powers import BOUNDS, CLOCKS
+from halfstep.twin import jets
+from halfstep.twin.algebraic import begun_cell
+from halfstep.twin.cells import (
+    CLIPPING,
+    Cell,
+    half_of,
+    middle_of,
+    next_cell,
+    position_in,
+    span_of,
+)
+from halfstep.twin.certify import UNBOUNDED
+from halfstep.twin.elementary import (
+    cosine_of,
+    exponential_of,
+    logarithm_of,
+    product_of,
+    reciprocal_of,
+    root_of,
+    sine_of,
+)
+from halfstep.twin.jets import (
+    FAINTEST,
+    UNDEFINED,
+    Jet,
+    coordinate_jet,
+    judged_jet,
+    opposite_jet,
+    reach_of,
+)
+from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.normal import Vector
+
+# Cells about a place where F must be of one sign there are no wider than the interval.
+WIDEST = np.float32(2)
+# What is taken for a direction where slopes are asked for: so short that nothing bends.
+NUDGE = np.float32(2.0**-12)
+
+# The values of operations, of values of operands and of the number that some take.
+VALUES: dict[str, Callable[..., Any]] = {
+    "number": lambda k: k,
+    "checked": lambda a: a,
+    "raised": operator.add,
+    "scaled": product_of,
+    "negated": operator.neg,
+    "sum": operator.add,
+    "difference": operator.sub,
+    "product": product_of,
+    "square": lambda a: product_of(a, a),
+    "reciprocal": reciprocal_of,
+    "root": lambda a, _: root_of(a),
+    "magnitude": np.abs,
+    "greatest": np.maximum,
+    "least": np.minimum,
+    "sine": sine_of,
+    "cosine": cosine_of,
+    "exponential": exponential_of,
+    "logarithm": logarithm_of,
+}
+
+
+class Track(NamedTuple):
+    """One coordinate of the points of rays, level + u along, with the magnitudes of its terms."""
+
+    level: F32
+    along: F32
+    level_size: F32
+    along_size: F32
+
+
+class Trace(NamedTuple):
+    """The points of rays."""
+
+    x: Track
+    y: Track
+    z: Track
+
+
+class Formula(NamedTuple):
+    """A formula of a solid: the record and the operations."""
+
+    form: np.void
+    program: Program
+
+
+def formula_of(packed: PackedExpressions, row: int) -> Formula:
+    """That of a solid."""
+    form = packed.records[row]
+    return Formula(form, packed.programs[int(form["formula"])])
+
+
+def track_of(level: F32, along: F32, x: F32, y: F32) -> Track:
+    """A coordinate of the points of rays, from its coefficients (3,) of 1, x and y."""
+    return Track(
+        (level[0] + y * level[2]) + x * level[1],
+        (along[0] + y * along[2]) + x * along[1],
+        (np.abs(level[0]) + np.abs(y * level[2])) + np.abs(x * level[1]),
+        (np.abs(along[0]) + np.abs(y * along[2])) + np.abs(x * along[1]),
+    )
+
+
+def trace_of(form: np.void, x: F32, y: F32) -> Trace:
+    """The points of rays at pixel offsets of which each is at most 1."""
+    return Trace(*(track_of(form[f"level_{a}"], form[f"along_{a}"], x, y) for a in "xyz"))
+
+
+def jet_on(track: Track, host_error: np.float32, m: F32, h: F32) -> Jet:
+    """A coordinate in the cell about m of half the width h."""
+    return coordinate_jet(*track, host_error, m, h)
+
+
+def formula_jet(formula: Formula, x: Jet, y: Jet, z: Jet) -> Jet:
+    """The jet of the last operation."""
+    return _result(formula, [x, y, z], lambda name: getattr(jets, f"{name}_jet"))
+
+
+def formula_value(formula: Formula, x: F32, y: F32, z: F32) -> F32:
+    """The value of the last operation."""
+    value: F32 = _result(formula, [x, y, z], VALUES.__getitem__)
+    return value
+
+
+def _result(
+    formula: Formula, found: list[Any], function: Callable[[str], Callable[..., Any]]
+) -> Any:
+    numbers = formula.form["numbers"]
+    for step in formula.program:
+        given = [found[k] for k in step.operands]
+        given += [] if step.number == NO_NUMBER else [numbers[step.number]]
+        found.append(function(step.name)(*given))
+    return found[-1]
+
+
+def expression_jet(formula: Formula, trace: Trace, turned: Bools, m: F32, h: F32) -> Jet:
+    """F, or -F where turned, in the cell about m of half the width h."""
+    error = formula.form["host_error"]
+    jet = formula_jet(formula, *(jet_on(track, error, m, h) for track in trace))
+    return opposite_jet(turned, jet)
+
+
+def expression_value(formula: Formula, trace: Trace, u: F32) -> F32:
+    """F at the places ``u``."""
+    return formula_value(formula, *(track.level + u * track.along for track in trace))
+
+
+def walked_formula(
+    formula: Formula,
+    trace: Trace,
+    turned: Bools,
+    start: F32,
+    stop: F32,
+    begun: Cell,
+    steps: int,
+    last_step: np.float32,
+) -> Cell:
+    """The cell with the first root of F, or -F where turned, between ``start`` and ``stop``."""
+    cell = begun
+    for _ in range(CLOCKS):
+        if not cell.going.any():
+            break
+        span = span_of(cell, start, stop, last_step)
+        jet = expression_jet(formula, trace, turned, span.middle, span.half)
+        cell = next_cell(cell, span, judged_jet(jet), stop, steps)
+    return cell._replace(sure=cell.sure & ~cell.going)
+
+
+def finished_formula(
+    formula: Formula,
+    trace: Trace,
+    turned: Bools,
+    start: F32,
+    stop: F32,
+    found: Cell,
+    is_cap: Bools,
+    c: F32,
+    b: F32,
+    a: F32,
+    cap_start: F32,
+    cap_stop: F32,
+    steps: int,
+    last_step: np.float32,
+) -> I32:
+    """The position of the root in a cell, or that of the cap c + b u + a u² where it is seen.
+
+    The cap has one root between ``cap_start`` and ``cap_stop``.
+    """
+    cell = begun_cell(found, is_cap, steps)
+    low, high = np.where(found.met, start, cap_start), np.where(found.met, stop, cap_stop)
+    for _ in range(steps):
+        u = middle_of(cell, last_step)
+        value = expression_value(formula, trace, u)
+        of_f = np.where(turned, -value, value)
+        above = np.where(found.met, of_f, (a * u + b) * u + c) > 0
+        cell = half_of(cell, (u < high) & ((u < low) | above))
+    return position_in(cell, steps)
+
+
+class Surety(NamedTuple):
+    """What is sure of F on a piece of a ray."""
+
+    begins: Bools  # F has the sign that was found where it begins
+    ends: Bools  # F is above 0 where it ends
+    bound: F32  # how far the only root of the cell is from its position at most
+
+
+def surety_of(
+    formula: Formula,
+    trace: Trace,
+    begins_below: Bools,
+    turned: Bools,
+    start: F32,
+    start_slack: F32,
+    stop: F32,
+    stop_slack: F32,
+    cell: Cell,
+    position: I32,
+    last_step: np.float32,
+) -> Surety:
+    """That of F, or -F where turned; ends of pieces are known to a slack."""
+
+    def above(turned: Bools, u: F32, slack: F32) -> Bools:
+        jet = expression_jet(formula, trace, turned, u, np.minimum(slack, WIDEST))
+        return ((jet.state & UNDEFINED) == 0) & (jet.value > reach_of(jet))
+
+    span = span_of(cell, start, stop, last_step)
+    u = position.astype(np.float32) * last_step
+    reach = last_step
+    bound = np.full(u.shape, UNBOUNDED)
+    point = np.zeros_like(u)
+    for _ in range(BOUNDS):
+        near = expression_jet(formula, trace, turned, u - reach, point)
+        far = expression_jet(formula, trace, turned, u + reach, point)
+        before = (u - reach <= span.low) | (near.value > reach_of(near))
+        behind = (u + reach >= span.high) | (far.value < -reach_of(far))
+        found = before & behind & (bound == UNBOUNDED)
+        bound = np.where(found, reach + (CLIPPING + CLIPPING), bound)
+        reach = reach * np.float32(4)
+    return Surety(above(begins_below, start, start_slack), above(turned, stop, stop_slack), bound)
+
+
+def nudged(track: Track, host_error: np.float32, u: F32, is_one: bool) -> Jet:
+    """A coordinate at the places ``u``, nudged if it is the one."""
+    jet = jet_on(track, host_error, u, np.zeros_like(u))
+    return jet._replace(slope=np.full(u.shape, NUDGE if is_one else np.float32(0)))
+
+
+def slope_of_formula(formula: Formula, trace: Trace, u: F32) -> Vector:
+    """The gradient of F in world axes at the places ``u``, but for its length."""
+    error, axes = formula.form["host_error"], formula.form["axes"]
+    own = [
+        formula_jet(
+            formula, *(nudged(track, error, u, k == axis) for k, track in enumerate(trace))
+        ).slope
+        for axis in range(3)
+    ]
+    largest = np.maximum(np.maximum(np.abs(own[0]), np.abs(own[1])), np.abs(own[2]))
+    unit = np.float32(1) / np.where(largest < FAINTEST, np.float32(1), largest)
+    x, y, z = (each * unit for each in own)
+    return Vector(
+        (x * axes[0] + y * axes[1]) + z * axes[2],
+        (x * axes[3] + y * axes[4]) + z * axes[5],
+        (x * axes[6] + y * axes[7]) + z * axes[8],
+    )

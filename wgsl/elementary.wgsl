@@ -1,0 +1,82 @@
+// Functions of numbers, of additions, products and quotients alone, so that a twin has their bits.
+//
+// Their errors are stated in gpu/twin/elementary.py.
+
+// Angles beyond this are not known well enough.
+const LARGEST_ANGLE: f32 = 8192.0;
+// The sine of an angle that is not beyond it is off by at most this, and so is the cosine.
+const TURN_ERROR: f32 = 0x1p-22f;
+// The exponential function is off by at most so much of itself.
+const GROWTH_ERROR: f32 = 0x1p-22f;
+// It takes numbers beyond this for this.
+const LARGEST_EXPONENT: f32 = 80.0;
+// The logarithm is off by at most so much, and by as much of itself.
+const LOGARITHM_ERROR: f32 = 0x1p-23f;
+// Logarithms and reciprocals take magnitudes below this for this.
+const SMALLEST_ARGUMENT: f32 = 0x1p-40f;
+// Products beyond this are taken for this.
+const LARGEST_PRODUCT: f32 = 0x1p60f;
+
+// sin(x) where half_turns is a whole number near x/π, cos(x) where it is one less a half.
+fn turned_sine(x: f4, half_turns: f4) -> f4 {
+  let r = ((x - half_turns * 3.140625) - half_turns * 0x1.fb4p-11f) - half_turns * 0x1.4442d2p-23f;
+  let q = r * r;
+  let tail = q * (0x1.71de3ap-19f - q * 0x1.ae6456p-26f);
+  let series = q * (-0x1.555556p-3f + q * (0x1.111112p-7f + q * (-0x1.a01a02p-13f + tail)));
+  let s = r + r * series;
+  return select(s, -s, (i4(floor(half_turns)) & i4(1)) != i4(0));
+}
+
+// sin(x)
+fn sine_of(x: f4) -> f4 {
+  let angle = min(max(x, f4(-LARGEST_ANGLE)), f4(LARGEST_ANGLE));
+  return turned_sine(angle, floor(angle * 0x1.45f306p-2f + 0.5));
+}
+
+// cos(x): sin(x + π/2) = -sin(x - (k + 1/2) π) for even k.
+fn cosine_of(x: f4) -> f4 {
+  let angle = min(max(x, f4(-LARGEST_ANGLE)), f4(LARGEST_ANGLE));
+  return -turned_sine(angle, floor(angle * 0x1.45f306p-2f) + 0.5);
+}
+
+// e^x
+fn exponential_of(x: f4) -> f4 {
+  let y = min(max(x, f4(-LARGEST_EXPONENT)), f4(LARGEST_EXPONENT));
+  let k = floor(y * 0x1.715476p0f + 0.5);
+  let r = (y - k * 0.693359375) + k * 0x1.bd0106p-13f;
+  let high = 0x1.111112p-7f + r * (0x1.6c16c2p-10f + r * 0x1.a01a02p-13f);
+  let low = 0.5 + r * (0x1.555556p-3f + r * (0x1.555556p-5f + r * high));
+  let p = 1.0 + r * (1.0 + r * low);
+  return max(p * bitcast<f4>((i4(k) + i4(127)) << u4(23u)), f4(0.0));
+}
+
+// log(x)
+fn logarithm_of(x: f4) -> f4 {
+  let bits = bitcast<u4>(max(x, f4(SMALLEST_ARGUMENT)));
+  let mantissa = bitcast<f4>((bits & u4(0x7FFFFFu)) | u4(0x3F800000u));
+  let upper = mantissa > f4(0x1.6a09e6p0f);
+  let k = f4(i4(bits >> u4(23u)) - i4(127)) + select(f4(0.0), f4(1.0), upper);
+  let less = select(mantissa, mantissa * 0.5, upper) - 1.0;
+  let s = less / (less + 2.0);
+  let q = s * s;
+  let tail = 0x1.24924ap-3f + q * 0x1.c71c72p-4f;
+  let series = q * (0x1.555556p-2f + q * (0x1.99999ap-3f + q * tail));
+  let small = (s + s) + (s + s) * series;
+  return k * 0.693359375 + (small - k * 0x1.bd0106p-13f);
+}
+
+// 1/x
+fn reciprocal_of(x: f4) -> f4 {
+  return 1.0 / select(x, f4(SMALLEST_ARGUMENT), abs(x) < f4(SMALLEST_ARGUMENT));
+}
+
+// A product that no infinity comes of. Compilers do not take it apart to add otherwise, as they do
+// with the sum of two products and a third number.
+fn product_of(a: f4, b: f4) -> f4 {
+  return min(max(a * b, f4(-LARGEST_PRODUCT)), f4(LARGEST_PRODUCT));
+}
+
+// The square root, 0 of what is negative.
+fn root_of(x: f4) -> f4 {
+  return sqrt(max(x, f4(0.0)));
+}

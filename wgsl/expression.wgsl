@@ -1,0 +1,221 @@
+// A formula along rays: jets and values, the cell with its first root, and the root by halvings.
+//
+// gpu/shader/formulas.py writes `formula_jet` and `formula_value` for the formulas of a scene.
+
+// Cells about a place where F must be of one sign there are no wider than the interval.
+const WIDEST: f32 = 2.0;
+// What is taken for a direction where slopes are asked for: so short that nothing bends.
+const NUDGE: f32 = 0x1p-12f;
+
+// One coordinate of the points of rays, level + u along, with the magnitudes of its terms.
+struct Track {
+  level: f4,
+  along: f4,
+  level_size: f4,
+  along_size: f4,
+}
+
+// The points of rays.
+struct Trace {
+  x: Track,
+  y: Track,
+  z: Track,
+}
+
+// Where a solid that a formula bounds is on the screen, and what it is.
+fn outline_of_formula(form: Expression) -> Outline {
+  return Outline(
+    form.scale, form.left, form.right, form.top, form.bottom, form.sheet, form.ball
+  );
+}
+
+// A coordinate of the points of rays, from its coefficients of 1, x and y.
+fn track_of(level: array<f32, 3>, along: array<f32, 3>, x: f4, y: f32) -> Track {
+  return Track(
+    (level[0] + y * level[2]) + x * level[1],
+    (along[0] + y * along[2]) + x * along[1],
+    (abs(level[0]) + abs(y * level[2])) + abs(x * level[1]),
+    (abs(along[0]) + abs(y * along[2])) + abs(x * along[1]),
+  );
+}
+
+// The points of rays at pixel offsets of which each is at most 1.
+fn trace_of(form: Expression, x: f4, y: f32) -> Trace {
+  return Trace(
+    track_of(form.level_x, form.along_x, x, y),
+    track_of(form.level_y, form.along_y, x, y),
+    track_of(form.level_z, form.along_z, x, y),
+  );
+}
+
+// A coordinate in the cell about m of half the width h.
+fn jet_on(track: Track, host_error: f32, m: f4, h: f4) -> Jet {
+  return coordinate_jet(
+    track.level, track.along, track.level_size, track.along_size, host_error, m, h
+  );
+}
+
+// F, or -F where turned, in the cell about m of half the width h.
+fn expression_jet(form: Expression, trace: Trace, turned: b4, m: f4, h: f4) -> Jet {
+  let jet = formula_jet(
+    form,
+    jet_on(trace.x, form.host_error, m, h),
+    jet_on(trace.y, form.host_error, m, h),
+    jet_on(trace.z, form.host_error, m, h),
+  );
+  return opposite_jet(turned, jet);
+}
+
+// F at the places u.
+fn expression_value(form: Expression, trace: Trace, u: f4) -> f4 {
+  return formula_value(
+    form,
+    trace.x.level + u * trace.x.along,
+    trace.y.level + u * trace.y.along,
+    trace.z.level + u * trace.z.along,
+  );
+}
+
+// The cell with the first root of F, or -F where turned, between `start` and `stop`.
+fn walked_formula(
+  form: Expression,
+  trace: Trace,
+  turned: b4,
+  start: f4,
+  stop: f4,
+  begun: Cell,
+  steps: u32,
+  last_step: f32,
+) -> Cell {
+  var cell = begun;
+  for (var clock = 0u; clock < CLOCKS; clock++) {
+    if !any(cell.going) {
+      break;
+    }
+    let span = span_of(cell, start, stop, last_step);
+    let jet = expression_jet(form, trace, turned, span.middle, span.half);
+    cell = next_cell(cell, span, judged_jet(jet), stop, steps);
+  }
+  cell.sure = cell.sure & !cell.going;
+  return cell;
+}
+
+// The position of the root in a cell, or that of the cap c + b u + a u² where it is seen, which has
+// one root between `cap_start` and `cap_stop`.
+fn finished_formula(
+  form: Expression,
+  trace: Trace,
+  turned: b4,
+  start: f4,
+  stop: f4,
+  found: Cell,
+  is_cap: b4,
+  c: f4,
+  b: f4,
+  a: f4,
+  cap_start: f4,
+  cap_stop: f4,
+  steps: u32,
+  last_step: f32,
+) -> i4 {
+  var cell = begun_cell(found, is_cap, steps);
+  let low = select(cap_start, start, found.met);
+  let high = select(cap_stop, stop, found.met);
+  for (var k = 0u; k < steps; k++) {
+    if all(cell.size == i4(0)) {
+      break;
+    }
+    let u = middle_of(cell, last_step);
+    let value = expression_value(form, trace, u);
+    let of_f = select(value, -value, turned);
+    let above = select((a * u + b) * u + c, of_f, found.met) > f4(0.0);
+    cell = half_of(cell, (u < high) & ((u < low) | above));
+  }
+  return position_in(cell, steps);
+}
+
+// What is sure of F on a piece of a ray: whether it has the sign that was found where the piece
+// begins, whether it is above 0 where it ends, and how far the only root of the cell is from its
+// position at most.
+struct Surety {
+  begins: b4,
+  ends: b4,
+  bound: f4,
+}
+
+// That of F, or -F where turned; ends of pieces are known to a slack. So many BOUNDS are tried, each
+// four times the one before. All is asked in one loop, because a formula takes long to compile.
+fn surety_of(
+  form: Expression,
+  trace: Trace,
+  begins_below: b4,
+  turned: b4,
+  start: f4,
+  start_slack: f4,
+  stop: f4,
+  stop_slack: f4,
+  cell: Cell,
+  position: i4,
+  last_step: f32,
+) -> Surety {
+  let span = span_of(cell, start, stop, last_step);
+  let u = f4(position) * last_step;
+  var reach = last_step;
+  var before = b4(false);
+  var surety = Surety(b4(false), b4(false), f4(UNBOUNDED));
+  for (var k = 0u; k < 2u * BOUNDS + 2u; k++) {
+    // Both ends of the piece, then both sides of the position in turn.
+    let is_start = k == 0u;
+    let is_end = k < 2u;
+    let is_far = (k & 1u) == 1u;
+    let slack = min(select(stop_slack, start_slack, is_start), f4(WIDEST));
+    let beside = u + select(-reach, reach, is_far);
+    let place = select(beside, select(stop, start, is_start), is_end);
+    let down = select(turned, begins_below, is_start);
+    let jet = expression_jet(form, trace, down, place, select(f4(0.0), slack, is_end));
+    let off = reach_of(jet);
+    let above = jet.value > off;
+    let defined = (jet.state & u4(UNDEFINED)) == u4(0u);
+    surety.begins = select(surety.begins, above & defined, b4(is_start));
+    surety.ends = select(surety.ends, above & defined, b4(k == 1u));
+    let below = (place >= span.high) | (jet.value < -off);
+    let found = before & below & b4(is_far & !is_end) & (surety.bound == f4(UNBOUNDED));
+    surety.bound = select(surety.bound, f4(reach + (CLIPPING + CLIPPING)), found);
+    before = (place <= span.low) | above;
+    reach = select(reach, reach * 4.0, is_far & !is_end);
+  }
+  return surety;
+}
+
+// A coordinate at the places u, nudged if it is the one.
+fn nudged(track: Track, host_error: f32, u: f4, is_one: bool) -> Jet {
+  var jet = jet_on(track, host_error, u, f4(0.0));
+  jet.slope = f4(select(0.0, NUDGE, is_one));
+  return jet;
+}
+
+// The gradient of F in world axes at the places u, but for its length.
+fn slope_of_formula(form: Expression, trace: Trace, u: f4) -> Vector {
+  var own = NO_VECTOR;
+  for (var axis = 0u; axis < 3u; axis++) {
+    let jet = formula_jet(
+      form,
+      nudged(trace.x, form.host_error, u, axis == 0u),
+      nudged(trace.y, form.host_error, u, axis == 1u),
+      nudged(trace.z, form.host_error, u, axis == 2u),
+    );
+    own.x = select(own.x, jet.slope, b4(axis == 0u));
+    own.y = select(own.y, jet.slope, b4(axis == 1u));
+    own.z = select(own.z, jet.slope, b4(axis == 2u));
+  }
+  let largest = max(max(abs(own.x), abs(own.y)), abs(own.z));
+  let unit = 1.0 / select(largest, f4(1.0), largest < f4(FAINTEST));
+  let x = own.x * unit;
+  let y = own.y * unit;
+  let z = own.z * unit;
+  return Vector(
+    (x * form.axes[0] + y * form.axes[1]) + z * form.axes[2],
+    (x * form.axes[3] + y * form.axes[4]) + z * form.axes[5],
+    (x * form.axes[6] + y * form.axes[7]) + z * form.axes[8],
+  );
+}
