@@ -299,6 +299,8 @@ FORMULAS = [
     ("x^6 * y^5", "column 5: degree 11 is not <= 10"),
     ("1 + pi = e", "it is the same everywhere, which is no surface"),
     ("", "the formula is empty"),
+    ("1e20*sin(x) + y", "1e+20 is not within 1e-30 to 4e+12, what numbers of a formula that is no"),
+    ("sin(x)*1e-40 + y", "1e-40 is not within 1e-30 to 4e+12, what numbers of a formula"),
     ("+".join(f"sin({k}*x)" for k in range(1, 100)), "is not <= 256 operations, which is the most"),
     ("(" * 65 + "x" + ")" * 65, "column 65: more than 64 nested levels"),
     ("x" + "+x" * 2048, "4097 characters is not <= 4096"),
@@ -319,6 +321,10 @@ def test_faults_of_formulas_say_where(formula: str, text: str) -> None:
 @pytest.mark.parametrize(
     ("keys", "text"),
     [
+        (
+            {"major": 1e8, "minor": 2e8},
+            "minor: 200000000 is > major = 100000000: lengths of a torus",
+        ),
         ({"major": 1, "minor": [0.1]}, "minor: [0.1] is neither a number nor an array of 2"),
         ({"major": -1, "minor": 0.1}, "major: -1 is not > 0"),
         ({"minor": 0.1}, "major: missing"),

@@ -10,7 +10,7 @@ from halfstep.contract.expressions import PackedExpressions
 from halfstep.host.forms import FAINT
 from halfstep.host.setup import Setup
 
-# Numbers beyond this are not known to shaders in any case.
+# Places beyond this are not known to shaders in any case.
 LARGEST = 2.0**42
 
 
@@ -39,8 +39,7 @@ def pack_expressions(setup: Setup, half_spaces: Records) -> PackedExpressions | 
     for record, place in zip(records, seen.of.tolist(), strict=True):
         formula = known.formulas[place]
         record["formula"] = known.programs.index(formula.program)
-        numbers = np.clip(formula.numbers, -LARGEST, LARGEST)
-        record["numbers"][: len(numbers)] = numbers
+        record["numbers"][: len(formula.numbers)] = formula.numbers
     return PackedExpressions(
         records, half_spaces, known.programs, known.numbers, bool(known.is_in_ball.any())
     )

@@ -91,6 +91,8 @@ Radii = Annotated[
     BeforeValidator(_pair, json_schema_input_type=Length | tuple[Length, Length]),
 ]
 _TORUS = "((sqrt(x^2 + y^2) - major)/across)^2 + (z/along)^2 - 1"
+# Lengths of a torus that crosses itself, of which shaders know the squares.
+LEAST_SPINDLE, LARGEST_SPINDLE = 1e-6, 1e6
 # Corners of the polygons around a torus: they are 1 % wider.
 _CORNERS = 24
 
@@ -101,6 +103,22 @@ class Torus(Algebraic):
     kind: Literal["torus"] = "torus"
     major: Length
     minor: Radii
+
+    @field_validator("minor")
+    @classmethod
+    def _are_known_where_it_crosses_itself(
+        cls, minor: tuple[float, float], info: ValidationInfo
+    ) -> tuple[float, float]:
+        major = info.data.get("major")
+        if major is not None and minor[0] > major:
+            lengths = (major, *minor)
+            if not (min(lengths) >= LEAST_SPINDLE and max(lengths) <= LARGEST_SPINDLE):
+                limits = f"{LEAST_SPINDLE:g} to {LARGEST_SPINDLE:g}"
+                raise fault(
+                    f"{show(minor[0])} is > major = {show(major)}: lengths of a torus that crosses "
+                    f"itself are from {limits}"
+                )
+        return minor
 
     @property
     def has_polynomial(self) -> bool:
@@ -332,6 +350,8 @@ class Implicit(Algebraic):
 # Of a formula that is no polynomial, for which a shader is written: compilers take a tenth of a
 # second for each.
 MOST_OPERATIONS = 256
+# What numbers of such a formula are known to shaders, of either sign.
+SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 4e12
 Parameters = tuple[tuple[str, float], ...]
 
 
@@ -379,7 +399,13 @@ def _check(formula: str, parameters: Mapping[str, float]) -> None:
     if _has_polynomial(formula, given):
         _expanded(formula, parameters)
         return
-    count = len(compiled(_parsed(formula, given)).program)
+    made = compiled(_parsed(formula, given))
+    for number in map(abs, made.numbers):
+        if number > LARGEST_NUMBER or 0 < number < SMALLEST_NUMBER:
+            what = "what numbers of a formula that is no polynomial may be"
+            limits = f"{SMALLEST_NUMBER:g} to {LARGEST_NUMBER:g}"
+            raise ValueError(f"{number:g} is not within {limits}, {what}")
+    count = len(made.program)
     if count > MOST_OPERATIONS:
         what = "operations, which is the most of a formula that is no polynomial"
         raise ValueError(f"{count} is not <= {MOST_OPERATIONS} {what}")
