@@ -325,7 +325,7 @@ class Session:
         if self._clicked is not None and self._certain is not None:
             row, column = _at(self._clicked, self._size, self._certain.depth)
             self._clicked = None
-            self._note = pick.told(self._now.scene, self._certain, row, column)
+            self._note = pick.told(self._certain, row, column)
             self._tell(self._note)
 
     def _take(self, kind: Kind, frame: Frame) -> None:
