@@ -160,7 +160,7 @@ def test_a_click_tells_what_is_there(driven: Driven) -> None:
     depth, error = frame.depth[36, 48], frame.error[36, 48]
     position = ", ".join(f"{each:.6g}" for each in frame.position[36, 48])
     assert driven.told == [
-        f'pixel 48, 36: solid[0] ball, surface 0, depth {depth:.9g} ± {error:.2g}, '
+        f"pixel 48, 36: solid[0] ball, surface 0, depth {depth:.9g} ± {error:.2g}, "
         f"position {position}",
         driven.told[1],
         "pixel 3, 3: nothing",

@@ -143,7 +143,7 @@ struct Surety {
   bound: f4,
 }
 
-// That of F, or -F where turned; ends of pieces are known to a slack. BOUNDS of them are tried, each
+// That of F, or -F where turned; ends of pieces are known to a slack. BOUNDS are tried, each
 // four times the one before. All is asked in one loop, because a formula takes long to compile.
 fn surety_of(
   form: Expression,
