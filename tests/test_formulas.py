@@ -169,6 +169,15 @@ FROM = (2.1, -3.2, 1.5)
 MIXED = "sqrt(x) + 1/y + log(z) - (x^2 + 0.1)^0.7"
 
 
+@pytest.mark.parametrize("scale", [1e-8, 1e-3, 1e3, 5e8])
+def test_a_torus_that_crosses_itself_is_known_at_any_size(scale: float) -> None:
+    table = {"kind": "torus", "major": scale, "minor": [1.5 * scale, scale], "color": [1, 1, 1]}
+    center = (3 * scale, -6 * scale, 3 * scale)
+    frame = halfstep.render(scene_of(table, center), outputs=CLAIMED, backend="numpy")
+    assert (frame.solid >= 0).sum() > 500
+    assert np.isfinite(frame.error).mean() > 0.99
+
+
 def test_a_torus_that_crosses_itself_is_solid() -> None:
     """Its section through the axis shows no hole."""
     table = {

@@ -322,8 +322,8 @@ def test_faults_of_formulas_say_where(formula: str, text: str) -> None:
     ("keys", "text"),
     [
         (
-            {"major": 1e8, "minor": 2e8},
-            "minor: 200000000 is > major = 100000000: lengths of a torus",
+            {"major": 1e9, "minor": 2e9},
+            "minor: 2000000000 is > major = 1000000000: lengths of a torus",
         ),
         ({"major": 1, "minor": [0.1]}, "minor: [0.1] is neither a number nor an array of 2"),
         ({"major": -1, "minor": 0.1}, "major: -1 is not > 0"),

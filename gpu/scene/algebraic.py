@@ -90,9 +90,9 @@ Radii = Annotated[
     tuple[Length, Length],
     BeforeValidator(_pair, json_schema_input_type=Length | tuple[Length, Length]),
 ]
-_TORUS = "((sqrt(x^2 + y^2) - major)/across)^2 + (z/along)^2 - 1"
-# Lengths of a torus that crosses itself, of which shaders know the squares.
-LEAST_SPINDLE, LARGEST_SPINDLE = 1e-6, 1e6
+_TORUS = "(sqrt((x/across)^2 + (y/across)^2) - major/across)^2 + (z/along)^2 - 1"
+# Lengths of a torus that crosses itself, which shaders know in units of one another.
+LEAST_SPINDLE, LARGEST_SPINDLE = 1e-9, 1e9
 # Corners of the polygons around a torus: they are 1 % wider.
 _CORNERS = 24
 
