@@ -13,7 +13,6 @@ import pytest
 
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
-from halfstep.contract.shadows import Kind
 from halfstep.contract.stages import FACTS, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.outputs import OUTPUTS, device_outputs
@@ -24,7 +23,7 @@ from halfstep.shader.expand import marks
 from halfstep.shader.fetch import fetches
 from halfstep.shader.library import definitions, joined, reached, stage
 from halfstep.shader.needs import OUTPUT_BYTES, OUTPUT_WORDS, Needs
-from halfstep.shader.source import bindings, compose, constants, hides, stage_files
+from halfstep.shader.source import bindings, compose, constants, stage_files
 from tests.bundled import drawn_by_all
 from tests.test_pack import SIZE
 
@@ -79,7 +78,7 @@ NEEDS = Needs(
 )
 
 
-SHADOWED = replace(NEEDS, shadows=2, far_lights=1, hides=frozenset(Kind), encloses=True)
+SHADOWED = replace(NEEDS, shadows=2, far_lights=1, curves=True, encloses=True)
 
 
 @pytest.fixture(scope="module")
@@ -264,8 +263,9 @@ def _combinations() -> Iterator[Needs]:
         yield from (lit, replace(lit, parallel=True))
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
         yield replace(SHADOWED, format=form, far_lights=far, encloses=encloses)
-    for kind in Kind:
-        yield replace(SHADOWED, outputs=frozenset({"shadow", "tag"}), hides=frozenset({kind}))
+    for curves, far in product((False, True), (1, 2)):
+        wanted = frozenset({"shadow", "tag"})
+        yield replace(SHADOWED, outputs=wanted, curves=curves, far_lights=far)
 
 
 def test_every_combination_compiles(device: Any) -> None:
@@ -305,7 +305,6 @@ def as_it_lies(name: str) -> str:
         if (method, klass) in VISITS:
             file = VISITS[method, klass].file
             texts.append(stage(file).replace(f"fn {file}(", f"fn visit_{klass.name.lower()}("))
-    texts += [*hides(need), stage("hide_cut").replace("fn hide_cut(", "fn hide(")]
     texts += [
         stage(file) for file in files_of(form, {name} | WITH.get(name, set())) if file != name
     ]

@@ -34,5 +34,3 @@ var<private> turned_0: u4;  // 1 or 2 where the solid shows its other side  //? 
 var<private> nearest_0: Nearest;  // of all solids so far
 // each quad
 var<private> point_0: Point;  // the same on the grid of the world  //? shadows
-// each quad
-var<private> beam_0: Beam;  // and in the axes of a light  //? shadows

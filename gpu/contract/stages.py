@@ -10,7 +10,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
 
-from halfstep.contract import shadows
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
 
@@ -73,6 +72,7 @@ STAGES = (
     Stage(Kind.BLOCK, "levels", ("levels_deep",)),
     Stage(Kind.BLOCK, "walks"),
     Stage(Kind.BLOCK, "conveyor", ("closed",)),
+    Stage(Kind.BLOCK, "hide"),
     Stage(Kind.BLOCK, "shadows"),
     Stage(Kind.DEVICE, "pack"),
     Stage(Kind.DEVICE, "wide"),
@@ -114,13 +114,6 @@ VISITS = {
     },
 }
 
-# How a solid before a light is tried, by kind. In a shader it has the name of its kind.
-HIDES = {
-    shadows.Kind.CURVED: _visit("hide_cut", "curved"),
-    shadows.Kind.FLAT: _visit("hide_cut", "flat"),
-    shadows.Kind.PATCH: _visit("hide_patch"),
-}
-
 # What the marks of WGSL files ask for. A twin asks the same.
 FACTS = {
     "exit": "it is asked where a ray leaves the solid that it hit",
@@ -139,14 +132,10 @@ FACTS = {
     "opened": "rays may start inside the solid",
     "broadcast": "invocations of a subgroup fetch records together",
     "shadows": "lights have shadows, and these are needed, for themselves or for colours",
-    "far_lights": "the same of lights far away",
-    "lamps": "the same of lights that have a place",
-    "lamp": "the light that is hidden has a place",
+    "lamps": "the same, and some of these lights have a place",
+    "curves": "a solid before a light with shadows has a quadric",
     "encloses": "a light with shadows may be inside a solid",
-    **{
-        f"hides_{kind.name.lower()}": f"a solid of {kind.name} is before a light"
-        for kind in shadows.Kind
-    },
+    "many_shadows": "solids before a light are many, and invocations look at boxes together",
     **{f"list_{klass.name.lower()}": f"tiles may see a solid of {klass.name}" for klass in Class},
     "store_words": "the device writes outputs of words",
     **{

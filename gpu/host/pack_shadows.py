@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 
 import numpy as np
@@ -11,7 +12,7 @@ from halfstep.contract import layout
 from halfstep.contract.arrays import Floats, Ints, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.layout import Shade
-from halfstep.contract.shadows import Kind, PackedShadows
+from halfstep.contract.shadows import GROUP, MANY, PackedShadows
 from halfstep.host.occluders import Occluder, Shadows
 from halfstep.host.setup import Setup
 
@@ -46,50 +47,56 @@ class ShadowTables:
             number_format: of the frame.
         """
         shadows = self.shadows
-        views, occluders, sides, boxes = self._tables(number_format.integer)
+        views, occluders, slabs, boxes = self._tables(number_format.integer)
         return PackedShadows(
             locations=_locations(shadows, setup, solids, number_format),
             views=views,
             occluders=occluders,
-            sides=sides,
+            slabs=slabs,
             boxes=boxes,
             far_lights=shadows.far_lights,
-            kinds=frozenset(
-                (one.kind, ix >= shadows.far_lights)
-                for ix, hiding in enumerate(shadows.occluders)
-                for one in hiding
-            ),
+            curves=any(one.has_quadric for hiding in shadows.occluders for one in hiding),
+            many=max(map(len, shadows.occluders)) > MANY,
             encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
         )
 
     @functools.cache  # noqa: B019 - there are two, and they last as long as the scene
     def _tables(self, integer: bool) -> tuple[Records, Records, Records, Records]:
-        """Views, occluders, sides and boxes in a number format."""
+        """Views, occluders, slabs and boxes in a number format."""
         number_format, shadows = FIXED32 if integer else FLOAT32, self.shadows
         every = [one for hiding in shadows.occluders for one in hiding]
+        lengths = np.array([len(hiding) for hiding in shadows.occluders])
+        rooms = -(-lengths // GROUP**2) * GROUP**2
+        firsts, room = np.cumsum(rooms) - rooms, int(rooms.sum())
+        places = np.arange(len(every)) + np.repeat(firsts - np.cumsum(lengths) + lengths, lengths)
         views = np.zeros(len(shadows.lights), layout.LIGHT_VIEW.dtype())
-        first = 0
-        for record, bit, (axes, place), hiding in zip(
-            views, shadows.lights, shadows.views, shadows.occluders, strict=True
-        ):
+        views["first"], views["end"] = firsts, firsts + lengths
+        views["groups"] = room + firsts // GROUP
+        views["far_groups"] = room + room // GROUP + firsts // GROUP**2
+        for record, bit, (axes, place) in zip(views, shadows.lights, shadows.views, strict=True):
             record["bit"] = 1 << bit
             record["axis"], record["sign"] = axes.axis, axes.sign
             record["shear_x"], record["shear_y"] = axes.shear
             record["origin"] = place
-            kinds = np.array([one.kind for one in hiding], np.int64)
-            record["starts"] = first + np.searchsorted(kinds, np.arange(len(Kind) + 1))
-            first += len(hiding)
-        occluders = np.zeros(len(every), layout.OCCLUDER.dtype(number_format))
-        counts = np.array([len(one.sides) for one in every], np.int64)
-        occluders["side_count"], occluders["side_start"] = counts, np.cumsum(counts) - counts
-        sides = np.zeros(counts.sum(), layout.SIDE.dtype(number_format))
-        boxes = np.zeros(len(every) + SPARE_BOXES, layout.BOX.dtype())
+        occluders = np.zeros(room, layout.OCCLUDER.dtype(number_format))
+        counts = np.array([len(one.slabs) for one in every], np.int64)
+        occluders["slab_count"][places] = counts
+        occluders["slab_start"][places] = np.cumsum(counts) - counts
+        slabs = np.zeros(counts.sum(), layout.SLAB.dtype(number_format))
+        ends = np.cumsum([room, room // GROUP, room // GROUP**2])
+        boxes = np.zeros(ends[-1] + SPARE_BOXES, layout.BOX.dtype())
         boxes["low"], boxes["high"] = NOWHERE, -NOWHERE
-        for record, one in zip(occluders, every, strict=True):
+        for place, one in zip(places, every, strict=True):
+            record = occluders[place]
             _fill(record, one, shadows, integer)
-            own = sides[record["side_start"] :][: len(one.sides)]
-            c_b = _scaled_sides(one.sides, integer)
-            own["c"], own["b"], own["lit"] = c_b[:, 0], c_b[:, 1], one.lit
+            own = slabs[record["slab_start"] :][: len(one.slabs)]
+            scale = _scales(one, integer)
+            scaled = one.slabs * scale[:, None, None], one.widths * scale
+            c_b, own["width"] = (np.rint(part) for part in scaled) if integer else scaled
+            own["c"], own["b"] = c_b[:, 0], c_b[:, 1]
+            numbers, lit = one.numbers.astype(np.uint32), one.lit.astype(np.uint32)
+            own["numbers"] = numbers[:, 0] | (numbers[:, 1] << np.uint32(layout.SLAB_BITS))
+            own["numbers"] |= (lit[:, 0] | (lit[:, 1] << np.uint32(1))) * layout.SLAB_LIT
         if every:
             spans = np.array([one.box for one in every])
             is_far = np.repeat(
@@ -100,8 +107,14 @@ class ShadowTables:
             margin = BOX_MARGIN * np.array([[-1.0], [1.0]]) * np.ones(3)
             spans += np.where(is_far[:, None, None], margin, margin * [0.0, 0.0, 1.0])
             spans = np.clip(spans, -NOWHERE, NOWHERE)
-            boxes["low"][: len(every)], boxes["high"][: len(every)] = spans[:, 0], spans[:, 1]
-        return views, occluders, sides, boxes
+            boxes["low"][places], boxes["high"][places] = spans[:, 0], spans[:, 1]
+            inner = boxes[:room]
+            for begin, end in itertools.pairwise(ends):
+                outer = boxes[begin:end]
+                outer["low"] = inner["low"].reshape(-1, GROUP, 3).min(axis=1)
+                outer["high"] = inner["high"].reshape(-1, GROUP, 3).max(axis=1)
+                inner = outer
+        return views, occluders, slabs, boxes
 
 
 def _fill(record: np.void, one: Occluder, shadows: Shadows, integer: bool) -> None:
@@ -121,8 +134,10 @@ def _fill(record: np.void, one: Occluder, shadows: Shadows, integer: bool) -> No
         record["factor_shift"] = shift
     flags = Shade.CASTS * bool(shadows.casts[one.solid])
     flags |= Shade.AT_LAMP * one.at_lamp | Shade.ENCLOSES * one.encloses
-    record["flags"] = flags
-    record["surface"] = shadows.first_surface[one.solid]
+    record["flags"] = flags | Shade.FLAT * one.is_patch
+    # The surface of a bounded plane has the number of its first side.
+    record["surface"] = shadows.first_surface[one.solid] - one.is_patch
+    record["first"] = shadows.first_surface[one.solid]
     record["count"] = shadows.surface_count[one.solid]
 
 
@@ -134,13 +149,13 @@ def _scaled_forms(forms: Floats, integer: bool) -> Floats:
     return np.asarray(np.rint(forms * _integer_scale(largest)))
 
 
-def _scaled_sides(sides: Floats, integer: bool) -> Floats:
-    """c and b (M, 2, 3) as coefficients of a number format."""
+def _scales(one: Occluder, integer: bool) -> Floats:
+    """What takes the coefficients of each slab (S,) to those of a number format."""
     if not integer:
-        return sides
-    largest = (np.abs(sides) * LINEAR_REACH).sum(axis=2).max(axis=1, initial=0.0)
-    scales = np.array([_integer_scale(float(each)) for each in largest])
-    return np.asarray(np.rint(sides * scales[:, None, None]))
+        return np.ones(len(one.slabs))
+    largest = (np.abs(one.slabs) * LINEAR_REACH).sum(axis=2).max(axis=1, initial=0.0)
+    # The second half-space is as far from the first as the slab is wide.
+    return np.array([_integer_scale(float(each)) for each in largest + np.abs(one.widths)])
 
 
 def _integer_scale(largest: float) -> float:

@@ -70,7 +70,7 @@ _NAMES = {
     15: "locations of solids",
     16: "views of lights",
     17: "occluders",
-    18: "sides of occluders",
+    18: "slabs of occluders",
     19: "boxes of occluders",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
@@ -284,7 +284,7 @@ class Device(Turns):
         # Unknown until this frame succeeds.
         self._blank = None, blank
         # The frame that picks the shaders renders blank tiles too, so that all compile now.
-        decided = not self._is_software or "shadows" in needs.facts or self._chosen_sets.get(needs)
+        decided = not self._is_software or self._chosen_sets.get(needs)
         return blank & before if shown == ground and decided else np.zeros_like(blank)
 
     def _is_too_large(self, packed: Packed, lists: Lists) -> bool:
@@ -321,8 +321,7 @@ class Device(Turns):
         adapter the second frame picks the sets of classes that get a shader of their own.
         """
         whole = [needs.classes]
-        # Code for shadows is the same for all classes, and takes longer still to compile.
-        if not self._is_software or "shadows" in needs.facts:
+        if not self._is_software:
             return whole
         if needs not in self._chosen_sets:
             self._chosen_sets[needs] = []

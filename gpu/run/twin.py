@@ -123,7 +123,9 @@ class Band:
         if hidden is not None:
             beams = module(self._packed.format.beam)
             points = shadows.find_points(hidden, nearest, i, j, beams)
-            nearest = nearest._replace(dark=shadows.find_shadows(hidden, nearest, points, beams))
+            nearest = nearest._replace(
+                dark=shadows.find_shadows(hidden, nearest, points, beams, self._facts)
+            )
         if "shadow" in outputs:
             planes["shadow"] = nearest.dark
         if "normal" not in self._facts:

@@ -21,7 +21,7 @@ from halfstep.contract.layout import (
     OCCLUDER,
     POLYNOMIAL,
     REGION,
-    SIDE,
+    SLAB,
     SOLID,
     TILE_WORDS,
     Record,
@@ -47,10 +47,10 @@ SHADOW_RECORDS = {
     "locations": LOCATION,
     "light_views": LIGHT_VIEW,
     "occluders": OCCLUDER,
-    "sides": SIDE,
+    "slabs": SLAB,
     "boxes": BOX,
 }
-_SHADOW_NAMES = ("location", "light_view", "occluder", "side", "box")
+_SHADOW_NAMES = ("location", "light_view", "occluder", "slab", "box")
 
 
 def fetches(needs: Needs) -> str:

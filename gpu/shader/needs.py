@@ -8,7 +8,7 @@ from functools import cached_property
 
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
-from halfstep.contract.shadows import Kind
+from halfstep.contract.shadows import GROUP
 
 # Device outputs in the order of their planes, with the number of 32-bit words of a pixel, and those
 # of bytes, with how many a pixel has.
@@ -63,8 +63,9 @@ class Needs:
     parallel: bool = False  # rays are
     shadows: int = 0  # lights that have them
     far_lights: int = 0  # of these, such as have no place
-    hides: frozenset[Kind] = frozenset()  # kinds of solids before lights
+    curves: bool = False  # a solid before these has a quadric
     encloses: bool = False  # a light may be inside a solid
+    many: bool = False  # more than a few solids are before a light
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -85,10 +86,10 @@ class Needs:
             wanted |= {"point_lights"} if self.point_lights else set()
         if self.shadows and self.outputs & {"image", "color", "shadow"}:
             wanted.add("shadows")
-            wanted |= {"far_lights"} if self.far_lights else set()
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
-            wanted |= {f"hides_{kind.name.lower()}" for kind in self.hides}
+            wanted |= {"curves"} if self.curves else set()
+            wanted |= {"many_shadows"} if self.many and self.together >= GROUP else set()
         if self.together > 1:
             wanted.add("broadcast")
         if self.has_regions:
@@ -128,7 +129,7 @@ class Needs:
         is_long |= walks and self.degree > MOST_DEGREE_OF_BLOCKS
         if is_long or shades_long:
             return 1
-        is_alone = len(self.classes) <= 1 and not walks and "shadows" not in self.facts
+        is_alone = len(self.classes) <= 1 and not walks
         return 4 if self.together > 1 and is_alone else 2
 
     @property

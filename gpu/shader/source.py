@@ -24,14 +24,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from itertools import product
 
 from halfstep.contract import program
 from halfstep.contract.classes import Class
 from halfstep.contract.layout import LANES, TILE
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
+from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
-from halfstep.contract.stages import HIDES, STAGES, VISITS, Kind, files_of
+from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
 from halfstep.shader.expand import expand
 from halfstep.shader.fetch import FETCHED, REGION_RECORDS, SHADOW_RECORDS, fetches
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
@@ -85,7 +85,6 @@ def _definitions(needs: Needs) -> list[Definition]:
         *(_expanded(needs, name) for name in stages),
         fetches(needs),
         *_visits(needs),
-        *hides(needs),
         _expanded(needs, render),
     ]
     library = (item for text in texts for item in definitions(text))
@@ -103,22 +102,6 @@ def _visits(needs: Needs) -> Iterator[str]:
         visit = VISITS[needs.method, klass]
         text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads)
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
-
-
-def hides(needs: Needs) -> Iterator[str]:
-    """How solids of each kind before lights are tried, alone and in lists."""
-    for kind, lamp in product(sorted(needs.hides), ("far_lights", "lamps")):
-        if lamp not in needs.facts:
-            continue
-        known, name = HIDES[kind], kind.name.lower()
-        facts = needs.facts | known.facts
-        if lamp == "lamps":
-            facts, name = facts | {"lamp"}, f"{name}_lamp"
-        text = expand(stage(known.file), facts, needs.quads)
-        yield text.replace(f"fn {known.file}(", f"fn hide_{name}(")
-        text = expand(stage("hide_list"), facts, needs.quads)
-        text = text.replace("fn hide_list(", f"fn hide_list_{name}(")
-        yield text.replace(" hide(", f" hide_{name}(")
 
 
 def constants(needs: Needs) -> str:
@@ -142,6 +125,7 @@ def constants(needs: Needs) -> str:
         "CLASSES": len(needs.classes),
         "SHADOWS": needs.shadows,
         "FAR_LIGHTS": needs.far_lights,
+        "GROUPED": GROUP,
         **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
