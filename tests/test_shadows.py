@@ -70,6 +70,14 @@ def test_occluders_at_any_distance(distance: float, lamp: bool, rng: np.random.G
     assert total.dark > 1500
 
 
+def test_more_halvings_than_float32_has_bits_for(rng: np.random.Generator) -> None:
+    """Above 16, coefficients of solids are integers; those of shadows are not, in float32."""
+    for place in ("outside", "inside"):
+        total = judged([random_lit(rng, place)], steps=20)
+        assert total.wrong == 0
+        assert total.hits > 300
+
+
 @pytest.mark.parametrize("distance", [6.0, 1e6])
 def test_a_camera_at_any_distance(distance: float, rng: np.random.Generator) -> None:
     total = judged([watched(rng, distance)])
@@ -229,6 +237,7 @@ def in_a_lamp() -> Scene:
 def test_the_device_gives_the_bits_of_the_twin(number_format: str) -> None:
     scene = with_overrides(halfstep.load("gallery"), shadows=True)
     assert differing(scene, ("image", "shadow"), number_format=number_format) == []
+    assert differing(scene, ("shadow",), number_format=number_format, steps=18) == []
     assert differing(in_a_lamp(), ("shadow", "error"), number_format=number_format) == []
 
 

@@ -47,7 +47,7 @@ class ShadowTables:
             number_format: of the frame.
         """
         shadows = self.shadows
-        views, occluders, slabs, boxes = self._tables(number_format.integer)
+        views, occluders, slabs, boxes = self._tables(number_format is FIXED32)
         return PackedShadows(
             locations=_locations(shadows, setup, solids, number_format),
             views=views,
