@@ -78,7 +78,7 @@ NEEDS = Needs(
 )
 
 
-SHADOWED = replace(NEEDS, shadows=2, far_lights=1, curves=True, encloses=True)
+SHADOWED = replace(NEEDS, shadows=2, far_lights=1, curves=True, encloses=True, bounces=1)
 
 
 @pytest.fixture(scope="module")
@@ -262,7 +262,12 @@ def _combinations() -> Iterator[Needs]:
         lit = replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
         yield from (lit, replace(lit, parallel=True))
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
-        yield replace(SHADOWED, format=form, far_lights=far, encloses=encloses)
+        bounces = int(form is not FIXED32)  # which cannot draw mirrors
+        lit = replace(SHADOWED, format=form, bounces=bounces)
+        yield replace(lit, far_lights=far, encloses=encloses)
+    for shadows, image in product((0, 2), (False, True)):
+        wanted = frozenset({"tag", "image" if image else "color"})
+        yield replace(SHADOWED, shadows=shadows, outputs=wanted, bounces=3, encloses=False)
     for curves, far in product((False, True), (1, 2)):
         wanted = frozenset({"shadow", "tag"})
         yield replace(SHADOWED, outputs=wanted, curves=curves, far_lights=far)

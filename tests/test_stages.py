@@ -58,8 +58,8 @@ LIT = ("ambient", "specular")
 SHADERS = ("shade", "finish")
 
 # Records of what hides lights, and files of functions that read them.
-SHADOWED = ("location.", "occluder.", "slab.")
-SHADOWS = ("place", "beam", "beam_fixed", "shadow")
+SHADOWED = ("location.", "occluder.", "slab.", "body.", "face.")
+SHADOWS = ("place", "beam", "beam_fixed", "shadow", "mirror")
 
 # Values that make products, sums and roots coincide exactly.
 DYADIC = np.array([0, -0.0, 1, -1, 0.5, -0.5, 0.25, -0.25, 2, -2, 0.75, 2**-20, -(2**-20)])
@@ -384,6 +384,16 @@ FAULTS = [
     ("shadow.first_is_lit", "SLAB_LIT", "(SLAB_LIT << 1u)"),
     ("shadow.second_is_lit", "(SLAB_LIT << 1u)", "SLAB_LIT"),
     ("shadow.between", "-slope, later", "slope, later"),
+    ("mirror.mirrored", "f4(2.0)", "f4(1.0)"),
+    ("mirror.further", "u * along.z", "u * along.y"),
+    ("mirror.glance_at", "start < f4(1.0)", "start > f4(1.0)"),
+    ("mirror.bent", "m[5] * a.z", "m[4] * a.z"),
+    ("mirror.gradient_of", "q[2]", "q[1]"),
+    ("mirror.curve_of", "f4(2.0) *", ""),
+    ("mirror.normal_of_face", "face.normal[1]", "face.normal[2]"),
+    ("mirror.face_of", "+ face.beyond", "- face.beyond"),
+    ("mirror.piece_of", "f4(1.0), i4(0)", "f4(2.0), i4(0)"),
+    ("mirror.point_on", "round(spot.z", "floor(spot.z"),
     ("shadow.own_shadow", "turned == u4(1u)", "turned == u4(2u)"),
     ("region.is_within", "y <= region.bottom", "y < region.bottom"),
     ("region.position_before", "+ 1)", ")"),
@@ -629,6 +639,8 @@ class Draw:
                 return np.rint(size * rng.choice([-1, 1], shape))
             case "flags":
                 return rng.integers(0, 2 * max(Shade), shape)
+            case "radius":
+                return np.exp2(rng.integers(0, 29, shape).astype(np.float64))
             case "turned":
                 return rng.integers(0, 3, shape)
             case "first" | "count" | "surface":
@@ -685,6 +697,9 @@ class Draw:
             form["c"][ties] = form["g"][ties] - form["a"][ties]
         elif self._function.name == "normalized":
             self._make_unit(inputs["a"], np.exp2(rng.integers(-20, 20, (ROWS, 1))))
+        elif self._function.name == "mirrored":
+            self._make_unit(inputs["direction"], np.exp2(rng.integers(-9, 9, (ROWS, 1))))
+            self._make_unit(inputs["normal"])
         elif self._function.name == "shade":
             self._make_unit(inputs["normal"])
             self._make_unit(inputs["direction"])

@@ -29,8 +29,16 @@ var<private> met_0: Met;  // of a region  //? regions
 // each quad
 var<private> paint_0: Paint;  // how the solid looks  //? regions & color
 // each quad
-var<private> turned_0: u4;  // 1 or 2 where the solid shows its other side  //? shadows
+var<private> turned_0: u4;  // 1 or 2 where the solid shows its other side  //? places
 // each quad
 var<private> nearest_0: Nearest;  // of all solids so far
 // each quad
-var<private> point_0: Point;  // the same on the grid of the world  //? shadows
+var<private> point_0: Point;  // the same on the grid of the world  //? places
+// each quad
+var<private> ray_0: Vector;  // along which it is seen  //? mirrors
+// each quad
+var<private> caught_0: Caught;  // what a mirror shows there  //? mirrors
+// each quad
+var<private> weight_0: f4;  // how much it adds to the colour  //? mirrors
+// each quad
+var<private> light_0: Vector;  // the colour so far  //? mirrors

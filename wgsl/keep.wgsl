@@ -13,8 +13,8 @@ struct Nearest {
   specular: f4,  // weight of its highlight  //? gloss
   shininess: u4,  // exponent of its highlight  //? gloss
   depth: f4,  // along the view axis  //? point_lights
-  position: i4,  // on its ray, of the solid that shows it  //? shadows
-  turned: u4,  // which side of that is seen, as of `other_side`  //? shadows
+  position: i4,  // on its ray, of the solid that shows it  //? places
+  turned: u4,  // which side of that is seen, as of `other_side`  //? places
   dark: u4,  // bits of lights that do not reach it  //? shadows
 }
 
@@ -31,8 +31,8 @@ const NOTHING: Nearest = Nearest(
   f4(0.0),  //? gloss
   u4(0u),  //? gloss
   f4(0.0),  //? point_lights
-  i4(0),  //? shadows
-  u4(0u),  //? shadows
+  i4(0),  //? places
+  u4(0u),  //? places
   u4(0u),  //? shadows
 );
 
@@ -44,7 +44,7 @@ fn keep(
   slope: Vector,  //? normal
   certificate: Certificate,  //? error
   paint: Paint,  //? regions & color
-  turned: u4,  //? shadows
+  turned: u4,  //? places
 ) -> Nearest {
   let key = key_at(sight.position, solid);
   let surface = u4(solid.surface) + u4(sight.surface);
@@ -81,8 +81,8 @@ fn keep(
     select(old.specular, specular, nearer),  //? gloss
     select(old.shininess, shininess, nearer),  //? gloss
     select(old.depth, solid.depth_middle + u * solid.depth_half, nearer),  //? point_lights
-    select(old.position, sight.position, nearer),  //? shadows
-    select(old.turned, turned, nearer),  //? shadows
+    select(old.position, sight.position, nearer),  //? places
+    select(old.turned, turned, nearer),  //? places
     old.dark,  //? shadows
   );
 }

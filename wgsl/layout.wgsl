@@ -154,6 +154,7 @@ struct Location {
   last_step: f32,  // 2^-n
   surface: u32,  // number of the solid's first surface in the scene, from 1
   count: u32,  // how many surfaces it has
+  reflection: f32,  // share of what it mirrors
 }
 
 // A light with shadows: axes along its rays, or its place; and what may hide it.
@@ -201,6 +202,45 @@ struct Slab {
   b: array<Value, 3>,  // coefficients of z, x, y
   width: Value,  // of what is between the two
   numbers: u32,  // SLAB_… bits: what surfaces they are, and if the light is outside
+}
+
+// What all rays from mirrors share.
+struct Mirrors {
+  @align(32) middle: array<f32, 3>,  // of the grid of the world, from the eye
+  unit: f32,  // of the grid
+  count: u32,  // bodies
+}
+
+// A solid as a ray from a mirror meets it, about its middle along the world's axes, in radii.
+struct Body {
+  @align(32) second: array<f32, 6>,  // half the second derivative of F: xx, yy, zz, xy, xz, yz
+  slope: array<f32, 3>,  // half the gradient of F in the middle
+  value: f32,  // F in the middle
+  center: array<i32, 3>,  // the middle, on the grid
+  unit: f32,  // one over the radius, in units of the grid
+  radius: f32,  // a power of two
+  flags: u32,  // SHADE_… bits
+  surface: u32,  // number of F among surfaces; those of its half-spaces follow
+  first: u32,  // number of its first surface in the scene, from 1
+  count: u32,  // how many surfaces it has
+  face_start: u32,  // its first half-space
+  face_count: u32,  // how many it has; a bounded plane has two
+  color: array<f32, 3>,  // of its material, linear RGB
+  specular: f32,  // weight of the highlight
+  shininess: u32,  // exponent of the highlight
+  reflection: f32,  // share of what it mirrors
+}
+
+// A half-space of a body: n.x + beyond <= 0.
+struct Face {
+  @align(32) normal: array<f32, 3>,  // n, unit
+  beyond: f32,  // how far the middle is outside
+}
+
+// A ball around a body.
+struct Ball {
+  @align(32) center: array<f32, 3>,  // on the grid
+  radius: f32,  // in units of the grid
 }
 
 // Where an occluder hides a light at most, in its axes; of a lamp, as the lamp sees it.

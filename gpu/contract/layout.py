@@ -301,6 +301,7 @@ LOCATION = Record(
         Field("last_step", "f32", 1, "2^-n"),
         Field("surface", "u32", 1, "number of the solid's first surface in the scene, from 1"),
         Field("count", "u32", 1, "how many surfaces it has"),
+        Field("reflection", "f32", 1, "share of what it mirrors"),
     ),
 )
 
@@ -362,6 +363,57 @@ SLAB = Record(
     ),
 )
 
+MIRRORS = Record(
+    "Mirrors",
+    "What all rays from mirrors share.",
+    (
+        Field("middle", "f32", 3, "of the grid of the world, from the eye"),
+        Field("unit", "f32", 1, "of the grid"),
+        Field("count", "u32", 1, "bodies"),
+    ),
+)
+
+BODY = Record(
+    "Body",
+    "A solid as a ray from a mirror meets it, about its middle along the world's axes, in radii.",
+    (
+        Field("second", "f32", 6, "half the second derivative of F: xx, yy, zz, xy, xz, yz"),
+        Field("slope", "f32", 3, "half the gradient of F in the middle"),
+        Field("value", "f32", 1, "F in the middle"),
+        Field("center", "i32", 3, "the middle, on the grid"),
+        Field("unit", "f32", 1, "one over the radius, in units of the grid"),
+        Field("radius", "f32", 1, "a power of two"),
+        Field("flags", "u32", 1, "SHADE_… bits"),
+        Field("surface", "u32", 1, "number of F among surfaces; those of its half-spaces follow"),
+        Field("first", "u32", 1, "number of its first surface in the scene, from 1"),
+        Field("count", "u32", 1, "how many surfaces it has"),
+        Field("face_start", "u32", 1, "its first half-space"),
+        Field("face_count", "u32", 1, "how many it has; a bounded plane has two"),
+        Field("color", "f32", 3, "of its material, linear RGB"),
+        Field("specular", "f32", 1, "weight of the highlight"),
+        Field("shininess", "u32", 1, "exponent of the highlight"),
+        Field("reflection", "f32", 1, "share of what it mirrors"),
+    ),
+)
+
+FACE = Record(
+    "Face",
+    "A half-space of a body: n.x + beyond <= 0.",
+    (
+        Field("normal", "f32", 3, "n, unit"),
+        Field("beyond", "f32", 1, "how far the middle is outside"),
+    ),
+)
+
+BALL = Record(
+    "Ball",
+    "A ball around a body.",
+    (
+        Field("center", "f32", 3, "on the grid"),
+        Field("radius", "f32", 1, "in units of the grid"),
+    ),
+)
+
 BOX = Record(
     "Box",
     "Where an occluder hides a light at most, in its axes; of a lamp, as the lamp sees it.",
@@ -385,6 +437,10 @@ RECORDS = (
     LIGHT_VIEW,
     OCCLUDER,
     SLAB,
+    MIRRORS,
+    BODY,
+    FACE,
+    BALL,
     BOX,
 )
 

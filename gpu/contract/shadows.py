@@ -16,7 +16,6 @@ MANY = 64
 class PackedShadows:
     """Lights with shadows, first those far away, then lamps; and what may hide them."""
 
-    locations: Records  # (V,), in the order of ``Packed.solids``
     views: Records  # (L,)
     occluders: Records  # of one light after another, each light's from a multiple of GROUP^2 on
     slabs: Records
@@ -29,4 +28,4 @@ class PackedShadows:
     @property
     def arrays(self) -> tuple[Records, ...]:
         """What devices have in buffers, in the order of the bindings."""
-        return self.locations, self.views, self.occluders, self.slabs, self.boxes
+        return self.views, self.occluders, self.slabs, self.boxes

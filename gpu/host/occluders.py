@@ -21,19 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
-from halfstep.errors import SceneError
-from halfstep.host import boxes
 from halfstep.host.bounds import bounds
 from halfstep.host.camera import View
-from halfstep.host.geometry import Geometry, world_boxes
+from halfstep.host.geometry import Geometry
+from halfstep.host.world import Grid, World, planes_of
 from halfstep.scene import Light, Scene
-from halfstep.scene.region import Intersection, Literal
 
-# Everything that is seen is within 2^GRID_BITS units of the middle of the grid, on average of any
-# two axes, so that differences of sheared coordinates have no more than 32 bits.
-GRID_BITS = 29
-# Solids of fewer units are hardly resolved.
-FEWEST_UNITS = 2.0**9
 # Bits after the point of shears.
 SHEAR_BITS = 30
 # What a lamp sees across over along is known to this.
@@ -45,18 +38,6 @@ _CURVE_BITS = 10
 # Of rays to lights far away, 1/v where they end: nothing of a solid is beyond v = 1. An end at
 # infinity would not tell whether they are inside a half-space along them.
 FAR_END = 0.5
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Whole numbers for places in the world."""
-
-    middle: Floats  # (3,), world
-    unit: float
-
-    def whole(self, points: Floats) -> Ints:
-        """The grid points nearest to world points (..., 3)."""
-        return np.rint((points - self.middle) / self.unit).astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -114,14 +95,11 @@ class Occluder:
 class Shadows:
     """Of each light with shadows what may hide it; lights far away first."""
 
-    grid: Grid
+    world: World
     lights: tuple[int, ...]  # their bits in the output ``shadow``
     views: tuple[tuple[Axes, Ints], ...]  # axes of lights far away, places (3,) of lamps
     far_lights: int
     occluders: tuple[tuple[Occluder, ...], ...]  # by light
-    coarse: Ints  # solids that the grid hardly resolves
-    first_surface: Ints  # (K,), number of each solid's first surface, from 1
-    surface_count: Ints  # (K,)
     casts: Bools  # (K,)
 
 
@@ -130,83 +108,23 @@ def has_shadows(scene: Scene) -> bool:
     return any(light.shadows for light in scene.lights)
 
 
-def shadows_of(scene: Scene, geometry: Geometry) -> Shadows:
-    """What hides the lights of ``scene``, without cells, that have shadows.
-
-    Raises:
-        SceneError: a solid has no end, so that no grid holds it.
-    """
-    found = _solid_boxes(geometry)
-    is_endless = ~geometry.is_empty & ~np.isfinite(found).all(axis=(0, 1))
-    if is_endless.any():
-        text = "has no end, so shadows are not drawn; cut it, or let lights have none"
-        raise SceneError(
-            *(f"{scene.name}: solid[{ix}]: {text}" for ix in np.flatnonzero(is_endless).tolist())
-        )
+def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
+    """What hides the lights of ``scene``, without cells, that have shadows."""
     lights = [light for light in scene.lights if light.shadows]
-    shown = found[..., ~geometry.is_empty]
-    grid = _grid(shown.transpose(2, 0, 1).reshape(-1, 3), lights)
     order = sorted(range(len(lights)), key=lambda bit: lights[bit].position is not None)
     views, occluders = [], []
     for bit in order:
-        view, hiding = _view(geometry, found, grid, lights[bit])
+        view, hiding = _view(geometry, world.boxes, world.grid, lights[bit])
         views.append(view)
         occluders.append(hiding)
-    per_solid = geometry.plane_count + 1
-    units = (found[1] - found[0]).max(axis=0) / grid.unit
     return Shadows(
-        grid=grid,
+        world=world,
         lights=tuple(order),
         views=tuple(views),
         far_lights=sum(light.position is None for light in lights),
         occluders=tuple(occluders),
-        coarse=np.flatnonzero(~geometry.is_empty & (units < FEWEST_UNITS)),
-        first_surface=1 + np.cumsum(per_solid) - per_solid,
-        surface_count=per_solid,
         casts=np.array([solid.casts_shadow for solid in scene.solids], np.bool_),
     )
-
-
-def _solid_boxes(geometry: Geometry) -> Floats:
-    """World boxes (2, 3, K) of the solids, infinite where none is found."""
-    found = world_boxes(geometry)
-    for ix in np.flatnonzero(~np.isfinite(found).all(axis=(0, 1)) & ~geometry.is_empty).tolist():
-        local = _enclosed(geometry, ix)
-        if local is not None and np.isfinite(local).all():
-            corners = np.stack(np.meshgrid(*local.T, indexing="ij"), axis=-1).reshape(-1, 3)
-            world = corners @ geometry.world_from_local[..., ix].T + geometry.origin[:, ix]
-            found[..., ix] = world.min(axis=0), world.max(axis=0)
-    return found
-
-
-def _enclosed(geometry: Geometry, ix: int) -> Floats | None:
-    """The box (2, 3) of a solid in its own coordinates, from all its inequalities."""
-    matrices = [geometry.quadric[..., ix]] if geometry.has_quadric[ix] else []
-    for row in _planes_of(geometry, ix):
-        plane = np.zeros((4, 4))
-        plane[3, :3] = plane[:3, 3] = row[:3] / 2
-        plane[3, 3] = row[3]
-        matrices.append(plane)
-    region = Intersection(tuple(Literal(k, positive=False) for k in range(len(matrices))))
-    return boxes.box_of(region, np.array(matrices)) if matrices else None
-
-
-def _planes_of(geometry: Geometry, ix: int) -> Floats:
-    """Half-spaces (M, 4) of a solid, n.x + d <= 0, without edges of its screen rectangle."""
-    first = geometry.plane_start[ix]
-    own = np.arange(first, first + geometry.plane_count[ix])
-    return np.asarray(geometry.planes[:, own[geometry.plane_edge[own] < 0]].T)
-
-
-def _grid(points: Floats, lights: list[Light]) -> Grid:
-    """A grid that holds world points (P, 3) and all lamps."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle = (low + high) / 2
-    lamps = [np.array(light.position) for light in lights if light.position is not None]
-    halves = np.max([(high - low) / 2, *(np.abs(lamp - middle) for lamp in lamps)], axis=0)
-    # Sheared, one axis may add to another. A little more, as points are found with rounding.
-    reach = max(float(np.sort(halves)[1:].sum()), 1e-300) * (1 + 2.0**-10)
-    return Grid(middle, 2.0 ** (math.ceil(math.log2(reach)) - 1 - GRID_BITS))
 
 
 def _view(
@@ -426,7 +344,7 @@ class _Forms:
         if geometry.has_quadric[ix]:
             quadric = to_local.T @ geometry.quadric[..., ix] @ to_local
             quadric = quadric / np.abs(quadric).max()
-        rows = _planes_of(geometry, ix) @ to_local
+        rows = planes_of(geometry, ix) @ to_local
         if geometry.is_patch[ix]:
             # What is left between its two sides.
             rows = np.concatenate([rows[:1], -rows[:1], rows[1:]])

@@ -9,12 +9,11 @@ import math
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats, Ints, Records
+from halfstep.contract.arrays import Floats, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.layout import Shade
 from halfstep.contract.shadows import GROUP, MANY, PackedShadows
 from halfstep.host.occluders import Occluder, Shadows
-from halfstep.host.setup import Setup
 
 # Integer coefficients are such that no value of a form exceeds 2^VALUE_BITS, the radius being
 # 2^RADIUS_BITS.
@@ -22,8 +21,6 @@ VALUE_BITS, RADIUS_BITS = 29, 28
 # The largest magnitudes of monomials, in radii: of hh, ah, bh, aa, ab, bb, and of h, a, b.
 QUADRATIC_REACH = np.array([1.0, 2.0, 2.0, 4.0, 4.0, 4.0])
 LINEAR_REACH = np.array([1.0, 2.0, 2.0])
-# How many bits the place of a point on its ray has, and how many its parts are below in all.
-PLACE_BITS, ROOM_BITS = 20, 60
 # Boxes are wider than solids by so many units: float32 has 24 bits of 30.
 BOX_MARGIN = 2.0**8
 # A box that nothing touches, and how far those reach that have no end.
@@ -38,18 +35,11 @@ class ShadowTables:
     def __init__(self, shadows: Shadows) -> None:
         self.shadows = shadows
 
-    def packed(self, setup: Setup, solids: Records, number_format: Format) -> PackedShadows:
-        """The records of a frame: those of the scene, and where the points of its solids are.
-
-        Args:
-            setup: the frame.
-            solids: records (V,) of its solids.
-            number_format: of the frame.
-        """
+    def packed(self, number_format: Format) -> PackedShadows:
+        """The records of frames in a number format."""
         shadows = self.shadows
         views, occluders, slabs, boxes = self._tables(number_format is FIXED32)
         return PackedShadows(
-            locations=_locations(shadows, setup, solids, number_format),
             views=views,
             occluders=occluders,
             slabs=slabs,
@@ -136,9 +126,9 @@ def _fill(record: np.void, one: Occluder, shadows: Shadows, integer: bool) -> No
     flags |= Shade.AT_LAMP * one.at_lamp | Shade.ENCLOSES * one.encloses
     record["flags"] = flags | Shade.FLAT * one.is_patch
     # The surface of a bounded plane has the number of its first side.
-    record["surface"] = shadows.first_surface[one.solid] - one.is_patch
-    record["first"] = shadows.first_surface[one.solid]
-    record["count"] = shadows.surface_count[one.solid]
+    record["surface"] = shadows.world.first_surface[one.solid] - one.is_patch
+    record["first"] = shadows.world.first_surface[one.solid]
+    record["count"] = shadows.world.surface_count[one.solid]
 
 
 def _scaled_forms(forms: Floats, integer: bool) -> Floats:
@@ -161,50 +151,3 @@ def _scales(one: Occluder, integer: bool) -> Floats:
 def _integer_scale(largest: float) -> float:
     """What takes values that are at most ``largest`` in radii to almost 2^VALUE_BITS."""
     return 2.0**VALUE_BITS * (1 - 2.0**-10) / largest if largest > 0 else 1.0
-
-
-def _locations(shadows: Shadows, setup: Setup, solids: Records, number_format: Format) -> Records:
-    """Where the points of each solid are on the grid, in the order of ``solids``."""
-    grid, view = shadows.grid, setup.view
-    order = _order(setup, solids, shadows.first_surface)
-    right, down, _ = view.camera_from_world
-    center = setup.center[order]
-    middle, half = setup.depth_middle[order, None], setup.depth_half[order, None]
-    directions = view.directions(*center.T)
-    starts = (view.eye - grid.middle) + view.starts(*center.T)
-    at = (starts + middle * directions) / grid.unit
-    anchor = np.rint(at)
-    level, along = np.zeros((2, len(order), 3, 3))
-    level[:, 0] = at - anchor
-    spread = np.ones_like(middle) if view.parallel else middle
-    level[:, 1], level[:, 2] = spread * view.pixel * right, spread * view.pixel * down
-    along[:, 0] = half * directions
-    if not view.parallel:
-        along[:, 1], along[:, 2] = half * view.pixel * right, half * view.pixel * down
-    level[:, 1:] /= grid.unit
-    along /= grid.unit
-    offsets = np.column_stack([np.ones(len(order)), setup.offsets[order] + layout.TILE])
-    largest = np.einsum("vcx,vc->vx", np.abs(along) + np.abs(level), offsets).max(axis=1, initial=1)
-    # The product with a place on the ray, of PLACE_BITS bits, has no more than ROOM_BITS.
-    shift = ROOM_BITS - PLACE_BITS - np.ceil(np.log2(largest)).astype(np.int64)
-    shift = np.clip(shift, 0, 24)
-    records = np.zeros(len(order), layout.LOCATION.dtype(number_format))
-    scale = np.exp2(shift)[:, None, None]
-    if number_format.length is np.int64:
-        level, along = np.rint(level * scale), np.rint(along * scale)
-    records["level"], records["along"] = level.reshape(-1, 9), along.reshape(-1, 9)
-    # It may lie beside the picture, beyond 32 bits; so may the way from there, and the sum fits.
-    records["anchor"] = anchor.astype(np.int64).astype(np.int32)
-    records["shift"] = shift
-    records["center_x"], records["center_y"] = center.T
-    records["steps"], records["last_step"] = solids["steps"], solids["last_step"]
-    records["surface"] = solids["surface"]
-    records["count"] = shadows.surface_count[setup.solid[order]]
-    return records
-
-
-def _order(setup: Setup, solids: Records, first_surface: Ints) -> Ints:
-    """The row in ``setup`` (V,) of each of ``solids``."""
-    rows = np.argsort(first_surface[setup.solid], kind="stable")
-    found = np.searchsorted(first_surface[setup.solid[rows]], solids["surface"])
-    return np.asarray(rows[found])

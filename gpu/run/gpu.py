@@ -39,7 +39,13 @@ from halfstep.run.needs import needs_of
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
-from halfstep.shader.source import SHADOW_BINDINGS, binding_types, compose
+from halfstep.shader.source import (
+    LOCATIONS,
+    MIRROR_BINDINGS,
+    SHADOW_BINDINGS,
+    binding_types,
+    compose,
+)
 
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
 BAND_BYTES = 128 << 20
@@ -72,6 +78,10 @@ _NAMES = {
     17: "occluders",
     18: "slabs of occluders",
     19: "boxes of occluders",
+    20: "rays from mirrors",
+    21: "bodies in mirrors",
+    22: "faces of bodies",
+    23: "balls around bodies",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -253,6 +263,10 @@ class Device(Turns):
             contents |= dict(enumerate(lists.regions.arrays, start=9))
         if packed.polynomials is not None:
             contents[14] = packed.polynomials.records
+        if packed.locations is not None:
+            contents[LOCATIONS] = packed.locations
+        if packed.mirrors is not None:
+            contents |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
         if packed.shadows is not None:
             contents |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
         try:
@@ -284,7 +298,7 @@ class Device(Turns):
         # Unknown until this frame succeeds.
         self._blank = None, blank
         # The frame that picks the shaders renders blank tiles too, so that all compile now.
-        decided = not self._is_software or self._chosen_sets.get(needs)
+        decided = not self._is_software or "mirrors" in needs.facts or self._chosen_sets.get(needs)
         return blank & before if shown == ground and decided else np.zeros_like(blank)
 
     def _is_too_large(self, packed: Packed, lists: Lists) -> bool:
@@ -321,7 +335,8 @@ class Device(Turns):
         adapter the second frame picks the sets of classes that get a shader of their own.
         """
         whole = [needs.classes]
-        if not self._is_software:
+        # Code for mirrors is the same for all classes, and takes longer still to compile.
+        if not self._is_software or "mirrors" in needs.facts:
             return whole
         if needs not in self._chosen_sets:
             self._chosen_sets[needs] = []

@@ -42,6 +42,7 @@ def needs_of(
         levels=0 if regions is None else _enough(regions.levels),
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
         shadows=0 if shadows is None else len(shadows.views),
+        bounces=0 if packed.mirrors is None else packed.mirrors.bounces,
         far_lights=0 if shadows is None else shadows.far_lights,
         curves=shadows is not None and shadows.curves,
         encloses=shadows is not None and shadows.encloses,

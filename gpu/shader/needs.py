@@ -62,6 +62,7 @@ class Needs:
     conveyor: str = "conveyor"  # the stage that finds where roots are
     parallel: bool = False  # rays are
     shadows: int = 0  # lights that have them
+    bounces: int = 0  # between mirrors, 0 where there are none
     far_lights: int = 0  # of these, such as have no place
     curves: bool = False  # a solid before these has a quadric
     encloses: bool = False  # a light may be inside a solid
@@ -90,6 +91,10 @@ class Needs:
             wanted |= {"encloses"} if self.encloses else set()
             wanted |= {"curves"} if self.curves else set()
             wanted |= {"many_shadows"} if self.many and self.together >= GROUP else set()
+        if self.bounces and self.outputs & {"image", "color"}:
+            wanted.add("mirrors")
+        if wanted & {"shadows", "mirrors"}:
+            wanted.add("places")
         if self.together > 1:
             wanted.add("broadcast")
         if self.has_regions:

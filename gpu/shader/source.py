@@ -27,13 +27,21 @@ from collections.abc import Iterator
 
 from halfstep.contract import program
 from halfstep.contract.classes import Class
-from halfstep.contract.layout import LANES, TILE
+from halfstep.contract.layout import LANES, TILE, Record
+from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
 from halfstep.shader.expand import expand
-from halfstep.shader.fetch import FETCHED, REGION_RECORDS, SHADOW_RECORDS, fetches
+from halfstep.shader.fetch import (
+    FETCHED,
+    MIRROR_RECORDS,
+    PLACE_RECORDS,
+    REGION_RECORDS,
+    SHADOW_RECORDS,
+    fetches,
+)
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
 
@@ -41,8 +49,10 @@ from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offs
 # long to compile: llvmpipe needs minutes for 128.
 MAX_LINES = 8
 
-# Where what hides lights is bound.
-SHADOW_BINDINGS = range(15, 15 + len(SHADOW_RECORDS))
+# Where the places of points, what hides lights, and what mirrors show are bound.
+LOCATIONS = 15
+SHADOW_BINDINGS = range(16, 16 + len(SHADOW_RECORDS))
+MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_RECORDS))
 
 # What words of programs are made of.
 WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "NUMBER")
@@ -126,6 +136,8 @@ def constants(needs: Needs) -> str:
         "SHADOWS": needs.shadows,
         "FAR_LIGHTS": needs.far_lights,
         "GROUPED": GROUP,
+        "BOUNCES": needs.bounces,
+        "MIRROR_STEPS": MIRROR_STEPS,
         **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
@@ -154,9 +166,21 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
     if needs.degree:  # likewise
         types[10 + len(REGION_RECORDS)] = "read-only-storage"
-    if "shadows" in needs.facts:
-        types |= dict.fromkeys(SHADOW_BINDINGS, "read-only-storage")
+    types |= dict.fromkeys(_placed(needs), "read-only-storage")
     return types
+
+
+def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
+    """Arrays that shadows and mirrors need, by binding."""
+    found: list[tuple[int, tuple[str, Record]]] = []
+    for fact, first, records in (
+        ("places", LOCATIONS, PLACE_RECORDS),
+        ("shadows", SHADOW_BINDINGS.start, SHADOW_RECORDS),
+        ("mirrors", MIRROR_BINDINGS.start, MIRROR_RECORDS),
+    ):
+        if fact in needs.facts:
+            found += enumerate(records.items(), start=first)
+    return dict(found)
 
 
 def bindings(needs: Needs) -> str:
@@ -199,8 +223,7 @@ def bindings(needs: Needs) -> str:
         polynomial = "Polynomial" if needs.together == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
-    if "shadows" in needs.facts:
-        for number, (name, record) in zip(SHADOW_BINDINGS, SHADOW_RECORDS.items(), strict=True):
-            type_ = record.name if needs.together == 1 else "vec4<u64>"
-            lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
+    for number, (name, record) in _placed(needs).items():
+        type_ = record.name if needs.together == 1 else "vec4<u64>"
+        lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
     return "\n".join(lines) + "\n"

@@ -123,7 +123,7 @@ def keep(
         u = sight.position.astype(np.float32) * solid["last_step"]
         depth = solid["depth_middle"] + u * solid["depth_half"]
         new = new._replace(depth=np.where(nearer, depth, old.depth))
-    if "shadows" in facts:
+    if "places" in facts:
         new = new._replace(
             position=np.where(nearer, sight.position, old.position),
             turned=np.where(nearer, turned, old.turned),

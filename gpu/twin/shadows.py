@@ -6,14 +6,15 @@ All occluders are tried: what is left out of a list hides nothing, and their ord
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from halfstep.contract.arrays import Records
 from halfstep.contract.shadows import PackedShadows
 from halfstep.twin.hide import hide
 from halfstep.twin.keep import Nearest
-from halfstep.twin.lanes import I32, U32
+from halfstep.twin.lanes import F32, I32, U32
 from halfstep.twin.place import (
     NO_POINT,
     Point,
@@ -24,16 +25,33 @@ from halfstep.twin.place import (
 )
 
 
-def find_points(shadows: PackedShadows, nearest: Nearest, i: I32, j: I32, beams: Any) -> Point:
-    """Where the nearest points are; ``i`` and ``j`` are pixels, ``beams`` as below."""
+class Mirror(NamedTuple):
+    """Points, and how much of what they show they mirror."""
+
+    point: Point
+    reflection: F32
+
+
+def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any) -> Mirror:
+    """Where the nearest points are, and how much they mirror.
+
+    Args:
+        locations: of solids.
+        nearest: the points as they are seen.
+        i: columns of the picture.
+        j: rows.
+        beams: the module of rays of the number format.
+    """
     points = Point(*(np.zeros(nearest.surface.shape, np.int32) for _ in NO_POINT))
-    for location in shadows.locations:
+    weight = np.zeros(nearest.surface.shape, np.float32)
+    for location in locations:
         mine = is_own(nearest.surface, location["surface"], location["count"])
         if mine.any():
             x, y = i - location["center_x"], j - location["center_y"]
             found = beams.point_at(location, x, y, nearest.position)
             points = either_point(mine, found, points)
-    return points
+            weight = np.where(mine, location["reflection"], weight)
+    return Mirror(points, weight)
 
 
 def find_shadows(
