@@ -70,7 +70,8 @@ def trace_time(
 def text(scene: Scene, aspect: float) -> str:
     """A scene of spheres and unturned ellipsoids, one light each way, as POV-Ray reads it.
 
-    No shadows and no second ray, so that both programs compute the same picture.
+    Shadows of the lights that have them and no other second ray, so that both programs compute the
+    same picture.
     """
     camera, ambient = scene.camera, _vector(scene.ambient.color)
     assert camera.fov_degrees is not None
@@ -88,7 +89,7 @@ def text(scene: Scene, aspect: float) -> str:
         far = tuple(1e6 * part for part in light.direction)
         lines.append(
             f"light_source {{ {_vector(far)} rgb {_vector(light.color)} parallel point_at 0"
-            " shadowless }"
+            f"{'' if light.shadows else ' shadowless'} }}"
         )
     for solid in scene.solids:
         assert isinstance(solid, Sphere | Ellipsoid)

@@ -16,6 +16,7 @@ PARTS = (
     "povray",
     "twin",
     "frames",
+    "shadows",
     "solids",
     "setup",
     "pixels",
