@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 import pytest
 
 import halfstep
+from halfstep.cli import main
 from halfstep.device.adapters import Adapter
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
+from halfstep.scene.animation import scene_at
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.scenes_random import KINDS
@@ -285,6 +289,54 @@ def test_many_solids(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_gpu.Device, "_is_too_large", is_too_large)
     np.testing.assert_array_equal(whole.shadow, halfstep.render(scene, **options).shadow)
     assert sizes == [90, 45, 45]
+
+
+@pytest.mark.usefixtures("adapter")
+def test_shadows_move_with_what_casts_them() -> None:
+    """Frames of an animation are those of still scenes, solids and lights anew."""
+    floor = {"kind": "plane", "bounds": {"min": [-3, -3, -1], "max": [3, 3, 1]}, **GRAY}
+    keys = [{"at": 0, "origin": [-1, 0, 1]}, {"at": 1, "origin": [1, 1, 2]}]
+    ball = {"kind": "sphere", "radius": 0.5, "key": keys, **GRAY}
+    camera = {"center": [0, -6, 9], "look_at": [0, 0, 0]}
+    lights = [{"direction": [1, -1, 2], "shadows": True}, {"position": [0, 0, 5], "shadows": True}]
+    scene = Scene.from_dict(
+        {
+            **SCENE,
+            "camera": camera,
+            "light": lights,
+            "solid": [floor, ball],
+            "animation": {"frames": 3, "orbit_degrees": 0},
+        }
+    )
+    options: dict[str, Any] = {"size": SMALL, "outputs": ("shadow",)}
+    frames = list(halfstep.render_frames(scene, **options))
+    assert len({frame.shadow.tobytes() for frame in frames}) == 3
+    for number, frame in enumerate(frames):
+        still = halfstep.render(scene_at(scene, number), backend="numpy", **options)
+        np.testing.assert_array_equal(frame.shadow, still.shadow)
+        # The ball hides both lights somewhere, and not everywhere.
+        assert ((frame.shadow & 1) > 0).sum() > 4
+        assert ((frame.shadow & 2) > 0).sum() > 4
+        assert (frame.shadow == 0).sum() > 500
+
+
+def test_files_hold_shadows(tmp_path: Path) -> None:
+    """In an EXR as whole numbers in a channel, in a PNG as grey levels."""
+    frame = halfstep.render(in_a_lamp(), size=SMALL, backend="numpy", outputs=("image", "shadow"))
+    halfstep.write(tmp_path / "a.exr", frame, outputs=("shadow",))
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        np.testing.assert_array_equal(file.channels()["shadow"].pixels, frame.shadow)
+    assert (frame.shadow > 0).any()
+
+
+@pytest.mark.usefixtures("adapter")
+def test_check_and_tune_take_shadows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(in_a_lamp().to_toml())
+    assert main(["check", str(path), "--size", "32x24"]) == 0
+    assert "stages agree" in capsys.readouterr().out
+    arguments = ["--size", "32x24", "--backend", "numpy", "--steps", "12:16:4"]
+    assert main(["tune", str(path), "-o", str(tmp_path / "tune"), *arguments]) == 0
 
 
 # A word of the kernel, and what a slip would make of it.
