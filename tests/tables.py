@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel
 
-from halfstep.contract.stages import HIDES, STAGES, VISITS
+from halfstep.contract.stages import STAGES, VISITS
 from halfstep.files.exr import EXR
 from halfstep.frames.outputs import OUTPUTS, Output
 from halfstep.scene.bases import BaseSolid, CutSolid
@@ -54,8 +54,7 @@ def kinds() -> list[str]:
 def stages() -> list[str]:
     """The WGSL files of a shader in order, each with its first sentence."""
     files = [name for each in STAGES for name in (each.file, *each.others)]
-    files += dict.fromkeys(each.file for each in (*VISITS.values(), *HIDES.values()))
-    files.append("hide_list")
+    files += dict.fromkeys(each.file for each in VISITS.values())
     return _table(
         ("file", "what it does"),
         ((f"`{name}.wgsl`", _first_sentence(stage(name))) for name in files),

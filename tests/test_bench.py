@@ -51,6 +51,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "_SET_UP", (11, 22))
     monkeypatch.setattr(parts, "_REGIONS", ("die",))
     monkeypatch.setattr(parts, "_PINS", (2,))
+    monkeypatch.setattr(parts, "_SHADOWED", ("figure",))
     monkeypatch.setattr(parts, "_own_process", lambda _, count: 12.0 / count)
     monkeypatch.setattr(machine, "cores", lambda: 3)
 
@@ -166,6 +167,8 @@ def test_the_scene_for_povray_is_the_same_scene() -> None:
     assert lines[4] == (
         "light_source { <1000000, -1000000, 2000000> rgb <1, 1, 1> parallel point_at 0 shadowless }"
     )
+    dark = povray.text(with_overrides(scene, shadows=True), aspect=2.0).splitlines()
+    assert dark[4] == lines[4].replace(" shadowless", "")
     spheres = [line for line in lines if line.startswith("sphere")]
     assert len(spheres) == len(scene.solids)
     assert spheres[1] == (
@@ -354,6 +357,8 @@ def test_every_part_measures(adapter: Adapter, tmp_path: Path) -> None:
     where = ["float32", "fixed32", "C"] if has_compiler() else ["float32", "fixed32"]
     assert [row["where"] for row in by_name["halving"].rows] == where
     assert [row["backend"] for row in by_name["twin"].rows] == ["gpu", "numpy"]
+    shadowed = [(row["scene"], row["shadows"]) for row in by_name["shadows"].rows]
+    assert shadowed[:3] == [("figure", "without"), ("figure", "with"), ("16 solids", "with")]
     assert whole.machine["adapter"] == adapter.summary.name
     plot.write(whole, tmp_path / "bench.png")
     assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
@@ -364,13 +369,16 @@ def test_what_needs_64_bit_integers_is_left_out_where_there_are_none(
     adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_gpu, "INT64", "no such feature")
+    monkeypatch.setattr(parts, "INT64", "no such feature")
     monkeypatch.setattr(parts, "_STEPS", (4, 12, 20))
-    whole = measure(adapter, ("halving", "steps"), rounds=1)
-    halving, steps = whole.parts
+    whole = measure(adapter, ("halving", "steps", "shadows"), rounds=1)
+    halving, steps, shadows = whole.parts
+    assert shadows.rows == []
     assert [row["where"] for row in halving.rows if row["where"] != "C"] == ["float32"]
     assert [row["n"] for row in steps.rows] == [4, 12]
     assert list(halving.summary) == ["one halving of one ray on one solid"]
-    for part, what in ((halving, "fixed32, which needs"), (steps, "n that need")):
+    lacking = ((halving, "fixed32, which needs"), (steps, "n that need"), (shadows, "shadows need"))
+    for part, what in lacking:
         assert f"Left out: {what} 64-bit integers in shaders, which this adapter lacks." in (
             part.notes
         )

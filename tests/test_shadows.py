@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 import pytest
 
 import halfstep
+from halfstep.cli import main
 from halfstep.device.adapters import Adapter
 from halfstep.host.pack import Packed
 from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
+from halfstep.scene.animation import scene_at
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.scenes_random import KINDS
@@ -70,11 +74,37 @@ def test_occluders_at_any_distance(distance: float, lamp: bool, rng: np.random.G
     assert total.dark > 1500
 
 
+def test_more_halvings_than_float32_has_bits_for(rng: np.random.Generator) -> None:
+    """Above 16, coefficients of solids are integers; those of shadows are not, in float32."""
+    for place in ("outside", "inside"):
+        total = judged([random_lit(rng, place)], steps=20)
+        assert total.wrong == 0
+        assert total.hits > 300
+
+
 @pytest.mark.parametrize("distance", [6.0, 1e6])
 def test_a_camera_at_any_distance(distance: float, rng: np.random.Generator) -> None:
     total = judged([watched(rng, distance)])
     assert total.wrong == 0
     assert total.dark > 200
+
+
+def test_light_along_faces() -> None:
+    """Half-spaces along the rays to a light: beside a solid it is bright, under it dark."""
+    box = {"kind": "box", "size": [1, 1, 1], "origin": [0, 0, 2], **GRAY}
+    drum = {"kind": "cylinder", "radius": 0.5, "z_min": -0.5, "z_max": 0.5, **GRAY}
+    floor = {"kind": "plane", "bounds": {"min": [-3, -3, -1], "max": [3, 3, 1]}, **GRAY}
+    wall = {"kind": "plane", "axis": [1, 0, 0], "origin": [-1, 1, 1], **GRAY}
+    wall["bounds"] = {"min": [-2, 0, 0], "max": [0, 2, 2]}
+    tables = {
+        "camera": {"center": [1, -6, 9], "look_at": [0, 0, 0]},
+        "solid": [box, {**drum, "origin": [2, 0, 1], "axis": [0, 1, 0]}, floor, wall],
+    }
+    lights = [[{"direction": d, "shadows": True}] for d in ([0, 0, 1], [0, 1, 0], [1, 0, 0])]
+    total = judged([Scene.from_dict({**SCENE, **tables, "light": light}) for light in lights])
+    assert total.wrong == 0
+    assert total.dark > 500
+    assert total.hits - total.dark > 1000
 
 
 def test_parallel_rays_see_the_same_shadows(rng: np.random.Generator) -> None:
@@ -179,7 +209,7 @@ def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[st
         halfstep.render(scene, size=(96, 72), outputs=outputs, backend=backend, **options)
         for backend in ("gpu", "numpy")
     ]
-    assert (frames[0].shadow > 0).any()
+    assert (frames[1].shadow > 0).any()
     return [
         name
         for name in frames[0].outputs
@@ -211,6 +241,7 @@ def in_a_lamp() -> Scene:
 def test_the_device_gives_the_bits_of_the_twin(number_format: str) -> None:
     scene = with_overrides(halfstep.load("gallery"), shadows=True)
     assert differing(scene, ("image", "shadow"), number_format=number_format) == []
+    assert differing(scene, ("shadow",), number_format=number_format, steps=18) == []
     assert differing(in_a_lamp(), ("shadow", "error"), number_format=number_format) == []
 
 
@@ -228,10 +259,10 @@ def test_the_article_shows_the_same_shadows() -> None:
     assert differing(scene, ("shadow",), method="article") == []
 
 
-def many() -> Scene:
-    """Ninety balls."""
+def many(count: int = 90) -> Scene:
+    """Balls; ninety are so many that invocations look at boxes of groups first."""
     rng = np.random.default_rng(3)
-    places = rng.uniform(-3, 3, (90, 3)).tolist()
+    places = rng.uniform(-3, 3, (count, 3)).tolist()
     balls = [{"kind": "sphere", "radius": 0.3, "origin": place, **GRAY} for place in places]
     camera = {"center": [0, -12, 4], "look_at": [0, 0, 0]}
     light = {"direction": [1, -1, 2], "shadows": True}
@@ -243,6 +274,7 @@ def test_many_solids(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lists longer than a subgroup; and bands, and frames in halves, change no bit."""
     scene = many()
     assert differing(scene, ("shadow",)) == []
+    assert differing(many(20), ("shadow",)) == []
     options: dict[str, Any] = {"size": (96, 72), "outputs": ("shadow",), "backend": "gpu"}
     whole = halfstep.render(scene, **options)
     monkeypatch.setattr(run_gpu, "BAND_BYTES", 1 << 12)
@@ -259,14 +291,65 @@ def test_many_solids(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sizes == [90, 45, 45]
 
 
+@pytest.mark.usefixtures("adapter")
+def test_shadows_move_with_what_casts_them() -> None:
+    """Frames of an animation are those of still scenes, solids and lights anew."""
+    floor = {"kind": "plane", "bounds": {"min": [-3, -3, -1], "max": [3, 3, 1]}, **GRAY}
+    keys = [{"at": 0, "origin": [-1, 0, 1]}, {"at": 1, "origin": [1, 1, 2]}]
+    ball = {"kind": "sphere", "radius": 0.5, "key": keys, **GRAY}
+    camera = {"center": [0, -6, 9], "look_at": [0, 0, 0]}
+    lights = [{"direction": [1, -1, 2], "shadows": True}, {"position": [0, 0, 5], "shadows": True}]
+    scene = Scene.from_dict(
+        {
+            **SCENE,
+            "camera": camera,
+            "light": lights,
+            "solid": [floor, ball],
+            "animation": {"frames": 3, "orbit_degrees": 0},
+        }
+    )
+    options: dict[str, Any] = {"size": SMALL, "outputs": ("shadow",)}
+    frames = list(halfstep.render_frames(scene, **options))
+    assert len({frame.shadow.tobytes() for frame in frames}) == 3
+    for number, frame in enumerate(frames):
+        still = halfstep.render(scene_at(scene, number), backend="numpy", **options)
+        np.testing.assert_array_equal(frame.shadow, still.shadow)
+        # The ball hides both lights somewhere, and not everywhere.
+        assert ((frame.shadow & 1) > 0).sum() > 4
+        assert ((frame.shadow & 2) > 0).sum() > 4
+        assert (frame.shadow == 0).sum() > 500
+
+
+def test_files_hold_shadows(tmp_path: Path) -> None:
+    """In an EXR as whole numbers in a channel, in a PNG as grey levels."""
+    frame = halfstep.render(in_a_lamp(), size=SMALL, backend="numpy", outputs=("image", "shadow"))
+    halfstep.write(tmp_path / "a.exr", frame, outputs=("shadow",))
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        np.testing.assert_array_equal(file.channels()["shadow"].pixels, frame.shadow)
+    assert (frame.shadow > 0).any()
+
+
+@pytest.mark.usefixtures("adapter")
+def test_check_and_tune_take_shadows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(in_a_lamp().to_toml())
+    assert main(["check", str(path), "--size", "32x24"]) == 0
+    assert "stages agree" in capsys.readouterr().out
+    arguments = ["--size", "32x24", "--backend", "numpy", "--steps", "12:16:4"]
+    assert main(["tune", str(path), "-o", str(tmp_path / "tune"), *arguments]) == 0
+
+
 # A word of the kernel, and what a slip would make of it.
 FAULTS = [
     ("found &= found - 1u;", "found = 0u;"),
-    ("next + BROADCAST, asked", "next + 2u * BROADCAST, asked"),
-    ("occluder.surface + k + 1u", "occluder.surface + k"),
+    ("next + BROADCAST, asked", "light.end, asked"),
+    ("occluder.surface + second_number", "occluder.surface + first_number"),
     ("hidden & b4(casts), dark, own", "hidden & b4(casts), hidden, own"),
     ("select(old.turned, turned, nearer)", "select(old.turned, turned, sight.hit)"),
-    ("enclosed = leaves_0 | !encloses;", ""),
+    ("enclosed = enclosed & (leaves_0 | !encloses);", ""),
+    ("groups & (groups - 1u), in_group", "0u, in_group"),
+    ("first_group = select(first_group, own, in_far_group);", ""),
+    ("select(far_groups, seen, asked);", "select(far_groups, seen & 1u, asked);"),
     ("dark = nearest.dark;", ""),
 ]
 
@@ -282,7 +365,7 @@ def test_a_fault_in_the_kernel_is_seen(
         return texts[-1].replace(old, new)
 
     monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
-    scenes = (in_a_lamp(), many())
+    scenes = (in_a_lamp(), many(20), many())
     index = adapter.summary.index
     assert any(differing(each, ("image", "shadow"), adapter=index) for each in scenes)
     assert any(old in text for text in texts)

@@ -15,7 +15,6 @@ from halfstep.contract.classes import Class
 from halfstep.contract.expressions import Operation
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
-from halfstep.contract.shadows import Kind
 from halfstep.contract.stages import FACTS, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.outputs import OUTPUTS, device_outputs
@@ -27,7 +26,7 @@ from halfstep.shader.fetch import fetches
 from halfstep.shader.formulas import formulas
 from halfstep.shader.library import definitions, joined, reached, stage
 from halfstep.shader.needs import Needs
-from halfstep.shader.source import bindings, compose, constants, hides, stage_files
+from halfstep.shader.source import bindings, compose, constants, stage_files
 from tests.bundled import drawn_by_all
 from tests.test_pack import SIZE
 
@@ -110,7 +109,7 @@ NEEDS = Needs(
 )
 
 
-SHADOWED = replace(NEEDS, shadows=2, far_lights=1, hides=frozenset(Kind), encloses=True)
+SHADOWED = replace(NEEDS, shadows=2, far_lights=1, curves=True, encloses=True, bounces=1)
 
 
 @pytest.fixture(scope="module")
@@ -305,9 +304,15 @@ def _combinations() -> Iterator[Needs]:
         lit = replace(NEEDS, lights=lights, point_lights=point_lights, shininess_bits=bits)
         yield from (lit, replace(lit, parallel=True))
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
-        yield replace(SHADOWED, format=form, far_lights=far, encloses=encloses)
-    for kind in Kind:
-        yield replace(SHADOWED, outputs=frozenset({"shadow", "tag"}), hides=frozenset({kind}))
+        bounces = int(form is not FIXED32)  # which cannot draw mirrors
+        lit = replace(SHADOWED, format=form, bounces=bounces)
+        yield replace(lit, far_lights=far, encloses=encloses)
+    for shadows, image in product((0, 2), (False, True)):
+        wanted = frozenset({"tag", "image" if image else "color"})
+        yield replace(SHADOWED, shadows=shadows, outputs=wanted, bounces=3, encloses=False)
+    for curves, far in product((False, True), (1, 2)):
+        wanted = frozenset({"shadow", "tag"})
+        yield replace(SHADOWED, outputs=wanted, curves=curves, far_lights=far)
 
 
 def test_every_combination_compiles(device: Any) -> None:
@@ -347,7 +352,6 @@ def as_it_lies(name: str) -> str:
         if (method, klass) in VISITS:
             file = VISITS[method, klass].file
             texts.append(stage(file).replace(f"fn {file}(", f"fn visit_{klass.name.lower()}("))
-    texts += [*hides(need), stage("hide_cut").replace("fn hide_cut(", "fn hide(")]
     texts += [
         stage(file) for file in files_of(form, {name} | WITH.get(name, set())) if file != name
     ]

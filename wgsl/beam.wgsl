@@ -4,6 +4,9 @@
 // Parts of places on the grid.
 alias Length = f32;
 
+// No slope of a half-space is smaller.
+const LEAST_SLOPE: Value = 0x1p-60f;
+
 // A ray to a light about an occluder: what forms are polynomials in, and its two ends.
 struct Ray {
   x: v4,
@@ -28,16 +31,17 @@ fn far_ray(beam: Beam, occluder: Occluder) -> Ray {
   let y = f4(beam.b) * occluder.unit;
   let v = f4(beam.v) * occluder.unit;
   let near = (abs(x) <= f4(2.0)) & (abs(y) <= f4(2.0)) & (v <= f4(1.0));
-  return Ray(x, y, v4(1.0), v4(1.0), v, v4(-1.0), v4(-1.0), v4(0.0), near);
+  return Ray(x, y, v4(1.0), v4(1.0), v, v4(-1.0), v4(-1.0), v4(occluder.end), near);
 }
 
-// The ray to a lamp. Where the lamp is near, points are counted from it.
-fn lamp_ray(beam: Beam, occluder: Occluder) -> Ray {
+// The ray to any light. Where a lamp is near, points are counted from it.
+fn light_ray(beam: Beam, occluder: Occluder) -> Ray {
   let at_lamp = b4((occluder.flags & SHADE_AT_LAMP) != 0u);
   let x = f4(beam.a) * occluder.unit;
   let y = f4(beam.b) * occluder.unit;
   let v = f4(beam.v) * occluder.unit;
-  let h = f4(i4(occluder.reach) - beam.v) * occluder.weight;
+  let to_lamp = f4(i4(occluder.reach) - beam.v) * occluder.weight;
+  let h = select(to_lamp, f4(1.0), b4(occluder.reach == 0));
   let before = (h > f4(0.0)) & (v <= f4(1.0)) & (max(abs(x), abs(y)) <= h + h);
   return Ray(
     x,

@@ -7,6 +7,9 @@
 // Parts of places on the grid, times a power of two.
 alias Length = i64;
 
+// No slope of a half-space is smaller.
+const LEAST_SLOPE: Value = 1;
+
 // A ray to a light about an occluder: what forms are polynomials in, and its two ends.
 struct Ray {
   x: v4,
@@ -64,23 +67,25 @@ fn far_ray(beam: Beam, occluder: Occluder) -> Ray {
     start_on(v),
     v4(-RADIUS),
     v4(-RADIUS),
-    v4(0),
+    v4(occluder.end),
     near,
   );
 }
 
-// The ray to a lamp. Where the lamp is near, points are counted from it.
-fn lamp_ray(beam: Beam, occluder: Occluder) -> Ray {
+// The ray to any light. Where a lamp is near, points are counted from it.
+fn light_ray(beam: Beam, occluder: Occluder) -> Ray {
   let at_lamp = b4((occluder.flags & SHADE_AT_LAMP) != 0u);
   let x = radii_of(beam.a, occluder.level);
   let y = radii_of(beam.b, occluder.level);
   let v = radii_of(beam.v, occluder.level);
   let ahead = w4(i4(occluder.reach)) - w4(beam.v);
   let half = w4((1li << occluder.factor_shift) >> 1u);
-  let h = (ahead * i64(occluder.factor) + half) >> u4(occluder.factor_shift);
+  let to_lamp = (ahead * i64(occluder.factor) + half) >> u4(occluder.factor_shift);
+  let is_far = b4(occluder.reach == 0) & !at_lamp;
+  let h = select(to_lamp, w4(1li << RADIUS_BITS), is_far);
   let before = (h > w4(0li)) & (v <= w4(1li << RADIUS_BITS)) & (max(abs(x), abs(y)) <= h + h);
   let size = select(max(h, w4(1li)), max(max(abs(x), abs(y)), abs(v)), at_lamp);
-  let excess = excess_bits(size + size);
+  let excess = select(excess_bits(size + size), u4(0u), is_far);
   let most = size + size;
   let z = shifted(within(select(h, v, at_lamp), most), excess);
   return Ray(

@@ -27,10 +27,16 @@ var<private> certificate_0: Certificate;  // what is certain of the solid
 // each quad
 var<private> met_0: Met;  // of a region, nothing where the solid is none  //? regions
 // each quad
-var<private> turned_0: u4;  // 1 or 2 where the solid shows its other side  //? shadows
+var<private> turned_0: u4;  // 1 or 2 where the solid shows its other side  //? places
 // each quad
 var<private> nearest_0: Nearest;  // of all solids so far
 // each quad
-var<private> point_0: Point;  // the same on the grid of the world  //? shadows
+var<private> point_0: Point;  // the same on the grid of the world  //? places
 // each quad
-var<private> beam_0: Beam;  // and in the axes of a light  //? shadows
+var<private> ray_0: Vector;  // along which it is seen  //? mirrors
+// each quad
+var<private> caught_0: Caught;  // what a mirror shows there  //? mirrors
+// each quad
+var<private> weight_0: f4;  // how much it adds to the colour  //? mirrors
+// each quad
+var<private> light_0: Vector;  // the colour so far  //? mirrors

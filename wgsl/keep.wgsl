@@ -17,7 +17,7 @@ struct Nearest {
   overlap: Key,  // depth where two cells of a region are  //? overlap
   gap: Key,  // depth where none is between two  //? gap
   position: i4,  // on its ray, of the solid that shows it  //? position
-  turned: u4,  // which side of that is seen, as of `other_side`  //? shadows
+  turned: u4,  // which side of that is seen, as of `other_side`  //? places
   dark: u4,  // bits of lights that do not reach it  //? shadows
 }
 
@@ -38,7 +38,7 @@ const NOTHING: Nearest = Nearest(
   FAR,  //? overlap
   FAR,  //? gap
   i4(0),  //? position
-  u4(0u),  //? shadows
+  u4(0u),  //? places
   u4(0u),  //? shadows
 );
 
@@ -50,7 +50,7 @@ fn keep(
   slope: Vector,  //? normal
   certificate: Certificate,  //? error
   met: Met,  //? regions
-  turned: u4,  //? shadows
+  turned: u4,  //? places
 ) -> Nearest {
   let key = key_at(sight.position, solid);
   let surface = u4(solid.surface) + u4(sight.surface);
@@ -88,7 +88,7 @@ fn keep(
     old.overlap,  //? overlap
     old.gap,  //? gap
     select(old.position, sight.position, nearer),  //? position
-    select(old.turned, turned, nearer),  //? shadows
+    select(old.turned, turned, nearer),  //? places
     old.dark,  //? shadows
   );
 }

@@ -10,6 +10,9 @@ const FLAG_EYE_SURE: u32 = 16u;
 const SHADE_CASTS: u32 = 1u;
 const SHADE_AT_LAMP: u32 = 2u;
 const SHADE_ENCLOSES: u32 = 4u;
+const SHADE_FLAT: u32 = 8u;
+const SLAB_BITS: u32 = 15u;
+const SLAB_LIT: u32 = 1073741824u;
 
 // What all pixels of a band share.
 struct Frame {
@@ -172,6 +175,7 @@ struct Location {
   last_step: f32,  // 2^-n
   surface: u32,  // number of the solid's first surface in the scene, from 1
   count: u32,  // how many surfaces it has
+  reflection: f32,  // share of what it mirrors
 }
 
 // A light with shadows: axes along its rays, or its place; and what may hide it.
@@ -182,7 +186,10 @@ struct LightView {
   shear_x: i32,  // how far rays go along the next axis, in 2^-30
   shear_y: i32,  // and along the one after that
   origin: array<i32, 3>,  // where a lamp is on the grid
-  starts: array<u32, 4>,  // its first occluder of each kind, and the one behind its last
+  first: u32,  // its first occluder
+  end: u32,  // the one behind its last
+  groups: u32,  // box of its first group of occluders
+  far_groups: u32,  // box of its first group of groups
 }
 
 // A solid before a light: F and half-spaces along rays to the light.
@@ -190,30 +197,71 @@ struct Occluder {
   @align(32) a: array<Value, 6>,  // A as coefficients of tz, tx, ty, x², xy, y²; for A, t is z
   g: array<Value, 6>,  // G
   c: array<Value, 6>,  // C; for C, z is t
-  end: Value,  // radius over distance of the light: 1/v of the light
+  end: Value,  // 1/v where the ray ends: at a lamp, or behind the solid
   unit: f32,  // one over the radius, in units of the grid
   level: u32,  // the radius is 2^level units
-  center: array<i32, 3>,  // on the grid, or in the axes of a light far away
-  axis: u32,  // of the world, most along rays to a lamp; as of LightView
+  center: array<i32, 3>,  // on the grid
+  axis: u32,  // of the world, most along rays to the light; as of LightView
   sign: i32,  // the same
   shear_x: i32,  // the same
   shear_y: i32,  // the same
-  reach: i32,  // how far a lamp is along the axis, in units of the grid
+  reach: i32,  // how far a lamp is along the axis, in units of the grid, or 0
   weight: f32,  // 1/reach
   factor: i32,  // the same as factor 2^-factor_shift, in 2^-28
   factor_shift: u32,  // see factor
   flags: u32,  // SHADE_… bits
-  surface: u32,  // number of its first surface in the scene, from 1
+  surface: u32,  // number of F among surfaces; those of its half-spaces follow
+  first: u32,  // number of its first surface in the scene, from 1
   count: u32,  // how many surfaces it has
-  side_start: u32,  // its first half-space
-  side_count: u32,  // how many it has
+  slab_start: u32,  // its first slab
+  slab_count: u32,  // how many it has
 }
 
-// A half-space of an occluder along rays to a light: inside where c + b v <= 0.
-struct Side {
+// Half-spaces of an occluder along rays to a light: where c + b v <= 0, and >= -width t.
+struct Slab {
   @align(32) c: array<Value, 3>,  // coefficients of t, x, y
   b: array<Value, 3>,  // coefficients of z, x, y
-  lit: u32,  // 1 if the light is outside of it
+  width: Value,  // of what is between the two
+  numbers: u32,  // SLAB_… bits: what surfaces they are, and if the light is outside
+}
+
+// What all rays from mirrors share.
+struct Mirrors {
+  @align(32) middle: array<f32, 3>,  // of the grid of the world, from the eye
+  unit: f32,  // of the grid
+  count: u32,  // bodies
+}
+
+// A solid as a ray from a mirror meets it, about its middle along the world's axes, in radii.
+struct Body {
+  @align(32) second: array<f32, 6>,  // half the second derivative of F: xx, yy, zz, xy, xz, yz
+  slope: array<f32, 3>,  // half the gradient of F in the middle
+  value: f32,  // F in the middle
+  center: array<i32, 3>,  // the middle, on the grid
+  unit: f32,  // one over the radius, in units of the grid
+  radius: f32,  // a power of two
+  flags: u32,  // SHADE_… bits
+  surface: u32,  // number of F among surfaces; those of its half-spaces follow
+  first: u32,  // number of its first surface in the scene, from 1
+  count: u32,  // how many surfaces it has
+  face_start: u32,  // its first half-space
+  face_count: u32,  // how many it has; a bounded plane has two
+  color: array<f32, 3>,  // of its material, linear RGB
+  specular: f32,  // weight of the highlight
+  shininess: u32,  // exponent of the highlight
+  reflection: f32,  // share of what it mirrors
+}
+
+// A half-space of a body: n.x + beyond <= 0.
+struct Face {
+  @align(32) normal: array<f32, 3>,  // n, unit
+  beyond: f32,  // how far the middle is outside
+}
+
+// A ball around a body.
+struct Ball {
+  @align(32) center: array<f32, 3>,  // on the grid
+  radius: f32,  // in units of the grid
 }
 
 // Where an occluder hides a light at most, in its axes; of a lamp, as the lamp sees it.

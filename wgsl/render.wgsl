@@ -13,7 +13,7 @@ fn keep_block(solid: Solid) {
     slope_0,  //? normal
     certificate_0,  //? error
     met_0,  //? regions
-    turned_0,  //? shadows
+    turned_0,  //? places
   );
 }
 
@@ -177,16 +177,27 @@ fn render(
     }
   }
   finish_regions(j);  //? regions
-  {  //? shadows
+  {  //? places
     let first = tile.starts[0];
     let end = tile.starts[CLASSES];
     for (var entry = first; entry < end; entry++) {
       find_points(location_at(tile_solids[entry]), j);
     }
-    find_shadows();
+    find_shadows();  //? shadows
   }
   // each quad
-  let shown_0 = finish(nearest_0, i_0, j);  //? normal
+  var shown_0 = finish(nearest_0, i_0, j);  //? normal
+  {  //? mirrors
+    // each quad
+    light_0 = shown_0.color;
+    // each quad
+    let seen_0 = nearest_0;
+    follow_mirrors(j);
+    // each quad
+    shown_0.color = light_0;
+    // each quad
+    nearest_0 = seen_0;
+  }
   // each quad
   {  //? store_words
     let at = place + QUAD_0;

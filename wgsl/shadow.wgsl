@@ -23,9 +23,56 @@ fn far_curve(occluder: Occluder, ray: Ray) -> Form {
   );
 }
 
-// A half-space along the ray.
-fn side_along(side: Side, ray: Ray) -> Line {
-  return Line(first_order(side.c, ray, ray.t), first_order(side.b, ray, ray.z));
+// The first half-space of a slab along the ray.
+fn slab_along(slab: Slab, ray: Ray) -> Line {
+  return Line(first_order(slab.c, ray, ray.t), first_order(slab.b, ray, ray.z));
+}
+
+// The same to a light far away.
+fn far_slab(slab: Slab, ray: Ray) -> Line {
+  return Line(first_order(slab.c, ray, ray.t), v4(slab.b[0]));
+}
+
+// The second half-space, given the first.
+fn second_along(slab: Slab, line: Line, ray: Ray) -> Line {
+  return Line(-line.c - times(v4(slab.width), ray.t), -line.b);
+}
+
+// The surfaces of the two after that of F: second is 0 where there is none.
+fn first_number(slab: Slab) -> u32 {
+  return slab.numbers & ((1u << SLAB_BITS) - 1u);
+}
+
+fn second_number(slab: Slab) -> u32 {
+  return (slab.numbers >> SLAB_BITS) & ((1u << SLAB_BITS) - 1u);
+}
+
+// The light is outside of them.
+fn first_is_lit(slab: Slab) -> bool {
+  return (slab.numbers & SLAB_LIT) != 0u;
+}
+
+fn second_is_lit(slab: Slab) -> bool {
+  return (slab.numbers & (SLAB_LIT << 1u)) != 0u;
+}
+
+// The part of a piece inside a half-space, and, if there is one, inside the opposite one: a ray
+// enters one of them and leaves the other. One along them passes both, but hardly.
+fn between(piece: Piece, line: Line, other: Line, both: bool) -> Piece {
+  let enters = line.b < v4(0);
+  let slope = max(abs(line.b), v4(LEAST_SLOPE));
+  let c_in = select(other.c, line.c, enters);
+  let c_out = select(line.c, other.c, enters);
+  let later = (enters | b4(both)) & (product(c_in, piece.b_in) < product(piece.c_in, -slope));
+  let earlier = (!enters | b4(both)) & (product(c_out, piece.b_out) > product(piece.c_out, slope));
+  return Piece(
+    select(piece.c_in, c_in, later),
+    select(piece.b_in, -slope, later),
+    piece.id_in,
+    select(piece.c_out, c_out, earlier),
+    select(piece.b_out, slope, earlier),
+    piece.id_out,
+  );
 }
 
 // The whole ray, from the point to the light.
@@ -66,14 +113,6 @@ fn comes_out(form: Form, rest: Line, piece: Piece, on_curve: b4) -> b4 {
   let turns = turns_within(Form(-form.a, -form.g, -form.c), piece);
   let outside = outside_at_entry(form, piece) | outside_at_exit(form, piece) | turns;
   return select(outside, starts_beyond(rest, piece) | ends_beyond(rest, piece), on_curve);
-}
-
-// The plane of a patch turned so that the ray passes it from + to -; met if it does so on its way.
-fn passed(line: Line, piece: Piece) -> Patch {
-  let away = line.b > v4(0);
-  let ahead = Line(select(line.c, -line.c, away), select(line.b, -line.b, away));
-  let behind = product(ahead.c, piece.b_out) < product(piece.c_out, ahead.b);
-  return Patch((ahead.b < v4(0)) & starts_beyond(ahead, piece) & behind, away, ahead.c, ahead.b);
 }
 
 // Whether points of a solid are dark on its own account: turned away from the light, or behind

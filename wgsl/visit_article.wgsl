@@ -39,8 +39,8 @@ fn visit_article(solid: Solid, y: i32) {
       found.exit_position,  //? exit
     );
 
-    turned_0 = other_side(solid, found.inside);  //? shadows & !patch
-    turned_0 = select(u4(0u), u4(1u), line_of(&lines, 0u).b > v4(0));  //? shadows & patch
+    turned_0 = other_side(solid, found.inside);  //? places & !patch
+    turned_0 = select(u4(0u), u4(1u), line_of(&lines, 0u).b > v4(0));  //? places & patch
 
     // The method knows only now which surface is seen.
     slope_0 = turned(line_of(&lines, 0u).b > v4(0), normal_of(own));  //? normal & patch

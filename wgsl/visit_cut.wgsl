@@ -42,8 +42,8 @@ fn visit_cut(solid: Solid, y: i32) {
     var inside = starts_inside(solid, piece_0);  //? opened
     inside = inside & (b4(eye_inside(solid)) | !outside);  //? opened & curved
     root_0 = choose(inside, root_0, leaving_0);  //? opened
-    turned_0 = u4(0u);  //? shadows
-    turned_0 = other_side(solid, inside);  //? shadows & opened
+    turned_0 = u4(0u);  //? places
+    turned_0 = other_side(solid, inside);  //? places & opened
     normal_in_0 = either(inside, normal_out_0, normal_in_0);  //? opened & normal
   }
   conveyor(solid.steps);

@@ -7,7 +7,7 @@ fn visit_ellipsoid(solid: Solid, y: i32) {
     root_0 = ellipsoid_entry(form);
     leaving_0 = ellipsoid_exit(form);  //? exit
     certificate_0 = ellipsoid_certificate(solid, at);  //? error
-    turned_0 = u4(0u);  //? shadows
+    turned_0 = u4(0u);  //? places
   }
   conveyor(solid.steps);
   // each quad

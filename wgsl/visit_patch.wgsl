@@ -27,7 +27,7 @@ fn visit_patch(solid: Solid, y: i32) {
     root_0 = patch_entry(patch_0);
     leaving_0 = root_0;  //? exit
     certificate_0 = certify_patch(bounded_0, solid.last_step);  //? error
-    turned_0 = select(u4(0u), u4(1u), patch_0.away);  //? shadows
+    turned_0 = select(u4(0u), u4(1u), patch_0.away);  //? places
   }
   conveyor(solid.steps);
   // each quad

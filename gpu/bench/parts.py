@@ -16,7 +16,7 @@ from halfstep.bench.native import FLAGS, LANES, Native, NoCompilerError
 from halfstep.bench.report import Part, Value
 from halfstep.bench.timing import Case, Times, interleaved, line
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS
-from halfstep.device.adapters import Adapter
+from halfstep.device.adapters import INT64, Adapter
 from halfstep.errors import HalfstepError
 from halfstep.frames.renderer import WARM_UP, Renderer
 from halfstep.run.backend import Backend
@@ -29,6 +29,7 @@ _STEPS = (2, 4, 6, 8, 10, 12, 14, 16, 20, 24)
 _SIDES = (256, 512, 1024, 2048)
 _LATTICES = (10, 100, 1000, 5000, 100_000)
 _SET_UP = (100, 1000, 10_000)
+_SHADOWED = ("figure", "gallery", "crowd")
 _SMALL = (256, 256)
 _REGIONS = ("die", "bracket", "nut_and_bolt", "assembly_17x17")
 _PINS = (17, 100, 316)
@@ -406,6 +407,49 @@ def frames(bench: Bench) -> Part:
     return Part("frames", "Bundled scenes, 640×480", rows, summary)
 
 
+def shadows(bench: Bench) -> Part:
+    """Bundled scenes with shadows of all their lights, against none; and POV-Ray, likewise."""
+    title = "Shadows, 640×480, n = 16"
+    if INT64 not in bench.adapter.handle.features:
+        return Part("shadows", title, [], notes=[f"Left out: shadows need {_LACKING}"])
+    scene = with_overrides(scenes.overlapping(), size=_SIZE, shadows=True)
+    notes: list[str] = []
+    with ExitStack() as stack:
+        cases: dict[tuple[str, str], Callable[[], float | None]] = {}
+        for name in _SHADOWED:
+            for what in ("without", "with"):
+                # As many halvings as shadows ask for.
+                drawn = with_overrides(
+                    load(name), size=(640, 480), steps=FLOAT_STEPS, shadows=what == "with"
+                )
+                renderer = stack.enter_context(bench.renderer(drawn))
+                cases[name, what] = partial(_frame, renderer, drawn)
+        own = stack.enter_context(bench.renderer(scene))
+        cases["16 solids", "with"] = partial(_frame, own, scene)
+        try:
+            povray.version()
+        except povray.NoPovrayError as error:
+            notes.append(f"POV-Ray is left out: {error}.")
+        else:
+            cases["16 solids", "by POV-Ray"] = lambda: povray.trace_time(
+                scene, _SIZE, machine.threads()
+            )
+        times = bench.times(cases, turn=50.0)
+    rows: list[dict[str, Value]] = [
+        {"scene": name, "shadows": what, **_row(each)} for (name, what), each in times.items()
+    ]
+    summary = {
+        f"{name}, 640×480, with shadows, against none": (
+            f"{times[name, 'with'].best / times[name, 'without'].best:.1f} ×"
+        )
+        for name in _SHADOWED
+    }
+    if ("16 solids", "by POV-Ray") in times:
+        ratio = times["16 solids", "by POV-Ray"].best / times["16 solids", "with"].wall
+        summary[f"POV-Ray's trace time with shadows, {_scene_and_size(scene)}"] = f"{ratio:.1f} ×"
+    return Part("shadows", title, rows, summary, notes=notes)
+
+
 def threads(bench: Bench) -> Part:
     """Frame time against the threads of a driver on the processor."""
     title = "A frame against threads"
@@ -464,6 +508,7 @@ PARTS: dict[str, Callable[[Bench], Part]] = {
     "twin": twin,
     "frames": frames,
     "regions": regions,
+    "shadows": shadows,
     "solids": solids,
     "setup": setup,
     "pixels": pixels,

@@ -74,9 +74,9 @@ def trace_time(
 def text(scene: Scene, aspect: float) -> str:
     """A scene of solids of some kinds, none turned, and of cells, as POV-Ray reads it.
 
-    Lights are far away, without shadows, so that both compute the same picture. The kinds are
-    spheres, ellipsoids, tori and formulas in a ball: polynomials as ``poly``, by Sturm's theorem,
-    others as ``isosurface``.
+    Lights are far away, and have shadows where the scene has them, so that both compute the
+    same picture. The kinds are spheres, ellipsoids, tori and formulas in a ball: polynomials as
+    ``poly``, by Sturm's theorem, others as ``isosurface``.
     """
     camera = scene.camera
     assert camera.fov_degrees is not None
@@ -94,7 +94,7 @@ def text(scene: Scene, aspect: float) -> str:
         far = tuple(1e6 * part for part in light.direction)
         lines.append(
             f"light_source {{ {vector(far)} rgb {vector(light.color)} parallel point_at 0"
-            " shadowless }"
+            f"{'' if light.shadows else ' shadowless'} }}"
         )
     for solid in scene.solids:
         assert isinstance(solid, Sphere | Ellipsoid | Torus | Implicit)

@@ -18,6 +18,7 @@ PARTS = (
     "twin",
     "frames",
     "regions",
+    "shadows",
     "solids",
     "setup",
     "pixels",

@@ -39,6 +39,7 @@ class Shade(IntFlag):
     CASTS = 1  # it hides the light
     AT_LAMP = 2  # rays count from the lamp, which is near the solid or in it
     ENCLOSES = 4  # the light may be inside the solid
+    FLAT = 8  # a bounded plane, without an inside
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,11 @@ class Field:
     type: str
     count: int | str
     meaning: str
+
+
+# The surfaces of a slab count from 1 after that of F. If the second is 0, there is the first alone.
+SLAB_BITS = 15
+SLAB_LIT = 1 << 2 * SLAB_BITS
 
 
 # Records begin at multiples of this many bytes, so that they can be fetched as vec4<u64>.
@@ -321,6 +327,7 @@ LOCATION = Record(
         Field("last_step", "f32", 1, "2^-n"),
         Field("surface", "u32", 1, "number of the solid's first surface in the scene, from 1"),
         Field("count", "u32", 1, "how many surfaces it has"),
+        Field("reflection", "f32", 1, "share of what it mirrors"),
     ),
 )
 
@@ -334,7 +341,10 @@ LIGHT_VIEW = Record(
         Field("shear_x", "i32", 1, "how far rays go along the next axis, in 2^-30"),
         Field("shear_y", "i32", 1, "and along the one after that"),
         Field("origin", "i32", 3, "where a lamp is on the grid"),
-        Field("starts", "u32", 4, "its first occluder of each kind, and the one behind its last"),
+        Field("first", "u32", 1, "its first occluder"),
+        Field("end", "u32", 1, "the one behind its last"),
+        Field("groups", "u32", 1, "box of its first group of occluders"),
+        Field("far_groups", "u32", 1, "box of its first group of groups"),
     ),
 )
 
@@ -345,33 +355,88 @@ OCCLUDER = Record(
         Field("a", "Value", 6, "A as coefficients of tz, tx, ty, x², xy, y²; for A, t is z"),
         Field("g", "Value", 6, "G"),
         Field("c", "Value", 6, "C; for C, z is t"),
-        Field("end", "Value", 1, "radius over distance of the light: 1/v of the light"),
+        Field("end", "Value", 1, "1/v where the ray ends: at a lamp, or behind the solid"),
         Field("unit", "f32", 1, "one over the radius, in units of the grid"),
         Field("level", "u32", 1, "the radius is 2^level units"),
-        Field("center", "i32", 3, "on the grid, or in the axes of a light far away"),
-        Field("axis", "u32", 1, "of the world, most along rays to a lamp; as of LightView"),
+        Field("center", "i32", 3, "on the grid"),
+        Field("axis", "u32", 1, "of the world, most along rays to the light; as of LightView"),
         Field("sign", "i32", 1, "the same"),
         Field("shear_x", "i32", 1, "the same"),
         Field("shear_y", "i32", 1, "the same"),
-        Field("reach", "i32", 1, "how far a lamp is along the axis, in units of the grid"),
+        Field("reach", "i32", 1, "how far a lamp is along the axis, in units of the grid, or 0"),
         Field("weight", "f32", 1, "1/reach"),
         Field("factor", "i32", 1, "the same as factor 2^-factor_shift, in 2^-28"),
         Field("factor_shift", "u32", 1, "see factor"),
         Field("flags", "u32", 1, "SHADE_… bits"),
-        Field("surface", "u32", 1, "number of its first surface in the scene, from 1"),
+        Field("surface", "u32", 1, "number of F among surfaces; those of its half-spaces follow"),
+        Field("first", "u32", 1, "number of its first surface in the scene, from 1"),
         Field("count", "u32", 1, "how many surfaces it has"),
-        Field("side_start", "u32", 1, "its first half-space"),
-        Field("side_count", "u32", 1, "how many it has"),
+        Field("slab_start", "u32", 1, "its first slab"),
+        Field("slab_count", "u32", 1, "how many it has"),
     ),
 )
 
-SIDE = Record(
-    "Side",
-    "A half-space of an occluder along rays to a light: inside where c + b v <= 0.",
+SLAB = Record(
+    "Slab",
+    "Half-spaces of an occluder along rays to a light: where c + b v <= 0, and >= -width t.",
     (
         Field("c", "Value", 3, "coefficients of t, x, y"),
         Field("b", "Value", 3, "coefficients of z, x, y"),
-        Field("lit", "u32", 1, "1 if the light is outside of it"),
+        Field("width", "Value", 1, "of what is between the two"),
+        Field(
+            "numbers", "u32", 1, "SLAB_… bits: what surfaces they are, and if the light is outside"
+        ),
+    ),
+)
+
+MIRRORS = Record(
+    "Mirrors",
+    "What all rays from mirrors share.",
+    (
+        Field("middle", "f32", 3, "of the grid of the world, from the eye"),
+        Field("unit", "f32", 1, "of the grid"),
+        Field("count", "u32", 1, "bodies"),
+    ),
+)
+
+BODY = Record(
+    "Body",
+    "A solid as a ray from a mirror meets it, about its middle along the world's axes, in radii.",
+    (
+        Field("second", "f32", 6, "half the second derivative of F: xx, yy, zz, xy, xz, yz"),
+        Field("slope", "f32", 3, "half the gradient of F in the middle"),
+        Field("value", "f32", 1, "F in the middle"),
+        Field("center", "i32", 3, "the middle, on the grid"),
+        Field("unit", "f32", 1, "one over the radius, in units of the grid"),
+        Field("radius", "f32", 1, "a power of two"),
+        Field("flags", "u32", 1, "SHADE_… bits"),
+        Field("surface", "u32", 1, "number of F among surfaces; those of its half-spaces follow"),
+        Field("first", "u32", 1, "number of its first surface in the scene, from 1"),
+        Field("count", "u32", 1, "how many surfaces it has"),
+        Field("face_start", "u32", 1, "its first half-space"),
+        Field("face_count", "u32", 1, "how many it has; a bounded plane has two"),
+        Field("color", "f32", 3, "of its material, linear RGB"),
+        Field("specular", "f32", 1, "weight of the highlight"),
+        Field("shininess", "u32", 1, "exponent of the highlight"),
+        Field("reflection", "f32", 1, "share of what it mirrors"),
+    ),
+)
+
+FACE = Record(
+    "Face",
+    "A half-space of a body: n.x + beyond <= 0.",
+    (
+        Field("normal", "f32", 3, "n, unit"),
+        Field("beyond", "f32", 1, "how far the middle is outside"),
+    ),
+)
+
+BALL = Record(
+    "Ball",
+    "A ball around a body.",
+    (
+        Field("center", "f32", 3, "on the grid"),
+        Field("radius", "f32", 1, "in units of the grid"),
     ),
 )
 
@@ -398,7 +463,11 @@ RECORDS = (
     LOCATION,
     LIGHT_VIEW,
     OCCLUDER,
-    SIDE,
+    SLAB,
+    MIRRORS,
+    BODY,
+    FACE,
+    BALL,
     BOX,
 )
 
@@ -412,6 +481,7 @@ def wgsl() -> str:
     lines += [f"const TILE: u32 = {TILE}u;", f"const LANES: u32 = {LANES}u;"]
     lines += [f"const FLAG_{flag.name}: u32 = {flag.value}u;" for flag in Flag]
     lines += [f"const SHADE_{shade.name}: u32 = {shade.value}u;" for shade in Shade]
+    lines += [f"const SLAB_BITS: u32 = {SLAB_BITS}u;", f"const SLAB_LIT: u32 = {SLAB_LIT}u;"]
     for record in RECORDS:
         lines += ["", record.wgsl()]
     return "\n".join(lines) + "\n"

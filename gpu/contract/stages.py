@@ -10,7 +10,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
 
-from halfstep.contract import shadows
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
@@ -67,6 +66,7 @@ STAGES = (
     Stage(Kind.NUMBERS, "elementary"),
     Stage(Kind.NUMBERS, "jets"),
     Stage(Kind.NUMBERS, "sight"),
+    Stage(Kind.NUMBERS, "mirror"),
     Stage(Kind.VALUES, "keep"),
     Stage(Kind.NUMBERS, "ray"),
     Stage(Kind.NUMBERS, "shade"),
@@ -79,7 +79,9 @@ STAGES = (
     Stage(Kind.BLOCK, "finish_regions"),
     Stage(Kind.BLOCK, "conveyor", ("closed",)),
     Stage(Kind.BLOCK, "expression"),
+    Stage(Kind.BLOCK, "hide"),
     Stage(Kind.BLOCK, "shadows"),
+    Stage(Kind.BLOCK, "bounce"),
     Stage(Kind.DEVICE, "pack"),
     Stage(Kind.DEVICE, "wide"),
     Stage(Kind.DEVICE, "store_words", ("store_words_wide",)),
@@ -121,13 +123,6 @@ VISITS = {
     },
 }
 
-# How a solid before a light is tried, by kind. In a shader it has the name of its kind.
-HIDES = {
-    shadows.Kind.CURVED: _visit("hide_cut", "curved"),
-    shadows.Kind.FLAT: _visit("hide_cut", "flat"),
-    shadows.Kind.PATCH: _visit("hide_patch"),
-}
-
 # What the marks of WGSL files ask for. A twin asks the same.
 FACTS = {
     "exit": "it is asked where a ray leaves the solid that it hit",
@@ -153,15 +148,13 @@ FACTS = {
     "surfaces_5": "a tile may see five surfaces of a copy or more",
     **{f"levels_{k}": f"programs open {k} levels at once or more" for k in range(2, 7)},
     "broadcast": "invocations of a subgroup fetch records together",
+    "places": "the places of points are needed, for shadows or mirrors",
+    "mirrors": "colours are needed, and a material reflects",
     "shadows": "lights have shadows, and these are needed, for themselves or for colours",
-    "far_lights": "the same of lights far away",
-    "lamps": "the same of lights that have a place",
-    "lamp": "the light that is hidden has a place",
+    "lamps": "the same, and some of these lights have a place",
+    "curves": "a solid before a light with shadows has a quadric",
     "encloses": "a light with shadows may be inside a solid",
-    **{
-        f"hides_{kind.name.lower()}": f"a solid of {kind.name} is before a light"
-        for kind in shadows.Kind
-    },
+    "many_shadows": "solids before a light are many, and invocations look at boxes together",
     **{f"list_{klass.name.lower()}": f"tiles may see a solid of {klass.name}" for klass in Class},
     "store_words": "the device writes outputs of words",
     **{

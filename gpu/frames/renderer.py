@@ -285,16 +285,16 @@ class Renderer:
 
     def _tell_coarse(self, scene: Scene, solids: Solids) -> None:
         """Say once of which solids shadows are hardly resolved."""
-        if solids.shadows is None or self._told_coarse:
+        if solids.lit is None or self._told_coarse:
             return
-        shadows = solids.shadows.shadows
-        coarse = shadows.coarse.tolist()
+        world = solids.lit.world
+        coarse = world.coarse.tolist()
         if coarse:
             self._told_coarse = True
             told = ", ".join(_name_of(scene, ix) for ix in coarse[:3])
             more = f" and {len(coarse) - 3} more solids" if len(coarse) > 3 else ""
             warnings.warn(
-                f"shadows are resolved to {shadows.grid.unit:.2g}, which is much of {told}{more}: "
+                f"shadows are resolved to {world.grid.unit:.2g}, which is much of {told}{more}: "
                 "the scene is a million times as wide",
                 stacklevel=4,
             )

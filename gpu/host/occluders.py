@@ -21,38 +21,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
-from halfstep.contract.shadows import Kind
-from halfstep.errors import SceneError
-from halfstep.host import boxes
 from halfstep.host.bounds import bounds
 from halfstep.host.camera import View
-from halfstep.host.geometry import Geometry, world_boxes
+from halfstep.host.geometry import Geometry
+from halfstep.host.world import Grid, World, planes_of
 from halfstep.scene import Light, Scene
-from halfstep.scene.region import Intersection, Literal
 
-# Everything that is seen is within 2^GRID_BITS units of the middle of the grid, on average of any
-# two axes, so that differences of sheared coordinates have no more than 32 bits.
-GRID_BITS = 29
-# Solids of fewer units are hardly resolved.
-FEWEST_UNITS = 2.0**9
 # Bits after the point of shears.
 SHEAR_BITS = 30
 # What a lamp sees across over along is known to this.
 TANGENT_MARGIN = 2.0**-18
 # A lamp nearer than this many radii is itself the middle.
 NEAR = 4.0
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Whole numbers for places in the world."""
-
-    middle: Floats  # (3,), world
-    unit: float
-
-    def whole(self, points: Floats) -> Ints:
-        """The grid points nearest to world points (..., 3)."""
-        return np.rint((points - self.middle) / self.unit).astype(np.int64)
+# Bits of a coordinate on the curve along which occluders are in order.
+_CURVE_BITS = 10
+# Of rays to lights far away, 1/v where they end: nothing of a solid is beyond v = 1. An end at
+# infinity would not tell whether they are inside a half-space along them.
+FAR_END = 0.5
 
 
 @dataclass(frozen=True)
@@ -87,17 +72,20 @@ class Occluder:
     """A solid before a light; see `halfstep.contract.layout.OCCLUDER`."""
 
     solid: int  # index in the scene
-    kind: Kind
+    is_patch: bool
+    has_quadric: bool
     axes: Axes
     level: int
-    center: Ints  # (3,), on the grid, or in the axes of a light far away
+    center: Ints  # (3,), on the grid
     reach: int  # of a lamp along the axis, in units of the grid; 0 if it is not asked for
     at_lamp: bool
     encloses: bool
-    end: float  # see above, k
-    forms: Floats  # (3, 6), of A, G, C; 0 where there is no F
-    sides: Floats  # (M, 2, 3), of c and b
-    lit: Bools  # (M,)
+    end: float  # 1/v where the ray ends: k of a lamp
+    forms: Floats  # (3, 6), of A, G, C; F = -1 where there is no quadric
+    slabs: Floats  # (S, 2, 3), of c and b of the first half-space of each slab
+    widths: Floats  # (S,), 0 where there is no second one
+    numbers: Ints  # (S, 2), surfaces after that of F; 0 where there is no second one
+    lit: Bools  # (S, 2)
     # (2, 3), where points are hidden at most: from a light far away in units of the grid; from a
     # lamp across over along, and from how far along, in these units.
     box: Floats
@@ -107,14 +95,11 @@ class Occluder:
 class Shadows:
     """Of each light with shadows what may hide it; lights far away first."""
 
-    grid: Grid
+    world: World
     lights: tuple[int, ...]  # their bits in the output ``shadow``
     views: tuple[tuple[Axes, Ints], ...]  # axes of lights far away, places (3,) of lamps
     far_lights: int
-    occluders: tuple[tuple[Occluder, ...], ...]  # by light, and by kind within
-    coarse: Ints  # solids that the grid hardly resolves
-    first_surface: Ints  # (K,), number of each solid's first surface, from 1
-    surface_count: Ints  # (K,)
+    occluders: tuple[tuple[Occluder, ...], ...]  # by light
     casts: Bools  # (K,)
 
 
@@ -123,83 +108,23 @@ def has_shadows(scene: Scene) -> bool:
     return any(light.shadows for light in scene.lights)
 
 
-def shadows_of(scene: Scene, geometry: Geometry) -> Shadows:
-    """What hides the lights of ``scene``, without cells, that have shadows.
-
-    Raises:
-        SceneError: a solid has no end, so that no grid holds it.
-    """
-    found = _solid_boxes(geometry)
-    is_endless = ~geometry.is_empty & ~np.isfinite(found).all(axis=(0, 1))
-    if is_endless.any():
-        text = "has no end, so shadows are not drawn; cut it, or let lights have none"
-        raise SceneError(
-            *(f"{scene.name}: solid[{ix}]: {text}" for ix in np.flatnonzero(is_endless).tolist())
-        )
+def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
+    """What hides the lights of ``scene``, without cells, that have shadows."""
     lights = [light for light in scene.lights if light.shadows]
-    shown = found[..., ~geometry.is_empty]
-    grid = _grid(shown.transpose(2, 0, 1).reshape(-1, 3), lights)
     order = sorted(range(len(lights)), key=lambda bit: lights[bit].position is not None)
     views, occluders = [], []
     for bit in order:
-        view, hiding = _view(geometry, found, grid, lights[bit])
+        view, hiding = _view(geometry, world.boxes, world.grid, lights[bit])
         views.append(view)
         occluders.append(hiding)
-    per_solid = geometry.plane_count + 1
-    units = (found[1] - found[0]).max(axis=0) / grid.unit
     return Shadows(
-        grid=grid,
+        world=world,
         lights=tuple(order),
         views=tuple(views),
         far_lights=sum(light.position is None for light in lights),
         occluders=tuple(occluders),
-        coarse=np.flatnonzero(~geometry.is_empty & (units < FEWEST_UNITS)),
-        first_surface=1 + np.cumsum(per_solid) - per_solid,
-        surface_count=per_solid,
         casts=np.array([solid.casts_shadow for solid in scene.solids], np.bool_),
     )
-
-
-def _solid_boxes(geometry: Geometry) -> Floats:
-    """World boxes (2, 3, K) of the solids, infinite where none is found."""
-    found = world_boxes(geometry)
-    for ix in np.flatnonzero(~np.isfinite(found).all(axis=(0, 1)) & ~geometry.is_empty).tolist():
-        local = _enclosed(geometry, ix)
-        if local is not None and np.isfinite(local).all():
-            corners = np.stack(np.meshgrid(*local.T, indexing="ij"), axis=-1).reshape(-1, 3)
-            world = corners @ geometry.world_from_local[..., ix].T + geometry.origin[:, ix]
-            found[..., ix] = world.min(axis=0), world.max(axis=0)
-    return found
-
-
-def _enclosed(geometry: Geometry, ix: int) -> Floats | None:
-    """The box (2, 3) of a solid in its own coordinates, from all its inequalities."""
-    matrices = [geometry.quadric[..., ix]] if geometry.has_quadric[ix] else []
-    for row in _planes_of(geometry, ix):
-        plane = np.zeros((4, 4))
-        plane[3, :3] = plane[:3, 3] = row[:3] / 2
-        plane[3, 3] = row[3]
-        matrices.append(plane)
-    region = Intersection(tuple(Literal(k, positive=False) for k in range(len(matrices))))
-    return boxes.box_of(region, np.array(matrices)) if matrices else None
-
-
-def _planes_of(geometry: Geometry, ix: int) -> Floats:
-    """Half-spaces (M, 4) of a solid, n.x + d <= 0, without edges of its screen rectangle."""
-    first = geometry.plane_start[ix]
-    own = np.arange(first, first + geometry.plane_count[ix])
-    return np.asarray(geometry.planes[:, own[geometry.plane_edge[own] < 0]].T)
-
-
-def _grid(points: Floats, lights: list[Light]) -> Grid:
-    """A grid that holds world points (P, 3) and all lamps."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle = (low + high) / 2
-    lamps = [np.array(light.position) for light in lights if light.position is not None]
-    halves = np.max([(high - low) / 2, *(np.abs(lamp - middle) for lamp in lamps)], axis=0)
-    # Sheared, one axis may add to another. A little more, as points are found with rounding.
-    reach = max(float(np.sort(halves)[1:].sum()), 1e-300) * (1 + 2.0**-10)
-    return Grid(middle, 2.0 ** (math.ceil(math.log2(reach)) - 1 - GRID_BITS))
 
 
 def _view(
@@ -207,10 +132,6 @@ def _view(
 ) -> tuple[tuple[Axes, Ints], tuple[Occluder, ...]]:
     """The axes of a light, and its occluders."""
     shown = np.flatnonzero(~geometry.is_empty)
-    kinds = np.select(
-        [geometry.is_patch, geometry.has_quadric], [Kind.PATCH, Kind.CURVED], Kind.FLAT
-    )
-    order = shown[np.argsort(kinds[shown], kind="stable")].tolist()
     if light.position is None:
         assert light.direction is not None
         axes, place = Axes.towards(np.array(light.direction)), np.zeros(3, np.int64)
@@ -221,9 +142,9 @@ def _view(
         axes = Axes(ahead.axis, ahead.sign, np.zeros(2, np.int64))
     occluders = []
     eye = grid.middle if light.position is None else np.array(light.position)
-    spans = _spans(geometry, grid, axes, eye, light.position is not None)
-    for ix in order:
-        one = geometry, grid, ix, Kind(int(kinds[ix])), found[..., ix], spans[..., ix]
+    spans = _spans(geometry, found, grid, axes, eye, light.position is not None)
+    for ix in shown[_neighbours(spans[..., shown])].tolist():
+        one = geometry, grid, ix, found[..., ix], spans[..., ix]
         if light.position is None:
             occluders.append(_before_far_light(*one, axes))
         else:
@@ -231,8 +152,13 @@ def _view(
     return (axes, place), tuple(occluders)
 
 
-def _spans(geometry: Geometry, grid: Grid, axes: Axes, eye: Floats, is_lamp: bool) -> Floats:
-    """Boxes (2, 3, K) of the solids, see `Occluder`, as from ``eye`` in world coordinates."""
+def _spans(
+    geometry: Geometry, found: Floats, grid: Grid, axes: Axes, eye: Floats, is_lamp: bool
+) -> Floats:
+    """Boxes (2, 3, K) of the solids, see `Occluder`, as from ``eye`` in world coordinates.
+
+    Not all that end look so from the light; ``found`` (2, 3, K) are world boxes around them.
+    """
     view = View(
         eye=eye,
         camera_from_world=np.asarray(np.linalg.inv(axes.basis) / grid.unit, np.float64),
@@ -245,6 +171,8 @@ def _spans(geometry: Geometry, grid: Grid, axes: Axes, eye: Floats, is_lamp: boo
     )
     seen = bounds(geometry, view)
     spans = np.concatenate([seen.tangent, seen.depth[None]]).transpose(1, 0, 2)
+    around = _spans_of_boxes(found, view)
+    spans[0], spans[1] = np.maximum(spans[0], around[0]), np.minimum(spans[1], around[1])
     if is_lamp:
         room = TANGENT_MARGIN * (1 + np.abs(spans[:, :2]).max(axis=0))
         spans[0, :2] -= room
@@ -254,6 +182,35 @@ def _spans(geometry: Geometry, grid: Grid, axes: Axes, eye: Floats, is_lamp: boo
         # From anywhere behind it.
         spans[0, 2] = -np.inf
     return spans
+
+
+def _spans_of_boxes(found: Floats, view: View) -> Floats:
+    """The same of world boxes (2, 3, K), infinite where they are not ahead of the eye."""
+    ends = found - view.eye[:, None]
+    corners = np.array([[ends[k >> axis & 1, axis] for axis in range(3)] for k in range(8)])
+    x, y, depth = np.einsum("rc,nck->rnk", view.camera_from_world, corners)
+    spans = np.stack([[end(axis=0) for end in (part.min, part.max)] for part in (x, y, depth)], 1)
+    if view.parallel:
+        return spans
+    ahead = np.asarray(depth.min(axis=0) > 0)
+    depth = np.where(ahead, depth, 1.0)
+    for axis, part in enumerate((x / depth, y / depth)):
+        spans[0, axis] = np.where(ahead, part.min(axis=0), -np.inf)
+        spans[1, axis] = np.where(ahead, part.max(axis=0), np.inf)
+    return spans
+
+
+def _neighbours(spans: Floats) -> Ints:
+    """An order of boxes (2, 3, K) in which neighbours are close to each other: Morton's curve."""
+    # Where one end is infinite, the other one says where a box is.
+    low, high = (np.where(np.isfinite(end), end, other) for end, other in (spans, spans[::-1]))
+    middle = (np.nan_to_num(low, posinf=0, neginf=0) + np.nan_to_num(high, posinf=0, neginf=0)) / 2
+    size = np.ptp(middle, axis=1, keepdims=True)
+    cells = (middle - middle.min(axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)
+    level = np.arange(_CURVE_BITS)
+    bits = ((cells * (2**_CURVE_BITS - 1)).astype(np.int64)[:, None] >> level[:, None]) & 1
+    codes = bits << (3 * level[:, None] + np.arange(3)[:, None, None])
+    return np.argsort(codes.sum(axis=(0, 1)), kind="stable")
 
 
 def _level(box: Floats, grid: Grid) -> int:
@@ -266,27 +223,29 @@ def _before_far_light(
     geometry: Geometry,
     grid: Grid,
     ix: int,
-    kind: Kind,
     box: Floats,
     spans: Floats,
     axes: Axes,
 ) -> Occluder:
     level = _level(box, grid)
-    center = np.rint(np.linalg.inv(axes.basis) @ ((box.mean(axis=0) - grid.middle) / grid.unit))
-    forms = _Forms.of(geometry, grid, ix, axes.basis, axes.basis @ center, level)
+    center = grid.whole(box.mean(axis=0))
+    forms = _Forms.of(geometry, grid, ix, axes.basis, center.astype(np.float64), level)
     return Occluder(
         solid=ix,
-        kind=kind,
+        is_patch=bool(geometry.is_patch[ix]),
+        has_quadric=bool(geometry.has_quadric[ix]),
         axes=axes,
         level=level,
-        center=center.astype(np.int64),
+        center=center,
         reach=0,
         at_lamp=False,
         encloses=False,
-        end=0.0,
+        end=FAR_END,
         forms=_quadratics(forms.quadric, 0.0),
-        sides=_linears(forms.sides, 0.0),
-        lit=forms.sides[:, 2] > 0,
+        slabs=_linears(forms.slabs[:, 0], 0.0),
+        widths=forms.widths,
+        numbers=forms.numbers,
+        lit=forms.slabs[..., 2] > 0,
         box=spans,
     )
 
@@ -295,13 +254,13 @@ def _before_lamp(
     geometry: Geometry,
     grid: Grid,
     ix: int,
-    kind: Kind,
     box: Floats,
     spans: Floats,
     position: Floats,
     place: Ints,
 ) -> Occluder:
     level = _level(box, grid)
+    is_patch, has_quadric = bool(geometry.is_patch[ix]), bool(geometry.has_quadric[ix])
     radius = 2.0**level
     center = grid.whole(box.mean(axis=0))
     to = (position - grid.middle) / grid.unit - center
@@ -314,7 +273,8 @@ def _before_lamp(
         light = np.array([0.0, 0.0, 1.0, end])
         return Occluder(
             solid=ix,
-            kind=kind,
+            is_patch=is_patch,
+            has_quadric=has_quadric,
             axes=axes,
             level=level,
             center=center,
@@ -323,15 +283,18 @@ def _before_lamp(
             encloses=False,
             end=end,
             forms=_quadratics(forms.quadric, end),
-            sides=_linears(forms.sides, end),
-            lit=forms.sides @ light > 0,
+            slabs=_linears(forms.slabs[:, 0], end),
+            widths=forms.widths,
+            numbers=forms.numbers,
+            lit=forms.slabs @ light > 0,
             box=spans,
         )
     axes = Axes(2, 1, np.zeros(2, np.int64))
     forms = _Forms.of(geometry, grid, ix, axes.basis, place.astype(np.float64), level)
-    quadric, sides = forms.quadric, forms.sides
-    encloses = kind != Kind.PATCH and bool((sides[:, 3] <= 0).all())
-    encloses = encloses and (kind == Kind.FLAT or float(quadric[3, 3]) <= 0)
+    quadric, sides = forms.quadric, forms.slabs[:, 0]
+    outside = (forms.slabs[..., 3] > 0) & (forms.numbers > 0)
+    encloses = not outside.any() and float(quadric[3, 3]) <= 0
+    encloses = encloses and not is_patch
     a, b, v, one = range(4)
     second = [quadric[v, v], 2 * quadric[a, v], 2 * quadric[b, v]]
     second += [quadric[a, a], 2 * quadric[a, b], quadric[b, b]]
@@ -341,7 +304,8 @@ def _before_lamp(
     c_b[:, 1] = -sides[:, [v, a, b]]
     return Occluder(
         solid=ix,
-        kind=kind,
+        is_patch=is_patch,
+        has_quadric=has_quadric,
         axes=axes,
         level=level,
         center=place,
@@ -350,8 +314,10 @@ def _before_lamp(
         encloses=encloses,
         end=1.0,
         forms=np.array([second, [*first, 0, 0, 0], [quadric[one, one], 0, 0, 0, 0, 0]]),
-        sides=c_b,
-        lit=sides[:, one] > 0,
+        slabs=c_b,
+        widths=forms.widths,
+        numbers=forms.numbers,
+        lit=forms.slabs[..., one] > 0,
         box=spans,
     )
 
@@ -360,8 +326,9 @@ def _before_lamp(
 class _Forms:
     """A solid in the coordinates a, b, v, 1."""
 
-    quadric: Floats  # (4, 4), the largest entry about 1; 0 where there is no F
-    sides: Floats  # (M, 4), each with a largest entry about 1
+    quadric: Floats  # (4, 4), the largest entry about 1; of F = -1 where a solid has none
+    slabs: Floats  # (S, 2, 4), of both half-spaces, the largest entry about 1
+    numbers: Ints  # (S, 2), see `Occluder`
 
     @classmethod
     def of(
@@ -373,12 +340,36 @@ class _Forms:
         to_local[:3, :3] = back @ basis * (2.0**level * grid.unit)
         start = grid.middle - geometry.origin[:, ix]
         to_local[:3, 3] = back @ (start + center * grid.unit)
-        quadric = to_local.T @ geometry.quadric[..., ix] @ to_local
-        largest = np.abs(quadric).max()
-        quadric = quadric / largest if largest > 0 else quadric
-        sides = _planes_of(geometry, ix) @ to_local
-        size = np.abs(sides).max(axis=1, keepdims=True, initial=0.0)
-        return cls(quadric, sides / np.where(size > 0, size, 1.0))
+        quadric = np.diag([0.0, 0.0, 0.0, -1.0])
+        if geometry.has_quadric[ix]:
+            quadric = to_local.T @ geometry.quadric[..., ix] @ to_local
+            quadric = quadric / np.abs(quadric).max()
+        rows = planes_of(geometry, ix) @ to_local
+        if geometry.is_patch[ix]:
+            # What is left between its two sides.
+            rows = np.concatenate([rows[:1], -rows[:1], rows[1:]])
+        numbers = _pairs(rows)
+        slabs = rows[np.where(numbers > 0, numbers, numbers[:, :1]) - 1]
+        size = np.abs(slabs).max(axis=(1, 2), keepdims=True, initial=0.0)
+        return cls(quadric, slabs / np.where(size > 0, size, 1.0), numbers)
+
+    @property
+    def widths(self) -> Floats:
+        """Of what is between the two half-spaces of slabs, in radii times the gradient."""
+        return np.where(self.numbers[:, 1] > 0, -self.slabs[..., 3].sum(axis=1), 0.0)
+
+
+def _pairs(rows: Floats) -> Ints:
+    """Half-spaces (M, 4) by pairs that look opposite ways (S, 2), from 1; 0 for none."""
+    left = dict(enumerate(rows, start=1))
+    found = []
+    while left:
+        first, row = left.popitem()
+        opposed = (k for k, other in left.items() if (other[:3] == -row[:3]).all())
+        second = next(opposed, 0)
+        left.pop(second, None)
+        found.append((min(first, second), max(first, second)) if second else (first, 0))
+    return np.array(found, np.int64).reshape(-1, 2)
 
 
 def _quadratics(q: Floats, k: float) -> Floats:

@@ -15,17 +15,18 @@ from halfstep.contract.expressions import PackedExpressions
 from halfstep.contract.formats import Format
 from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
+from halfstep.contract.mirrors import PackedMirrors
 from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.contract.regions import PackedRegions
 from halfstep.contract.shadows import PackedShadows
 from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, fixed_point_scale
 from halfstep.host.geometry import Geometry
+from halfstep.host.light import Lit, locations
 from halfstep.host.numbers import Numbers, numbers_of
 from halfstep.host.pack_expressions import pack_expressions
 from halfstep.host.pack_polynomials import pack_polynomials
 from halfstep.host.pack_regions import Appearances, appearances, pack_regions
-from halfstep.host.pack_shadows import ShadowTables
 from halfstep.host.regions import NO_MATERIAL
 from halfstep.host.setup import START_BITS, Setup
 from halfstep.host.steps import Steps, format_for
@@ -114,7 +115,9 @@ class Packed:
     regions: PackedRegions | None  # what copies of groups have besides
     polynomials: PackedPolynomials | None  # what solids have besides that polynomials bound
     expressions: PackedExpressions | None  # and those that other formulas do
+    locations: Records | None = None  # (V,), of the points of solids, if these are needed
     shadows: PackedShadows | None = None  # what hides lights, if any have shadows
+    mirrors: PackedMirrors | None = None  # what mirrors show, if there are any
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -167,7 +170,7 @@ def pack(
     tables: Surfaces,
     setup: Setup,
     steps: Steps,
-    shadows: ShadowTables | None = None,
+    lit: Lit | None = None,
 ) -> Packed:
     """Records of the frame ``setup`` with ``steps`` halvings for each solid."""
     count = steps.count
@@ -204,7 +207,9 @@ def pack(
         else pack_regions(setup, tables.appearances, count, number_format),
         polynomials=pack_polynomials(setup, half_spaces),
         expressions=pack_expressions(setup, half_spaces),
-        shadows=None if shadows is None else shadows.packed(setup, solids, number_format),
+        locations=None if lit is None else locations(lit, setup, solids, number_format),
+        shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
+        mirrors=None if lit is None or lit.mirrors is None else lit.mirrors.packed(setup.view),
     )
 
 

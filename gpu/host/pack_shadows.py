@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats, Ints, Records
+from halfstep.contract.arrays import Floats, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.layout import Shade
-from halfstep.contract.shadows import Kind, PackedShadows
+from halfstep.contract.shadows import GROUP, MANY, PackedShadows
 from halfstep.host.occluders import Occluder, Shadows
-from halfstep.host.setup import Setup
 
 # Integer coefficients are such that no value of a form exceeds 2^VALUE_BITS, the radius being
 # 2^RADIUS_BITS.
@@ -21,8 +21,6 @@ VALUE_BITS, RADIUS_BITS = 29, 28
 # The largest magnitudes of monomials, in radii: of hh, ah, bh, aa, ab, bb, and of h, a, b.
 QUADRATIC_REACH = np.array([1.0, 2.0, 2.0, 4.0, 4.0, 4.0])
 LINEAR_REACH = np.array([1.0, 2.0, 2.0])
-# How many bits the place of a point on its ray has, and how many its parts are below in all.
-PLACE_BITS, ROOM_BITS = 20, 60
 # Boxes are wider than solids by so many units: float32 has 24 bits of 30.
 BOX_MARGIN = 2.0**8
 # A box that nothing touches, and how far those reach that have no end.
@@ -37,59 +35,58 @@ class ShadowTables:
     def __init__(self, shadows: Shadows) -> None:
         self.shadows = shadows
 
-    def packed(self, setup: Setup, solids: Records, number_format: Format) -> PackedShadows:
-        """The records of a frame: those of the scene, and where the points of its solids are.
-
-        Args:
-            setup: the frame.
-            solids: records (V,) of its solids.
-            number_format: of the frame.
-        """
+    def packed(self, number_format: Format) -> PackedShadows:
+        """The records of frames in a number format."""
         shadows = self.shadows
-        views, occluders, sides, boxes = self._tables(number_format.integer)
+        views, occluders, slabs, boxes = self._tables(number_format is FIXED32)
         return PackedShadows(
-            locations=_locations(shadows, setup, solids, number_format),
             views=views,
             occluders=occluders,
-            sides=sides,
+            slabs=slabs,
             boxes=boxes,
             far_lights=shadows.far_lights,
-            kinds=frozenset(
-                (one.kind, ix >= shadows.far_lights)
-                for ix, hiding in enumerate(shadows.occluders)
-                for one in hiding
-            ),
+            curves=any(one.has_quadric for hiding in shadows.occluders for one in hiding),
+            many=max(map(len, shadows.occluders)) > MANY,
             encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
         )
 
     @functools.cache  # noqa: B019 - there are two, and they last as long as the scene
     def _tables(self, integer: bool) -> tuple[Records, Records, Records, Records]:
-        """Views, occluders, sides and boxes in a number format."""
+        """Views, occluders, slabs and boxes in a number format."""
         number_format, shadows = FIXED32 if integer else FLOAT32, self.shadows
         every = [one for hiding in shadows.occluders for one in hiding]
+        lengths = np.array([len(hiding) for hiding in shadows.occluders])
+        rooms = -(-lengths // GROUP**2) * GROUP**2
+        firsts, room = np.cumsum(rooms) - rooms, int(rooms.sum())
+        places = np.arange(len(every)) + np.repeat(firsts - np.cumsum(lengths) + lengths, lengths)
         views = np.zeros(len(shadows.lights), layout.LIGHT_VIEW.dtype())
-        first = 0
-        for record, bit, (axes, place), hiding in zip(
-            views, shadows.lights, shadows.views, shadows.occluders, strict=True
-        ):
+        views["first"], views["end"] = firsts, firsts + lengths
+        views["groups"] = room + firsts // GROUP
+        views["far_groups"] = room + room // GROUP + firsts // GROUP**2
+        for record, bit, (axes, place) in zip(views, shadows.lights, shadows.views, strict=True):
             record["bit"] = 1 << bit
             record["axis"], record["sign"] = axes.axis, axes.sign
             record["shear_x"], record["shear_y"] = axes.shear
             record["origin"] = place
-            kinds = np.array([one.kind for one in hiding], np.int64)
-            record["starts"] = first + np.searchsorted(kinds, np.arange(len(Kind) + 1))
-            first += len(hiding)
-        occluders = np.zeros(len(every), layout.OCCLUDER.dtype(number_format))
-        counts = np.array([len(one.sides) for one in every], np.int64)
-        occluders["side_count"], occluders["side_start"] = counts, np.cumsum(counts) - counts
-        sides = np.zeros(counts.sum(), layout.SIDE.dtype(number_format))
-        boxes = np.zeros(len(every) + SPARE_BOXES, layout.BOX.dtype())
+        occluders = np.zeros(room, layout.OCCLUDER.dtype(number_format))
+        counts = np.array([len(one.slabs) for one in every], np.int64)
+        occluders["slab_count"][places] = counts
+        occluders["slab_start"][places] = np.cumsum(counts) - counts
+        slabs = np.zeros(counts.sum(), layout.SLAB.dtype(number_format))
+        ends = np.cumsum([room, room // GROUP, room // GROUP**2])
+        boxes = np.zeros(ends[-1] + SPARE_BOXES, layout.BOX.dtype())
         boxes["low"], boxes["high"] = NOWHERE, -NOWHERE
-        for record, one in zip(occluders, every, strict=True):
+        for place, one in zip(places, every, strict=True):
+            record = occluders[place]
             _fill(record, one, shadows, integer)
-            own = sides[record["side_start"] :][: len(one.sides)]
-            c_b = _scaled_sides(one.sides, integer)
-            own["c"], own["b"], own["lit"] = c_b[:, 0], c_b[:, 1], one.lit
+            own = slabs[record["slab_start"] :][: len(one.slabs)]
+            scale = _scales(one, integer)
+            scaled = one.slabs * scale[:, None, None], one.widths * scale
+            c_b, own["width"] = (np.rint(part) for part in scaled) if integer else scaled
+            own["c"], own["b"] = c_b[:, 0], c_b[:, 1]
+            numbers, lit = one.numbers.astype(np.uint32), one.lit.astype(np.uint32)
+            own["numbers"] = numbers[:, 0] | (numbers[:, 1] << np.uint32(layout.SLAB_BITS))
+            own["numbers"] |= (lit[:, 0] | (lit[:, 1] << np.uint32(1))) * layout.SLAB_LIT
         if every:
             spans = np.array([one.box for one in every])
             is_far = np.repeat(
@@ -100,8 +97,14 @@ class ShadowTables:
             margin = BOX_MARGIN * np.array([[-1.0], [1.0]]) * np.ones(3)
             spans += np.where(is_far[:, None, None], margin, margin * [0.0, 0.0, 1.0])
             spans = np.clip(spans, -NOWHERE, NOWHERE)
-            boxes["low"][: len(every)], boxes["high"][: len(every)] = spans[:, 0], spans[:, 1]
-        return views, occluders, sides, boxes
+            boxes["low"][places], boxes["high"][places] = spans[:, 0], spans[:, 1]
+            inner = boxes[:room]
+            for begin, end in itertools.pairwise(ends):
+                outer = boxes[begin:end]
+                outer["low"] = inner["low"].reshape(-1, GROUP, 3).min(axis=1)
+                outer["high"] = inner["high"].reshape(-1, GROUP, 3).max(axis=1)
+                inner = outer
+        return views, occluders, slabs, boxes
 
 
 def _fill(record: np.void, one: Occluder, shadows: Shadows, integer: bool) -> None:
@@ -121,9 +124,11 @@ def _fill(record: np.void, one: Occluder, shadows: Shadows, integer: bool) -> No
         record["factor_shift"] = shift
     flags = Shade.CASTS * bool(shadows.casts[one.solid])
     flags |= Shade.AT_LAMP * one.at_lamp | Shade.ENCLOSES * one.encloses
-    record["flags"] = flags
-    record["surface"] = shadows.first_surface[one.solid]
-    record["count"] = shadows.surface_count[one.solid]
+    record["flags"] = flags | Shade.FLAT * one.is_patch
+    # The surface of a bounded plane has the number of its first side.
+    record["surface"] = shadows.world.first_surface[one.solid] - one.is_patch
+    record["first"] = shadows.world.first_surface[one.solid]
+    record["count"] = shadows.world.surface_count[one.solid]
 
 
 def _scaled_forms(forms: Floats, integer: bool) -> Floats:
@@ -134,62 +139,15 @@ def _scaled_forms(forms: Floats, integer: bool) -> Floats:
     return np.asarray(np.rint(forms * _integer_scale(largest)))
 
 
-def _scaled_sides(sides: Floats, integer: bool) -> Floats:
-    """c and b (M, 2, 3) as coefficients of a number format."""
+def _scales(one: Occluder, integer: bool) -> Floats:
+    """What takes the coefficients of each slab (S,) to those of a number format."""
     if not integer:
-        return sides
-    largest = (np.abs(sides) * LINEAR_REACH).sum(axis=2).max(axis=1, initial=0.0)
-    scales = np.array([_integer_scale(float(each)) for each in largest])
-    return np.asarray(np.rint(sides * scales[:, None, None]))
+        return np.ones(len(one.slabs))
+    largest = (np.abs(one.slabs) * LINEAR_REACH).sum(axis=2).max(axis=1, initial=0.0)
+    # The second half-space is as far from the first as the slab is wide.
+    return np.array([_integer_scale(float(each)) for each in largest + np.abs(one.widths)])
 
 
 def _integer_scale(largest: float) -> float:
     """What takes values that are at most ``largest`` in radii to almost 2^VALUE_BITS."""
     return 2.0**VALUE_BITS * (1 - 2.0**-10) / largest if largest > 0 else 1.0
-
-
-def _locations(shadows: Shadows, setup: Setup, solids: Records, number_format: Format) -> Records:
-    """Where the points of each solid are on the grid, in the order of ``solids``."""
-    grid, view = shadows.grid, setup.view
-    order = _order(setup, solids, shadows.first_surface)
-    right, down, _ = view.camera_from_world
-    center = setup.center[order]
-    middle, half = setup.depth_middle[order, None], setup.depth_half[order, None]
-    directions = view.directions(*center.T)
-    starts = (view.eye - grid.middle) + view.starts(*center.T)
-    at = (starts + middle * directions) / grid.unit
-    anchor = np.rint(at)
-    level, along = np.zeros((2, len(order), 3, 3))
-    level[:, 0] = at - anchor
-    spread = np.ones_like(middle) if view.parallel else middle
-    level[:, 1], level[:, 2] = spread * view.pixel * right, spread * view.pixel * down
-    along[:, 0] = half * directions
-    if not view.parallel:
-        along[:, 1], along[:, 2] = half * view.pixel * right, half * view.pixel * down
-    level[:, 1:] /= grid.unit
-    along /= grid.unit
-    offsets = np.column_stack([np.ones(len(order)), setup.offsets[order] + layout.TILE])
-    largest = np.einsum("vcx,vc->vx", np.abs(along) + np.abs(level), offsets).max(axis=1, initial=1)
-    # The product with a place on the ray, of PLACE_BITS bits, has no more than ROOM_BITS.
-    shift = ROOM_BITS - PLACE_BITS - np.ceil(np.log2(largest)).astype(np.int64)
-    shift = np.clip(shift, 0, 24)
-    records = np.zeros(len(order), layout.LOCATION.dtype(number_format))
-    scale = np.exp2(shift)[:, None, None]
-    if number_format.length is np.int64:
-        level, along = np.rint(level * scale), np.rint(along * scale)
-    records["level"], records["along"] = level.reshape(-1, 9), along.reshape(-1, 9)
-    # It may lie beside the picture, beyond 32 bits; so may the way from there, and the sum fits.
-    records["anchor"] = anchor.astype(np.int64).astype(np.int32)
-    records["shift"] = shift
-    records["center_x"], records["center_y"] = center.T
-    records["steps"], records["last_step"] = solids["steps"], solids["last_step"]
-    records["surface"] = solids["surface"]
-    records["count"] = shadows.surface_count[setup.solid[order]]
-    return records
-
-
-def _order(setup: Setup, solids: Records, first_surface: Ints) -> Ints:
-    """The row in ``setup`` (V,) of each of ``solids``."""
-    rows = np.argsort(first_surface[setup.solid], kind="stable")
-    found = np.searchsorted(first_surface[setup.solid[rows]], solids["surface"])
-    return np.asarray(rows[found])

@@ -13,9 +13,8 @@ from typing import Self
 from halfstep.contract.arrays import Floats
 from halfstep.host import camera, geometry, regions
 from halfstep.host.geometry import Geometry
-from halfstep.host.occluders import has_shadows, shadows_of
+from halfstep.host.light import Lit
 from halfstep.host.pack import Packed, Surfaces, pack, surfaces
-from halfstep.host.pack_shadows import ShadowTables
 from halfstep.host.setup import Setup, setup
 from halfstep.host.steps import steps_for
 from halfstep.scene import Fragment, Scene
@@ -31,12 +30,13 @@ class Solids:
     geometry: Geometry
     volume: tuple[Floats, Floats]  # corners (min, max) of the modelled volume, world, (3,) each
     surfaces: Surfaces
-    shadows: ShadowTables | None  # what hides lights, if any have shadows
+    lit: Lit | None  # shadows and mirrors, if there are any
 
     @staticmethod
     def are_shared(scene: Scene, other: Scene) -> bool:
         """Whether two scenes have the same solids, cells, lights and volume."""
-        return all(getattr(scene, key) == getattr(other, key) for key in _SHARED)
+        same = scene.image.bounces == other.image.bounces
+        return same and all(getattr(scene, key) == getattr(other, key) for key in _SHARED)
 
     @classmethod
     def of(cls, scene: Scene, *, hidden: bool = False) -> Self:
@@ -44,14 +44,14 @@ class Solids:
 
         Raises:
             SceneError: nothing bounds what is seen and the scene gives no volume; a cell is empty;
-                a limit is exceeded; lights have shadows and a solid has no end.
+                a limit is exceeded; a solid has no end, and there are shadows or mirrors.
         """
         built = geometry.build(scene)
         groups = regions.regions_of(scene, hidden=hidden)
         if groups is not None:
             built = geometry.with_regions(built, groups)
-        shadows = ShadowTables(shadows_of(scene, built)) if has_shadows(scene) else None
-        return cls(built, geometry.volume_box(scene, built), surfaces(scene, built), shadows)
+        lit = Lit.of(scene, built)
+        return cls(built, geometry.volume_box(scene, built), surfaces(scene, built), lit)
 
 
 def frame_setup(scene: Scene, samples: int = 1, *, solids: Solids | None = None) -> Setup:
@@ -83,4 +83,4 @@ def prepare(
     known = Solids.of(scene) if solids is None else solids
     constants = frame_setup(scene, samples, solids=known)
     steps = steps_for(scene, constants, samples, most_steps)
-    return pack(scene, known.geometry, known.surfaces, constants, steps, known.shadows)
+    return pack(scene, known.geometry, known.surfaces, constants, steps, known.lit)

@@ -13,14 +13,15 @@ import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, FLOAT_STEPS, Format
+from halfstep.host.mirrors import has_mirrors
 from halfstep.host.occluders import has_shadows
 from halfstep.host.setup import Setup
 from halfstep.scene import Accuracy, Scene
 
 # Share of a tolerance that is left to rounding.
 ROUNDING_SHARE = 2.0**-4
-# Where points are asked for shadows, they are known to this: an edge of a shadow is as far off as
-# they are.
+# Where points are asked for shadows or mirrors, they are known to this: an edge of a shadow is as
+# far off as they are.
 SHADOW_STEPS = 16
 # Halvings of a region beyond those that make a cell as long as its parts are thin.
 THIN_STEPS = 2
@@ -70,7 +71,7 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | No
             cells = 2 * setup.depth_half[row] / setup.copies.thinnest
             needed = np.ceil(np.log2(np.maximum(cells, 1.0))) + THIN_STEPS
             count[row] = np.maximum(count[row], np.where(cells > 0, np.minimum(needed, most), 1))
-        if has_shadows(scene):
+        if has_shadows(scene) or has_mirrors(scene):
             count = np.maximum(count, min(SHADOW_STEPS, most))
     reached = setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE)
     return Steps(count, short, reached, most)

@@ -39,7 +39,12 @@ from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
 from halfstep.shader.needs import UNIFORM_BYTES
-from halfstep.shader.source import EXPRESSIONS_BINDING, SHADOW_BINDINGS
+from halfstep.shader.source import (
+    EXPRESSIONS_BINDING,
+    LOCATIONS,
+    MIRROR_BINDINGS,
+    SHADOW_BINDINGS,
+)
 
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
 BAND_BYTES = 128 << 20
@@ -70,9 +75,13 @@ _NAMES = {
     15: "locations of solids",
     16: "views of lights",
     17: "occluders",
-    18: "sides of occluders",
+    18: "slabs of occluders",
     19: "boxes of occluders",
-    20: "formulas",
+    20: "rays from mirrors",
+    21: "bodies in mirrors",
+    22: "faces of bodies",
+    23: "balls around bodies",
+    24: "formulas",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -248,14 +257,7 @@ class Device(Turns):
             7: packed.lights,
             8: srgb_quads(),
         }
-        if lists.regions is not None:
-            contents |= dict(enumerate(lists.regions.arrays, start=9))
-        if packed.polynomials is not None:
-            contents[14] = packed.polynomials.records
-        if packed.expressions is not None:
-            contents[EXPRESSIONS_BINDING] = packed.expressions.records
-        if packed.shadows is not None:
-            contents |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
+        contents |= _special(packed, lists)
         try:
             with device_errors(self.adapter):
                 pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
@@ -396,6 +398,24 @@ class Device(Turns):
             )
             self._bound = (layout, bindings), group
         return self._bound[1]
+
+
+def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
+    """What bindings hold that some scenes have, by number."""
+    found: dict[int, Array] = {}
+    if lists.regions is not None:
+        found |= dict(enumerate(lists.regions.arrays, start=9))
+    if packed.polynomials is not None:
+        found[14] = packed.polynomials.records
+    if packed.expressions is not None:
+        found[EXPRESSIONS_BINDING] = packed.expressions.records
+    if packed.locations is not None:
+        found[LOCATIONS] = packed.locations
+    if packed.mirrors is not None:
+        found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
+    if packed.shadows is not None:
+        found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
+    return found
 
 
 class _Part(NamedTuple):

@@ -23,8 +23,8 @@ class Shaders:
         self.types = binding_types(needs)
         self.layout = store.layout(self.types)
         self.has_parts = False
-        # Code for shadows is the same for all classes, and takes longer still to compile.
-        self._may_have_parts = store.in_parts and "shadows" not in needs.facts
+        # Code for mirrors is the same for all classes, and takes longer still to compile.
+        self._may_have_parts = store.in_parts and "mirrors" not in needs.facts
         self._whole = [needs.classes]
         self._sets: list[Classes] | None = None
         self._store = store

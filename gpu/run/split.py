@@ -25,17 +25,14 @@ def _part(packed: Packed, rows: slice) -> Packed:
     moved = np.repeat(solids["plane_start"].astype(np.int64) - start, count)
     half_spaces = np.take(packed.half_spaces, np.arange(count.sum()) + moved)
     solids["plane_start"] = start
-    shadows = packed.shadows
-    if shadows is not None:
-        # What hides lights does so from the points of either half.
-        shadows = replace(shadows, locations=shadows.locations[rows])
+    # What hides lights, and what mirrors show, is the same of the points of either half.
     return replace(
         packed,
         order=packed.order[rows],
         classes=packed.classes[rows],
         solids=solids,
         half_spaces=half_spaces,
-        shadows=shadows,
+        locations=None if packed.locations is None else packed.locations[rows],
     )
 
 

@@ -18,10 +18,12 @@ from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.run.needs import needs_of
 from halfstep.scene import Scene
-from halfstep.twin import encode, finish, finish_regions, keep, shadows
+from halfstep.twin import bounce, encode, finish, finish_regions, keep, shadows
 from halfstep.twin.chosen import Chosen, chosen_for, module
+from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32
 from halfstep.twin.normal import Vector
+from halfstep.twin.place import Point
 from halfstep.twin.region import NO_REGION, NOTHING_MET
 from halfstep.twin.shade import Light
 from halfstep.twin.sight import Seen
@@ -115,6 +117,22 @@ class Band:
         shown = (j < rows) & (i < width)
         _each(_put, self._nearest, new, window=(j[shown], i[shown]), shown=shown)
 
+    def _darkened(self, nearest: Nearest, points: Point) -> Nearest:
+        """Nearest points, with the lights that do not reach them."""
+        hidden = self._packed.shadows
+        if hidden is None or "shadows" not in self._facts:
+            return nearest
+        beams = module(self._packed.format.beam)
+        dark = shadows.find_shadows(hidden, nearest, points, beams, self._facts)
+        return nearest._replace(dark=dark)
+
+    def _lights(self) -> list[Light]:
+        """The lights of the frame; the first have shadows."""
+        hidden = self._packed.shadows if "shadows" in self._facts else None
+        dark = 0 if hidden is None else len(hidden.views)
+        rows = enumerate(self._packed.lights)
+        return [Light(row["vector"], row["color"], ix < dark) for ix, row in rows]
+
     def finish(self) -> Planes:
         """The requested outputs of all pixels."""
         self._finish_regions()
@@ -135,23 +153,30 @@ class Band:
     def _found(self) -> dict[str, Any]:
         """What is known of all pixels: members of their nearest points, and of what is shown."""
         nearest = self._nearest
-        if self._facts.isdisjoint({"normal", "shadows"}):
+        if self._facts.isdisjoint({"normal", "places"}):
             return nearest._asdict()
         j, i = np.mgrid[: self._shape[0], : self._shape[1]].astype(np.int32)
         j += np.int32(self._first_row)
-        hidden = self._packed.shadows if "shadows" in self._facts else None
-        if hidden is not None:
+        points = None
+        if self._packed.locations is not None and "places" in self._facts:
             beams = module(self._packed.format.beam)
-            points = shadows.find_points(hidden, nearest, i, j, beams)
-            nearest = nearest._replace(dark=shadows.find_shadows(hidden, nearest, points, beams))
+            points = shadows.find_points(self._packed.locations, nearest, i, j, beams)
+            nearest = self._darkened(nearest, points.point)
         if "normal" not in self._facts:
             return nearest._asdict()
-        dark = 0 if hidden is None else len(hidden.views)
-        lights = [
-            Light(row["vector"], row["color"], ix < dark)
-            for ix, row in enumerate(self._packed.lights)
-        ]
+        lights = self._lights()
         shown = finish.finish(nearest, i, j, self._frame, lights, self._facts)
+        if points is not None and self._packed.mirrors is not None and "mirrors" in self._facts:
+            asked = bounce.Asked(
+                self._packed.mirrors,
+                self._frame,
+                lights,
+                self._chosen,
+                self._facts,
+                self._darkened,
+            )
+            color = bounce.follow_mirrors(asked, nearest, points, shown.color, i, j)
+            shown = shown._replace(color=color)
         return nearest._asdict() | shown._asdict()
 
     def _finish_regions(self) -> None:

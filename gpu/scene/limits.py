@@ -13,7 +13,7 @@ from halfstep.scene.functions import function_count
 from halfstep.scene.groups import Fragment
 from halfstep.scene.lattices import MAX_PLACES
 from halfstep.scene.region import Complement, Literal, Region
-from halfstep.scene.tables import Accuracy
+from halfstep.scene.tables import Accuracy, Image, Material
 
 MAX_SURFACES = 4096
 # Lights with shadows, of which the output `shadow` has a bit each.
@@ -70,6 +70,37 @@ def shadow_faults(
         text = "true: shadows are not drawn of tori and formulas yet, and the scene has some"
         faults += [(("light", index, "shadows"), text) for index in lights]
     return [*faults, *_of_parts(scene, ())]
+
+
+def mirror_faults(
+    scene: Fragment,
+    materials: Sequence[Material],
+    image: Image,
+    accuracy: Accuracy,
+    solids: Sequence[BaseSolid],
+) -> list[Fault]:
+    """What of a scene reflects that is not drawn so."""
+    faults: list[Fault] = []
+    for index, material in enumerate(materials):
+        loc = ("material", index, "reflection")
+        if material.reflection == 0:
+            continue
+        shown = show(material.reflection)
+        if image.bounces == 0:
+            faults.append((loc, f"{shown}: image.bounces is 0, and a mirror needs 1 or more"))
+        if scene.cells or scene.places or scene.lattices:
+            text = f"{shown}: mirrors are drawn of solids alone, and the scene has cells"
+            faults.append((loc, text))
+        if any(solid.is_algebraic for solid in solids):
+            text = (
+                f"{shown}: mirrors are not drawn of tori and formulas yet, and the scene has some"
+            )
+            faults.append((loc, text))
+    reflects = any(material.reflection for material in materials)
+    if reflects and accuracy.number_format != "float32":
+        text = f"{show(accuracy.number_format)} cannot draw mirrors yet; use float32"
+        faults.append((("accuracy", "number_format"), text))
+    return faults
 
 
 def _of_parts(fragment: Fragment, loc: Loc) -> Iterator[Fault]:

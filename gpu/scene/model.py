@@ -32,7 +32,7 @@ from halfstep.scene.faults import Fault, fault, line, show
 from halfstep.scene.gathering import with_what_is_named
 from halfstep.scene.groups import Cell, Fragment
 from halfstep.scene.keys import Animation
-from halfstep.scene.limits import algebraic_faults, limit_faults, shadow_faults
+from halfstep.scene.limits import algebraic_faults, limit_faults, mirror_faults, shadow_faults
 from halfstep.scene.names import get, name_faults
 from halfstep.scene.placement import unit
 from halfstep.scene.solids import Solid
@@ -133,6 +133,7 @@ class Scene(Fragment, _Tables):
             *limit_faults(self),
             *shadow_faults(self, [each.shadows for each in self.lights], self.solids),
             *algebraic_faults(self.solids, self.accuracy),
+            *mirror_faults(self, self.materials, self.image, self.accuracy, self.solids),
         ]
 
     @classmethod
@@ -214,6 +215,10 @@ class Scene(Fragment, _Tables):
         for material in content["material"]:
             if material["id"] is None:
                 del material["id"]
+            if not material["reflection"]:
+                del material["reflection"]
+        if content["image"]["bounces"] == 1:
+            del content["image"]["bounces"]
         return _digest({**content, "solid": solids_sha256})
 
     def effective_lights(self) -> tuple[Light, ...]:

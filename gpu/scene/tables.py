@@ -91,6 +91,7 @@ class Image(Table):
     height: Annotated[int, Field(ge=1, le=MAX_SIDE)] = 480
     samples: Annotated[int, Field(ge=1, le=8)] = 1
     background: Color = (0.02, 0.02, 0.03)
+    bounces: Annotated[int, Field(ge=0, le=8)] = 1
 
     @field_validator("samples")
     @classmethod
@@ -190,6 +191,7 @@ class Material(Table):
     Attributes:
         id: number in the output ``material``; without one, its place among the materials, from 1.
         specular: weight of the highlight, 0..1.
+        reflection: how much of what is seen it mirrors, 0..1; the rest shows its colour.
         shininess: exponent of the highlight; whole, because the highlight is an exact chain of
             multiplications.
     """
@@ -198,4 +200,5 @@ class Material(Table):
     id: Annotated[int, Field(ge=0, le=MAX_ID)] | None = None
     color: Color
     specular: Fraction = 0.0
+    reflection: Fraction = 0.0
     shininess: Annotated[int, Field(ge=1, le=1024)] = 40

@@ -12,17 +12,21 @@ from halfstep.contract.classes import Class
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import (
     APPEARANCE,
+    BALL,
+    BODY,
     BOX,
     CURVED,
     EXPRESSION,
+    FACE,
     FLAT,
     HALF_SPACE,
     LIGHT_VIEW,
     LOCATION,
+    MIRRORS,
     OCCLUDER,
     POLYNOMIAL,
     REGION,
-    SIDE,
+    SLAB,
     SOLID,
     TILE_WORDS,
     Record,
@@ -43,15 +47,21 @@ REGION_RECORDS = {
 }
 
 
-# And what hides lights.
+# Where points are, what hides lights, and what mirrors show.
+PLACE_RECORDS = {"locations": LOCATION}
 SHADOW_RECORDS = {
-    "locations": LOCATION,
     "light_views": LIGHT_VIEW,
     "occluders": OCCLUDER,
-    "sides": SIDE,
+    "slabs": SLAB,
     "boxes": BOX,
 }
-_SHADOW_NAMES = ("location", "light_view", "occluder", "side", "box")
+MIRROR_RECORDS = {
+    "mirrors": MIRRORS,
+    "bodies": BODY,
+    "faces": FACE,
+    "balls": BALL,
+}
+_NAMES = {"light_views": "light_view", "bodies": "body", "boxes": "box", "mirrors": "mirrors"}
 
 
 def fetches(needs: Needs) -> str:
@@ -73,29 +83,39 @@ def fetches(needs: Needs) -> str:
     if Class.FORMULA in needs.classes:
         record = EXPRESSION.counted(NUMBERS=needs.numbers)
         functions.append(_record_at(needs, record, "expressions", "expression"))
-    if "shadows" in needs.facts:
-        functions += [
-            _record_at(needs, record, array, name)
-            for (array, record), name in zip(SHADOW_RECORDS.items(), _SHADOW_NAMES, strict=True)
-        ]
-        functions.append(_box_alone(needs))
+    placed: dict[str, Record] = {}
+    placed |= PLACE_RECORDS if "places" in needs.facts else {}
+    placed |= SHADOW_RECORDS if "shadows" in needs.facts else {}
+    placed |= MIRROR_RECORDS if "mirrors" in needs.facts else {}
+    for array, record in placed.items():
+        name = _NAMES.get(array, array.removesuffix("s"))
+        functions.append(_record_at(needs, record, array, name))
+        if record in (BOX, BALL):
+            functions.append(_alone(needs, record, array, name))
     return "\n".join(functions)
 
 
-def _box_alone(needs: Needs) -> str:
-    """The function that fetches a box for one invocation."""
-    body = "  return boxes[number];\n"
+def _alone(needs: Needs, record: Record, array: str, name: str) -> str:
+    """The function that fetches a record of eight floats at most for one invocation."""
+    body = f"  return {array}[number];\n"
     if needs.together > 1:
-        words = [f"bitcast<f32>({half}.{axis})" for axis in "xyz" for half in ("low", "high")]
-        halves = [f"array<f32, 3>({', '.join(words[k : k + 3])})" for k in (0, 3)]
+        words = iter(f"bitcast<f32>({half}.{axis})" for axis in "xyzw" for half in ("low", "high"))
+        members = ""
+        for field in record.fields:
+            taken = ", ".join(next(words) for _ in range(int(field.count)))
+            members += (
+                f"    array<f32, {field.count}>({taken}),\n"
+                if field.count != 1
+                else f"    {taken},\n"
+            )
         body = (
-            "  let piece = boxes[number];\n"
+            f"  let piece = {array}[number];\n"
             "  let low = vec4<u32>(piece);\n"
             "  let high = vec4<u32>(piece >> vec4<u32>(32u));\n"
-            f"  return Box(\n    {halves[0]},\n    {halves[1]},\n  );\n"
+            f"  return {record.name}(\n{members}  );\n"
         )
-    head = "// A box, which each invocation fetches for itself.\nfn box_alone(number: u32) -> Box {"
-    return f"{head}\n{body}}}\n"
+    head = f"// A record of `{array}`, which each invocation fetches for itself.\n"
+    return f"{head}fn {name}_alone(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
 def _tile_at(needs: Needs) -> str:

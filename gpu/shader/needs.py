@@ -10,7 +10,7 @@ from halfstep.contract.classes import Class
 from halfstep.contract.expressions import Program
 from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
-from halfstep.contract.shadows import Kind
+from halfstep.contract.shadows import GROUP
 
 # A tag is the number of a surface, where a scene has no more than this.
 MOST_TAGS = 255
@@ -57,9 +57,11 @@ class Needs:
     conveyor: str = "conveyor"  # the stage that finds where roots are
     parallel: bool = False  # rays are
     shadows: int = 0  # lights that have them
+    bounces: int = 0  # between mirrors, 0 where there are none
     far_lights: int = 0  # of these, such as have no place
-    hides: frozenset[Kind] = frozenset()  # kinds of solids before lights
+    curves: bool = False  # a solid before these has a quadric
     encloses: bool = False  # a light may be inside a solid
+    many: bool = False  # more than a few solids are before a light
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -80,17 +82,21 @@ class Needs:
             wanted |= {"point_lights"} if self.point_lights else set()
         if self.shadows and self.outputs & {"image", "color", "shadow"}:
             wanted.add("shadows")
-            wanted |= {"far_lights"} if self.far_lights else set()
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
-            wanted |= {f"hides_{kind.name.lower()}" for kind in self.hides}
+            wanted |= {"curves"} if self.curves else set()
+            wanted |= {"many_shadows"} if self.many and self.together >= GROUP else set()
+        if self.bounces and self.outputs & {"image", "color"}:
+            wanted.add("mirrors")
+        if wanted & {"shadows", "mirrors"}:
+            wanted.add("places")
         if self.together > 1:
             wanted.add("broadcast")
         if self.has_regions:
             wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
             wanted |= {"surfaces_5"} if self.surfaces > 4 else set()
             wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
-        if "shadows" in wanted or wanted >= {"regions", "normal"}:
+        if "places" in wanted or wanted >= {"regions", "normal"}:
             wanted.add("position")
         if self.balls:
             wanted.add("ball")
@@ -130,7 +136,7 @@ class Needs:
         is_long |= Class.FORMULA in self.classes
         if is_long or shades_long:
             return 1
-        is_alone = len(self.classes) <= 1 and not walks and "shadows" not in self.facts
+        is_alone = len(self.classes) <= 1 and not walks
         return 4 if self.together > 1 and is_alone else 2
 
     @property

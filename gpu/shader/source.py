@@ -24,16 +24,24 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from itertools import product
 
 from halfstep.contract import program
 from halfstep.contract.classes import Class
-from halfstep.contract.layout import LANES, TILE
+from halfstep.contract.layout import LANES, TILE, Record
+from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
+from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
-from halfstep.contract.stages import HIDES, STAGES, VISITS, Kind, files_of
+from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
 from halfstep.shader.expand import expand
-from halfstep.shader.fetch import FETCHED, REGION_RECORDS, SHADOW_RECORDS, fetches
+from halfstep.shader.fetch import (
+    FETCHED,
+    MIRROR_RECORDS,
+    PLACE_RECORDS,
+    REGION_RECORDS,
+    SHADOW_RECORDS,
+    fetches,
+)
 from halfstep.shader.formulas import formulas
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
@@ -42,11 +50,12 @@ from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offs
 # long to compile: llvmpipe needs minutes for 128.
 MAX_LINES = 8
 
-# Where what hides lights is bound.
-SHADOW_BINDINGS = range(15, 15 + len(SHADOW_RECORDS))
-
+# Where the places of points, what hides lights, and what mirrors show are bound.
+LOCATIONS = 15
+SHADOW_BINDINGS = range(16, 16 + len(SHADOW_RECORDS))
+MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_RECORDS))
 # Where formulas of solids are bound.
-EXPRESSIONS_BINDING = SHADOW_BINDINGS.stop
+EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 
 # What words of programs are made of.
 WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "HIDDEN", "SIDE")
@@ -90,7 +99,6 @@ def _definitions(needs: Needs) -> list[Definition]:
         formulas(needs),
         fetches(needs),
         *_visits(needs),
-        *hides(needs),
         _expanded(needs, render),
     ]
     library = (item for text in texts for item in definitions(text))
@@ -108,22 +116,6 @@ def _visits(needs: Needs) -> Iterator[str]:
         visit = VISITS[needs.method, klass]
         text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads)
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
-
-
-def hides(needs: Needs) -> Iterator[str]:
-    """How solids of each kind before lights are tried, alone and in lists."""
-    for kind, lamp in product(sorted(needs.hides), ("far_lights", "lamps")):
-        if lamp not in needs.facts:
-            continue
-        known, name = HIDES[kind], kind.name.lower()
-        facts = needs.facts | known.facts
-        if lamp == "lamps":
-            facts, name = facts | {"lamp"}, f"{name}_lamp"
-        text = expand(stage(known.file), facts, needs.quads)
-        yield text.replace(f"fn {known.file}(", f"fn hide_{name}(")
-        text = expand(stage("hide_list"), facts, needs.quads)
-        text = text.replace("fn hide_list(", f"fn hide_list_{name}(")
-        yield text.replace(" hide(", f" hide_{name}(")
 
 
 def constants(needs: Needs) -> str:
@@ -148,6 +140,9 @@ def constants(needs: Needs) -> str:
         "CLASSES": len(needs.classes),
         "SHADOWS": needs.shadows,
         "FAR_LIGHTS": needs.far_lights,
+        "GROUPED": GROUP,
+        "BOUNCES": needs.bounces,
+        "MIRROR_STEPS": MIRROR_STEPS,
         **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
@@ -178,9 +173,21 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[10 + len(REGION_RECORDS)] = "read-only-storage"
     if needs.programs:  # likewise
         types[EXPRESSIONS_BINDING] = "read-only-storage"
-    if "shadows" in needs.facts:
-        types |= dict.fromkeys(SHADOW_BINDINGS, "read-only-storage")
+    types |= dict.fromkeys(_placed(needs), "read-only-storage")
     return types
+
+
+def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
+    """Arrays that shadows and mirrors need, by binding."""
+    found: list[tuple[int, tuple[str, Record]]] = []
+    for fact, first, records in (
+        ("places", LOCATIONS, PLACE_RECORDS),
+        ("shadows", SHADOW_BINDINGS.start, SHADOW_RECORDS),
+        ("mirrors", MIRROR_BINDINGS.start, MIRROR_RECORDS),
+    ):
+        if fact in needs.facts:
+            found += enumerate(records.items(), start=first)
+    return dict(found)
 
 
 def bindings(needs: Needs) -> str:
@@ -227,8 +234,7 @@ def bindings(needs: Needs) -> str:
         expression = "Expression" if needs.together == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({EXPRESSIONS_BINDING})"
         lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
-    if "shadows" in needs.facts:
-        for number, (name, record) in zip(SHADOW_BINDINGS, SHADOW_RECORDS.items(), strict=True):
-            type_ = record.name if needs.together == 1 else "vec4<u64>"
-            lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
+    for number, (name, record) in _placed(needs).items():
+        type_ = record.name if needs.together == 1 else "vec4<u64>"
+        lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
     return "\n".join(lines) + "\n"

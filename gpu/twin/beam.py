@@ -10,6 +10,8 @@ from halfstep.twin.place import Beam, Point
 from halfstep.twin.rays import Ray
 
 ONE = np.float32(1)
+# No slope of a half-space is smaller.
+LEAST_SLOPE = np.float32(2.0**-60)
 
 
 def times(a: F32, b: F32) -> F32:
@@ -22,16 +24,18 @@ def far_ray(beam: Beam, occluder: np.void) -> Ray:
     x, y, v = (part.astype(np.float32) * occluder["unit"] for part in beam)
     one, two = np.ones_like(x), np.float32(2)
     near = (np.abs(x) <= two) & (np.abs(y) <= two) & (v <= ONE)
-    return Ray(x, y, one, one, v, -one, -one, np.zeros_like(x), near)
+    return Ray(x, y, one, one, v, -one, -one, np.full_like(x, occluder["end"]), near)
 
 
-def lamp_ray(beam: Beam, occluder: np.void) -> Ray:
-    """The ray to a lamp. Where the lamp is near, points are counted from it."""
+def light_ray(beam: Beam, occluder: np.void) -> Ray:
+    """The ray to any light. Where a lamp is near, points are counted from it."""
     x, y, v = (part.astype(np.float32) * occluder["unit"] for part in beam)
     one = np.ones_like(x)
     if int(occluder["flags"]) & Shade.AT_LAMP:
         return Ray(x, y, v, one, -one, -one, -np.zeros_like(x), one, np.ones(x.shape, bool))
-    h = (occluder["reach"] - beam.v).astype(np.float32) * occluder["weight"]
+    h = one
+    if occluder["reach"]:
+        h = (occluder["reach"] - beam.v).astype(np.float32) * occluder["weight"]
     near = (h > 0) & (v <= ONE) & (np.maximum(np.abs(x), np.abs(y)) <= h + h)
     return Ray(x, y, h, h, v, -one, -one, np.full_like(x, occluder["end"]), near)
 

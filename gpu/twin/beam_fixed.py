@@ -20,6 +20,8 @@ RADIUS_BITS = 28
 RADIUS = np.int32(1 << RADIUS_BITS)
 # Nothing of an occluder is before -1 1/8 radii.
 BEFORE = np.int64(-9 << (RADIUS_BITS - 3))
+# No slope of a half-space is smaller.
+LEAST_SLOPE = np.int32(1)
 _MOST = np.int64(2 << RADIUS_BITS)
 
 
@@ -63,24 +65,27 @@ def far_ray(beam: Beam, occluder: np.void) -> Ray:
         start_on(v),
         -radius,
         -radius,
-        np.zeros_like(radius),
+        np.full_like(radius, occluder["end"]),
         near,
     )
 
 
-def lamp_ray(beam: Beam, occluder: np.void) -> Ray:
-    """The ray to a lamp. Where the lamp is near, points are counted from it."""
+def light_ray(beam: Beam, occluder: np.void) -> Ray:
+    """The ray to any light. Where a lamp is near, points are counted from it."""
     at_lamp = bool(int(occluder["flags"]) & Shade.AT_LAMP)
     x, y, v = (radii_of(part, int(occluder["level"])) for part in beam)
     shift = int(occluder["factor_shift"])
     ahead = np.int64(occluder["reach"]) - beam.v.astype(np.int64)
     half = np.int64((1 << shift) >> 1)
     h = (ahead * np.int64(occluder["factor"]) + half) >> np.int64(shift)
+    is_far = not at_lamp and occluder["reach"] == 0
+    if is_far:
+        h = np.full_like(h, 1 << RADIUS_BITS)
     across = np.maximum(np.abs(x), np.abs(y))
     radius = np.full(x.shape, RADIUS)
     size = np.maximum(across, np.abs(v)) if at_lamp else np.maximum(h, np.int64(1))
     most = size + size
-    excess = excess_bits(most)
+    excess = np.zeros(x.shape, np.uint32) if is_far else excess_bits(most)
     z = shifted(within(v if at_lamp else h, most), excess)
     x, y = within(x, most), within(y, most)
     if at_lamp:

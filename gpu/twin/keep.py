@@ -135,7 +135,7 @@ def keep(
         new = new._replace(met=either_met(nearer, met, old.met))
     if "position" in facts:
         new = new._replace(position=np.where(nearer, sight.position, old.position))
-    if "shadows" in facts:
+    if "places" in facts:
         new = new._replace(turned=np.where(nearer, turned, old.turned))
     return new
 

@@ -7,18 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from halfstep.contract.layout import SLAB_BITS, SLAB_LIT
 from halfstep.twin import beam, beam_fixed
 from halfstep.twin.lanes import U32, Bools, Form
-from halfstep.twin.patch import Patch
 from halfstep.twin.piece import Line, Piece, clip, remains
 from halfstep.twin.rays import Ray
 from halfstep.twin.root import outside_at_entry, outside_at_exit, turns_within
-from halfstep.twin.values import product
+from halfstep.twin.values import Values, product
 
 
 def beams_of(ray: Ray) -> ModuleType:
     """The rays to lights of the number format of one."""
-    return beam_fixed if ray.x.dtype.kind == "i" else beam
+    return beams_of_values(ray.x)
+
+
+def beams_of_values(values: Values) -> ModuleType:
+    """The same of values."""
+    return beam_fixed if values.dtype.kind == "i" else beam
 
 
 def curve_along(occluder: np.void, ray: Ray) -> Form:
@@ -41,10 +46,61 @@ def far_curve(occluder: np.void, ray: Ray) -> Form:
     )
 
 
-def side_along(side: np.void, ray: Ray) -> Line:
-    """A half-space along the ray."""
+def slab_along(slab: np.void, ray: Ray) -> Line:
+    """The first half-space of a slab along the ray."""
     first: Any = beams_of(ray).first_order
-    return Line(first(side["c"], ray, ray.t), first(side["b"], ray, ray.z))
+    return Line(first(slab["c"], ray, ray.t), first(slab["b"], ray, ray.z))
+
+
+def far_slab(slab: np.void, ray: Ray) -> Line:
+    """The same to a light far away."""
+    first: Any = beams_of(ray).first_order
+    return Line(first(slab["c"], ray, ray.t), np.full_like(ray.x, slab["b"][0]))
+
+
+def second_along(slab: np.void, line: Line, ray: Ray) -> Line:
+    """The second half-space, given the first."""
+    times: Any = beams_of(ray).times
+    width = np.full_like(ray.x, slab["width"])
+    return Line(-line.c - times(width, ray.t), -line.b)
+
+
+def first_number(slab: np.void) -> np.uint32:
+    """The surface of the first after that of F."""
+    return np.uint32(int(slab["numbers"]) & ((1 << SLAB_BITS) - 1))
+
+
+def second_number(slab: np.void) -> np.uint32:
+    """The same of the second, 0 where there is none."""
+    return np.uint32((int(slab["numbers"]) >> SLAB_BITS) & ((1 << SLAB_BITS) - 1))
+
+
+def first_is_lit(slab: np.void) -> bool:
+    """The light is outside of it."""
+    return bool(int(slab["numbers"]) & SLAB_LIT)
+
+
+def second_is_lit(slab: np.void) -> bool:
+    """The light is outside of it."""
+    return bool(int(slab["numbers"]) & SLAB_LIT << 1)
+
+
+def between(piece: Piece, line: Line, other: Line, both: bool) -> Piece:
+    """The part of a piece inside a half-space, and, if there is one, inside the opposite one.
+
+    A ray enters one of them and leaves the other.  One along them passes both, but hardly.
+    """
+    enters = line.b < 0
+    slope = np.maximum(np.abs(line.b), beams_of_values(line.b).LEAST_SLOPE)
+    c_in, c_out = np.where(enters, line.c, other.c), np.where(enters, other.c, line.c)
+    later = (enters | both) & (product(c_in, piece.b_in) < product(piece.c_in, -slope))
+    earlier = (~enters | both) & (product(c_out, piece.b_out) > product(piece.c_out, slope))
+    return piece._replace(
+        c_in=np.where(later, c_in, piece.c_in),
+        b_in=np.where(later, -slope, piece.b_in),
+        c_out=np.where(earlier, c_out, piece.c_out),
+        b_out=np.where(earlier, slope, piece.b_out),
+    )
 
 
 def whole_ray(ray: Ray) -> Piece:
@@ -86,15 +142,6 @@ def comes_out(form: Form, rest: Line, piece: Piece, on_curve: Bools) -> Bools:
     turns = turns_within(Form(-form.a, -form.g, -form.c), piece)
     outside = outside_at_entry(form, piece) | outside_at_exit(form, piece) | turns
     return np.where(on_curve, starts_beyond(rest, piece) | ends_beyond(rest, piece), outside)
-
-
-def passed(line: Line, piece: Piece) -> Patch:
-    """The plane of a patch turned so that the ray passes it from + to -; met if on its way."""
-    away = line.b > 0
-    ahead = Line(np.where(away, -line.c, line.c), np.where(away, -line.b, line.b))
-    behind = product(ahead.c, piece.b_out) < product(piece.c_out, ahead.b)
-    hit = (ahead.b < 0) & starts_beyond(ahead, piece) & behind
-    return Patch(hit, away, ahead.c, ahead.b)
 
 
 def own_shadow(faces: Bools, turned: U32, again: Bools, enclosed: Bools, casts: bool) -> Bools:

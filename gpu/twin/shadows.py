@@ -5,18 +5,18 @@ All occluders are tried: what is left out of a list hides nothing, and their ord
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Collection
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from halfstep.contract.shadows import Kind, PackedShadows
-from halfstep.contract.stages import HIDES
-from halfstep.twin.chosen import module
+from halfstep.contract.arrays import Records
+from halfstep.contract.shadows import PackedShadows
+from halfstep.twin.hide import hide
 from halfstep.twin.keep import Nearest
-from halfstep.twin.lanes import I32, U32
+from halfstep.twin.lanes import F32, I32, U32
 from halfstep.twin.place import (
     NO_POINT,
-    Beam,
     Point,
     beam_of,
     either_point,
@@ -25,19 +25,42 @@ from halfstep.twin.place import (
 )
 
 
-def find_points(shadows: PackedShadows, nearest: Nearest, i: I32, j: I32, beams: Any) -> Point:
-    """Where the nearest points are; ``i`` and ``j`` are pixels, ``beams`` as below."""
+class Mirror(NamedTuple):
+    """Points, and how much of what they show they mirror."""
+
+    point: Point
+    reflection: F32
+
+
+def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any) -> Mirror:
+    """Where the nearest points are, and how much they mirror.
+
+    Args:
+        locations: of solids.
+        nearest: the points as they are seen.
+        i: columns of the picture.
+        j: rows.
+        beams: the module of rays of the number format.
+    """
     points = Point(*(np.zeros(nearest.surface.shape, np.int32) for _ in NO_POINT))
-    for location in shadows.locations:
+    weight = np.zeros(nearest.surface.shape, np.float32)
+    for location in locations:
         mine = is_own(nearest.surface, location["surface"], location["count"])
         if mine.any():
             x, y = i - location["center_x"], j - location["center_y"]
             found = beams.point_at(location, x, y, nearest.position)
             points = either_point(mine, found, points)
-    return points
+            weight = np.where(mine, location["reflection"], weight)
+    return Mirror(points, weight)
 
 
-def find_shadows(shadows: PackedShadows, nearest: Nearest, points: Point, beams: Any) -> U32:
+def find_shadows(
+    shadows: PackedShadows,
+    nearest: Nearest,
+    points: Point,
+    beams: Any,
+    facts: Collection[str],
+) -> U32:
     """The bits of lights that are hidden from the points, or that they are turned away from.
 
     Args:
@@ -45,26 +68,16 @@ def find_shadows(shadows: PackedShadows, nearest: Nearest, points: Point, beams:
         nearest: the points as they are seen.
         points: the same on the grid.
         beams: the module of rays of the number format.
+        facts: of the frame.
     """
     some = nearest.surface > 0
     dark = np.zeros(some.shape, np.uint32)
-    for ix, view in enumerate(shadows.views):
-        is_lamp = ix >= shadows.far_lights
-        axes = tuple(view[name] for name in ("axis", "sign", "shear_x", "shear_y"))
-        beam = beam_of(points, int(axes[0]), *axes[1:])
-        for kind in Kind:
-            hides = HIDES[kind]
-            facts = hides.facts | ({"lamp"} if is_lamp else set())
-            hide: Any = getattr(module(hides.file), hides.file)
-            for occluder in shadows.occluders[view["starts"][kind] : view["starts"][kind + 1]]:
-                center = occluder["center"]
-                if is_lamp:
-                    own = (occluder[name] for name in ("sign", "shear_x", "shear_y"))
-                    away = beam_of(point_from(points, *center), int(occluder["axis"]), *own)
-                    ray = beams.lamp_ray(away, occluder)
-                else:
-                    away = Beam(*(part - at for part, at in zip(beam, center, strict=True)))
-                    ray = beams.far_ray(away, occluder)
-                hidden = hide(occluder, shadows.sides, ray, nearest, facts)
-                dark |= np.where(some & hidden, view["bit"], np.uint32(0))
+    ray_of = beams.light_ray if "lamps" in facts else beams.far_ray
+    for view in shadows.views:
+        for occluder in shadows.occluders[view["first"] : view["end"]]:
+            axes = (occluder[name] for name in ("sign", "shear_x", "shear_y"))
+            from_center = point_from(points, *occluder["center"])
+            ray = ray_of(beam_of(from_center, int(occluder["axis"]), *axes), occluder)
+            hidden = hide(occluder, shadows.slabs, ray, nearest, facts)
+            dark |= np.where(some & hidden, view["bit"], np.uint32(0))
     return dark

@@ -1,0 +1,81 @@
+"""Twin of ``hide.wgsl``: a solid before a light."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.layout import Shade
+from halfstep.twin.keep import Nearest
+from halfstep.twin.lanes import Bools
+from halfstep.twin.piece import remains
+from halfstep.twin.place import is_own
+from halfstep.twin.rays import Ray
+from halfstep.twin.shadow import (
+    between,
+    comes_out,
+    curve_along,
+    ends_beyond,
+    far_curve,
+    far_slab,
+    first_is_lit,
+    first_number,
+    is_met,
+    is_met_again,
+    own_shadow,
+    rest_of,
+    second_along,
+    second_is_lit,
+    second_number,
+    slab_along,
+    starts_beyond,
+    whole_ray,
+)
+
+
+def hide(
+    occluder: np.void,
+    slabs: NDArray[np.void],
+    ray: Ray,
+    nearest: Nearest,
+    facts: Collection[str],
+) -> Bools:
+    """The pixels from which it hides the light."""
+    flags, surface = int(occluder["flags"]), int(occluder["surface"])
+    casts, encloses = bool(flags & Shade.CASTS), bool(flags & Shade.ENCLOSES)
+    along = slab_along if "lamps" in facts else far_slab
+    whole = piece = whole_ray(ray)
+    faces = np.zeros(ray.near.shape, bool)
+    leaves = np.zeros(ray.near.shape, bool)
+    for k in range(int(occluder["slab_count"])):
+        slab = slabs[int(occluder["slab_start"]) + k]
+        both = bool(second_number(slab))
+        line = along(slab, ray)
+        other = second_along(slab, line, ray)
+        on_first = nearest.surface == np.uint32(surface) + first_number(slab)
+        on_second = nearest.surface == np.uint32(surface) + second_number(slab)
+        first = (starts_beyond(line, whole) & ~on_first) | ends_beyond(line, whole)
+        second = (starts_beyond(other, whole) & ~on_second) | ends_beyond(other, whole)
+        leaves |= first | (second & both)
+        piece = between(piece, line, other, both)
+        faces |= on_first & first_is_lit(slab)
+        faces |= on_second & (both and second_is_lit(slab))
+    own = is_own(nearest.surface, occluder["first"], occluder["count"])
+    again = np.zeros(own.shape, bool)
+    hidden = remains(piece) & ray.near
+    if "curves" in facts:
+        form = curve_along(occluder, ray) if "lamps" in facts else far_curve(occluder, ray)
+        rest = rest_of(form, ray, bool(flags & Shade.AT_LAMP))
+        on_curve = own & (nearest.surface == np.uint32(surface))
+        faces = np.where(on_curve, starts_beyond(rest, whole), faces)
+        again = on_curve & is_met_again(rest, piece)
+        hidden = is_met(form, piece) & ray.near
+        leaves |= comes_out(form, rest, whole, on_curve)
+    enclosed = np.full(own.shape, not flags & Shade.FLAT)
+    if encloses:
+        hidden = leaves
+        enclosed &= leaves
+    dark = own_shadow(faces, nearest.turned, again, enclosed, casts)
+    return np.where(own, dark, hidden & casts)

@@ -1,0 +1,149 @@
+"""What mirrors show, in extended precision: where reflected rays change sides of solids, sorted.
+
+It knows no grid, no bodies and no base points. Of the surface that a ray begins on, the root there
+is known, and left out.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.host.camera import view
+from halfstep.scene import PlanePatch, QuadricSolid, Scene
+from tests.oracle import Oracle
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+Wide = NDArray[np.longdouble]
+
+LD = np.longdouble
+
+
+class Met(NamedTuple):
+    """What rays meet, arrays (N,) and (N, 3)."""
+
+    solid: Ints  # -1 where nothing
+    surface: Ints
+    point: Wide
+    direction: Wide  # of the ray
+
+
+class MirrorOracle:
+    """Mirrors of one scene at one picture size.
+
+    Args:
+        scene: of solids.
+        oracle: what the rays of its pixels hit.
+    """
+
+    def __init__(self, scene: Scene, oracle: Oracle) -> None:
+        self.scene, self.oracle = scene, oracle
+        self._view = view(scene.camera, oracle.size)
+
+    def at(self, i: Any, j: Any) -> list[Met]:
+        """What is met at pixels (N,), which may have fractions, and then after every bounce."""
+        trace = self.oracle.trace((i, j))
+        depth = np.where(trace.solid >= 0, trace.depth, 0.0).astype(LD)[:, None]
+        starts, directions = self._view.starts(i, j), self._view.directions(i, j)
+        point = self._view.eye.astype(LD) + (starts.astype(LD) + depth * directions.astype(LD))
+        met = [Met(trace.solid, trace.surface, point, _unit(directions.astype(LD)))]
+        for _ in range(self.scene.image.bounces):
+            met.append(self._next(met[-1]))
+        return met
+
+    def _next(self, old: Met) -> Met:
+        """What the rays meet that go on from mirrors."""
+        normal = np.zeros_like(old.point)
+        for ix, solid in enumerate(self.scene.solids):
+            own = old.solid == ix
+            normal[own] = _normals(solid, old.point[own], old.surface[own])
+        normal[old.solid < 0, 2] = 1
+        normal = _unit(normal)
+        along = (old.direction * normal).sum(axis=1, keepdims=True)
+        direction = _unit(old.direction - 2 * along * normal)
+        time = np.full(len(normal), np.inf, LD)
+        solids, surfaces = np.full((2, len(normal)), -1, np.int32)
+        for ix, solid in enumerate(self.scene.solids):
+            of_own = np.where(old.solid == ix, old.surface, -1)
+            find: Any = _crosses if isinstance(solid, PlanePatch) else _changes
+            at, surface = find(solid, old.point, direction, of_own)
+            nearer = (at < time) & (old.solid >= 0)
+            time = np.where(nearer, at, time)
+            solids[nearer], surfaces[nearer] = ix, surface[nearer]
+        point = old.point + np.where(np.isfinite(time), time, 0)[:, None] * direction
+        return Met(solids, surfaces, point, direction)
+
+
+def _unit(vectors: Wide) -> Wide:
+    return np.asarray(vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True)))
+
+
+def _local(solid: Any, points: Wide, directions: Wide) -> tuple[Wide, Wide]:
+    turn = solid.world_from_local().astype(LD)
+    return (points - np.array(solid.origin, LD)) @ turn, directions @ turn
+
+
+def _normals(solid: Any, points: Wide, surface: Ints) -> Wide:
+    """World vectors (N, 3) along the normals of a solid."""
+    x, _ = _local(solid, points, points)
+    normal = np.zeros_like(x)
+    for k, row in enumerate(solid.half_spaces().astype(LD)):
+        normal[surface == (k if isinstance(solid, PlanePatch) else k + 1)] = row[:3]
+    if isinstance(solid, QuadricSolid):
+        q = solid.quadric().astype(LD)
+        normal[surface == 0] = (x @ q[:3, :3] + q[:3, 3])[surface == 0]
+    return np.asarray(normal @ solid.world_from_local().astype(LD).T)
+
+
+def _changes(solid: Any, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints]:
+    """Where rays first enter a solid, or leave it if they begin inside, and through what."""
+    x, d = _local(solid, points, directions)
+    rows = solid.half_spaces().astype(LD)
+    c = np.where(own[:, None] == 1 + np.arange(len(rows)), 0, x @ rows[:, :3].T - rows[:, 3])
+    b = d @ rows[:, :3].T
+    functions = [(k + 1, np.zeros(len(x), LD), b[:, k], c[:, k]) for k in range(len(rows))]
+    if isinstance(solid, QuadricSolid):
+        q = solid.quadric().astype(LD)
+        value = ((x @ q[:3, :3] + 2 * q[:3, 3]) * x).sum(axis=1) + q[3, 3]
+        slope = 2 * ((x @ q[:3, :3] + q[:3, 3]) * d).sum(axis=1)
+        bend = ((d @ q[:3, :3]) * d).sum(axis=1)
+        functions.append((0, bend, slope, np.where(own == 0, 0, value)))
+    times, through = [], []
+    with np.errstate(all="ignore"):
+        for number, a, g, f in functions:
+            root = np.sqrt(g * g - 4 * a * f)
+            half = -(g + np.where(g >= 0, root, -root)) / 2
+            times += [half / a, np.where(half == 0, 0, f / half)]
+            through += [np.full(len(x), number, np.int32)] * 2
+        events, numbers = np.array(times), np.array(through)
+        events = np.where(np.isfinite(events) & (events > 0), events, np.inf)
+        order = np.argsort(events, axis=0)
+        events = np.take_along_axis(events, order, axis=0)
+        numbers = np.take_along_axis(numbers, order, axis=0)
+        begin = np.concatenate([np.zeros((1, len(x)), LD), events])
+        end = np.concatenate([events, np.full((1, len(x)), np.inf, LD)])
+        middle = np.where(np.isfinite(end), (begin + end) / 2, 2 * begin + 1)
+        there = np.isfinite(begin)
+        for _, a, g, f in functions:
+            there &= (a * middle + g) * middle + f <= 0
+    changes = (there[1:] != there[0]) & (events < np.inf) & (end[1:] > begin[1:])
+    first = changes.argmax(axis=0)
+    column = np.arange(len(x))
+    found = changes[first, column]
+    return np.where(found, events[first, column], np.inf), numbers[first, column]
+
+
+def _crosses(solid: PlanePatch, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints]:
+    """Where rays cross a bounded plane."""
+    x, d = _local(solid, points, directions)
+    rows = solid.half_spaces().astype(LD)
+    c, b = x @ rows[:, :3].T - rows[:, 3], d @ rows[:, :3].T
+    with np.errstate(all="ignore"):
+        time = -c[:, 0] / b[:, 0]
+        met = (b[:, 0] != 0) & (time > 0) & (own < 0)
+        for k in range(1, len(rows)):
+            met &= c[:, k] + time * b[:, k] <= 0
+    return np.where(met, time, np.inf), np.zeros(len(x), np.int32)

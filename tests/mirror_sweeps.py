@@ -1,0 +1,140 @@
+"""Mirrors against the oracle, over distances and kinds: wrong solids or surfaces away from ties.
+
+    python -m tests.mirror_sweeps
+
+A pixel is *wrong* if what its ray meets after a bounce differs from the oracle's there and at four
+points 0.02 pixel away, all of which the oracle sees alike; otherwise it is a *tie*.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+import numpy as np
+
+from halfstep.host.prepare import prepare
+from halfstep.run.twin import Band
+from halfstep.scene import Scene, with_overrides
+from halfstep.twin import bounce
+from tests.judge import Judge
+from tests.mirror_oracle import Met, MirrorOracle
+from tests.scenes_random import KINDS
+from tests.shadow_sweeps import DELTA, Count, Random, Table, bounded, random_lit, watched
+
+SIZE = (96, 72)
+DISTANCES = (3.0, 1e1, 1e2, 1e3, 1e4)
+MIRROR = {"name": "mirror", "color": [0.8, 0.8, 0.8], "reflection": 0.9}
+
+
+def mirroring(scene: Scene, bounces: int = 1) -> Scene:
+    """The scene with mirrors for solids."""
+    tables = scene.model_dump(by_alias=True, exclude_none=True)
+    solids = [{**each, "material": "mirror"} for each in tables["solid"]]
+    for each in solids:
+        each.pop("color", None)
+    image = {**tables["image"], "bounces": bounces}
+    return Scene.from_dict({**tables, "image": image, "material": [MIRROR], "solid": solids})
+
+
+def caught(scene: Scene, **options: Any) -> list[tuple[Any, Any]]:
+    """Solid and surface (H, W) that the twin finds, by bounce from 0 on."""
+    scene = with_overrides(scene, **options)
+    packed = prepare(scene)
+    found: list[Any] = []
+
+    def recorded(*arguments: Any) -> bounce.Caught:
+        found.append(original(*arguments))
+        return found[-1]
+
+    original, bounce.catch_bodies = bounce.catch_bodies, recorded  # type: ignore[assignment]
+    try:
+        band = Band(scene, packed, 0, packed.setup.view.height, frozenset({"color"}))
+        band.visit()
+        first = band.finish()["surface"]
+    finally:
+        bounce.catch_bodies = original
+    numbers = packed.surfaces.numbers
+    surfaces = [first, *(each.surface for each in found)]
+    return [(numbers.solid[each], numbers.surface[each]) for each in surfaces]
+
+
+def count(total: Count, scene: Scene, size: tuple[int, int] = SIZE, **options: Any) -> None:
+    """Add a frame; after a bounce that differs from the oracle's, or is a tie, none is asked."""
+    scene = with_overrides(scene, size=size, **options)
+    oracle = MirrorOracle(scene, Judge(scene, size).oracle)
+    j, i = (each.ravel().astype(np.float64) for each in np.mgrid[: size[1], : size[0]])
+    truth = oracle.at(i, j)
+    beside = [
+        oracle.at(i + across, j + down) for across in (-DELTA, DELTA) for down in (-DELTA, DELTA)
+    ]
+    frame = [tuple(part.ravel() for part in each) for each in caught(scene)]
+    same, stable = np.ones((2, i.size), bool)
+    for depth, (met, (solid, surface)) in enumerate(zip(truth, frame, strict=True)):
+        for other in beside:
+            stable &= _alike(met, other[depth].solid, other[depth].surface)
+        equal = _alike(met, solid, surface)
+        if depth:
+            total.hits += int((same & (met.solid >= 0)).sum())
+            total.wrong += int((same & ~equal & stable).sum())
+            total.ties += int((same & ~equal & ~stable).sum())
+        same &= equal & (met.solid >= 0)
+
+
+def _alike(met: Met, solid: Any, surface: Any) -> Any:
+    return (met.solid == solid) & (met.surface == surface)
+
+
+def reflected(rng: Random, kind: str, distance: float) -> Scene:
+    """A floor in which a solid is seen that is so many of its sizes away."""
+    toward = np.array([-2.0, 5.0, 4.0]) / np.sqrt(45)
+    floor: Table = {"kind": "plane", "bounds": {"min": [-9, -9, -1], "max": [9, 9, 1]}}
+    solid = bounded(rng, kind, toward * distance + 0.05 * rng.normal(size=3))
+    fov = float(np.degrees(2 * np.arctan(1.2 / (distance + 6.7))))
+    return mirroring(
+        Scene.from_dict(
+            {
+                "format": 1,
+                "camera": {"center": [2, -5, 4], "look_at": [0, 0, 0], "fov_degrees": fov},
+                "solid": [{"color": [1, 1, 1], **each} for each in (floor, solid)],
+            }
+        )
+    )
+
+
+def crowded(rng: Random, distance: float) -> Scene:
+    """Mirrors of all kinds on a floor, seen from so many of their sizes away."""
+    return mirroring(watched(rng, distance), 2)
+
+
+def main() -> None:
+    """Print counts; the exit code is 1 if a pixel is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1998)
+    parser.add_argument("--scenes", type=int, default=20, help="random scenes of each place")
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    wrong = 0
+
+    def tell(what: str, scenes: list[Scene]) -> None:
+        nonlocal wrong
+        total = Count()
+        for scene in scenes:
+            count(total, scene)
+        wrong += total.wrong
+        sys.stdout.write(f"{what}: hits {total.hits}, ties {total.ties}, wrong {total.wrong}\n")
+        sys.stdout.flush()
+
+    for distance in DISTANCES:
+        tell(f"solid at {distance:g}", [reflected(rng, kind, distance) for kind in KINDS])
+    for distance in (6.0, 1e2, 1e4, 1e6):
+        tell(f"camera at {distance:g}", [crowded(rng, distance)])
+    for place in ("outside", "close", "inside"):
+        scenes = [mirroring(random_lit(rng, place), 2) for _ in range(arguments.scenes)]
+        tell(f"{place}, two bounces", scenes)
+    sys.exit(bool(wrong))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+// A solid before a light -> the pixels from which it hides the light.
+//
+// All solids take the same way: what has no quadric has F = -1, and a bounded plane is what is left
+// between its two sides.
+fn hide(occluder: Occluder, bit: u32) {
+  let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
+  let casts = (occluder.flags & SHADE_CASTS) != 0u;
+  let c = occluder.center;
+  // each quad
+  var ray_0: Ray;
+  // each quad
+  {
+    let from_center = point_from(point_0, c[0], c[1], c[2]);
+    let beam = beam_of(
+      from_center, occluder.axis, occluder.sign, occluder.shear_x, occluder.shear_y
+    );
+    ray_0 = far_ray(beam, occluder);
+    ray_0 = light_ray(beam, occluder);  //? lamps
+  }
+  // each quad
+  var piece_0 = whole_ray(ray_0);
+  // each quad
+  var faces_0 = b4(false);
+  // each quad
+  var leaves_0 = b4(false);  //? encloses
+  for (var k = 0u; k < occluder.slab_count; k++) {
+    let slab = slab_at(occluder.slab_start + k);
+    let both = second_number(slab) != 0u;
+    // each quad
+    {
+      var line = far_slab(slab, ray_0);
+      line = slab_along(slab, ray_0);  //? lamps
+      let other = second_along(slab, line, ray_0);
+      let on_first = nearest_0.surface == u4(occluder.surface + first_number(slab));
+      let on_second = nearest_0.surface == u4(occluder.surface + second_number(slab));
+      {  //? encloses
+        let whole = whole_ray(ray_0);
+        let first = (starts_beyond(line, whole) & !on_first) | ends_beyond(line, whole);
+        let second = (starts_beyond(other, whole) & !on_second) | ends_beyond(other, whole);
+        leaves_0 = leaves_0 | first | (second & b4(both));
+      }
+      piece_0 = between(piece_0, line, other, both);
+      faces_0 = faces_0 | (on_first & b4(first_is_lit(slab)));
+      faces_0 = faces_0 | (on_second & b4(both & second_is_lit(slab)));
+    }
+  }
+  // each quad
+  {
+    let own = is_own(nearest_0.surface, occluder.first, occluder.count);
+    var again = b4(false);
+    var hidden = remains(piece_0) & ray_0.near;
+    {  //? curves
+      var form = far_curve(occluder, ray_0);
+      form = curve_along(occluder, ray_0);  //? lamps
+      let rest = rest_of(form, ray_0, at_lamp);
+      let on_curve = own & (nearest_0.surface == u4(occluder.surface));
+      faces_0 = select(faces_0, starts_beyond(rest, whole_ray(ray_0)), on_curve);
+      again = on_curve & is_met_again(rest, piece_0);
+      hidden = is_met(form, piece_0) & ray_0.near;
+      leaves_0 = leaves_0 | comes_out(form, rest, whole_ray(ray_0), on_curve);  //? encloses
+    }
+    let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);  //? encloses
+    hidden = select(hidden, leaves_0, encloses);  //? encloses
+    var enclosed = b4((occluder.flags & SHADE_FLAT) == 0u);
+    enclosed = enclosed & (leaves_0 | !encloses);  //? encloses
+    let dark = own_shadow(faces_0, nearest_0.turned, again, enclosed, casts);
+    nearest_0.dark |= select(u4(0u), u4(bit), select(hidden & b4(casts), dark, own));
+  }
+}
