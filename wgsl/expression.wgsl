@@ -143,8 +143,8 @@ struct Surety {
   bound: f4,
 }
 
-// That of F, or -F where turned; ends of pieces are known to a slack. BOUNDS are tried, each
-// four times the one before. All is asked in one loop, because a formula takes long to compile.
+// That of F, or -F where turned; ends of pieces are known to a slack. So many BOUNDS are tried,
+// each four times the one before. All is asked in one loop: a formula takes long to compile.
 fn surety_of(
   form: Expression,
   trace: Trace,

@@ -53,7 +53,7 @@ struct Solid {
   color: array<f32, 3>,  // of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
-  polynomial: u32,  // its row among the polynomials or the formulas, if it has one
+  polynomial: u32,  // its row among the polynomials, if it has one
 }
 
 // A half-space along a ray: inside where c + b u <= 0.

@@ -174,9 +174,7 @@ SOLID = Record(
         Field("color", "f32", 3, "of its material, linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
-        Field(
-            "polynomial", "u32", 1, "its row among the polynomials or the formulas, if it has one"
-        ),
+        Field("polynomial", "u32", 1, "its row among the polynomials, if it has one"),
     ),
 )
 
