@@ -177,6 +177,15 @@ def test_bands_and_halves_change_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(sizes) > 2
 
 
+def test_loops_that_a_driver_would_cut_short_are_refused(adapter: Adapter) -> None:
+    device = run_gpu.Device(adapter)
+    with halfstep.Renderer(room(), size=SMALL, backend=device) as renderer:
+        renderer.render()
+        device.loop_rounds = 200
+        with pytest.raises(halfstep.DeviceError, match="after 200 rounds, and shadows and mirrors"):
+            renderer.render()
+
+
 # A word of the kernel, and what a slip would make of it.
 FAULTS = [
     ("found &= found - 1u;", "found = 0u;"),

@@ -136,6 +136,8 @@ var<private> lights: array<Light, LIGHTS>;
     alone = {name for item in STAGES if item.kind in ALONE for name in (item.file, *item.others)}
     # Short keys are never kept together with what needs long ones.
     alone -= {"keep", "finish"} if chosen else set()
+    # Mirrors are for float32.
+    alone -= {"mirror"} if number_format is FIXED32 else set()
     files = [name for name in files_of(number_format, {"lines", *chosen}) if name in alone]
     return Module("the stages", "\n".join([shared, table, *map(stage, files)]))
 

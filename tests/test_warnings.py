@@ -13,7 +13,7 @@ import pytest
 
 import halfstep
 from halfstep.errors import SceneError
-from halfstep.scene import Scene
+from halfstep.scene import Scene, with_overrides
 from halfstep.tune.measure import tune
 from tests.scenes_random import KINDS, random_solid
 
@@ -167,3 +167,10 @@ def test_tuning_a_narrow_picture() -> None:
             _scene(patch, camera=camera), size=(1, 128), steps=(4, 8), repeats=1, backend="numpy"
         )
     assert report.rows
+
+
+def test_points_beside_the_solid_that_is_asked_where_it_is() -> None:
+    camera = {"center": (16.0, -55.0, 34.6), "look_at": (3.2, -9.0, -13.7), "fov_degrees": 36.0}
+    scene = with_overrides(halfstep.load("figure"), size=(28, 152), shadows=True, camera=camera)
+    frame = halfstep.render(scene, outputs=("color", "shadow"), backend="numpy")
+    assert (frame.solid >= 0).any()

@@ -38,7 +38,7 @@ from halfstep.run.needs import needs_of
 from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
-from halfstep.shader.needs import UNIFORM_BYTES
+from halfstep.shader.needs import UNIFORM_BYTES, Needs
 from halfstep.shader.source import (
     EXPRESSIONS_BINDING,
     LOCATIONS,
@@ -231,6 +231,7 @@ class Device(Turns):
             needs = replace(needs, conveyor=self._conveyor)
         shaders = self._shaders.of(needs)
         frame = frame_record(scene, packed.setup, first_row, rows)
+        self._check_rounds_of_light(needs, packed)
         too_long = rounds.exceed(needs, packed, lists, self.loop_rounds)
         if len(packed.order) > 1 and (too_long or self._is_too_large(packed, lists)):
             return self._render_in_halves(scene, packed, first_row, rows, outputs)
@@ -289,6 +290,16 @@ class Device(Turns):
         # The frame that picks the shaders renders blank tiles too, so that all compile now.
         decided = not shaders.compiles_later
         return blank & before if decided and shown == ground else np.zeros_like(blank)
+
+    def _check_rounds_of_light(self, needs: Needs, packed: Packed) -> None:
+        """See that loops for shadows and mirrors are not cut short, which no halves would mend."""
+        of_light = rounds.rounds_of_light(needs, packed)
+        if of_light > self.loop_rounds:
+            raise DeviceError(
+                f"adapter {self.adapter.summary}: the driver ends loops after "
+                f"{self.loop_rounds:,} rounds, and shadows and mirrors of so many solids may take "
+                f"{of_light:,}; use fewer lights with shadows, fewer bounces, or the backend numpy"
+            )
 
     def _is_too_large(self, packed: Packed, lists: Lists) -> bool:
         """Whether a binding cannot hold the solids, what they have, or the lists of tiles."""

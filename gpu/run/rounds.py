@@ -11,6 +11,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Ints
 from halfstep.contract.classes import Class
+from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.excerpts import Lists
@@ -40,7 +41,8 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
     of_formula = packed.classes == Class.FORMULA
     asked = walks * (CLOCKS + 1 + steps) + 2 * tried + 8
     rounds[of_formula] += (asked * (1 + 2 * len(needs.programs)))[of_formula]
-    return np.asarray(rounds + 1)
+    # It is come to in its list, and again where places of points are asked for.
+    return np.asarray(rounds + 1 + ("places" in needs.facts))
 
 
 def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> Ints:
@@ -72,10 +74,24 @@ def rounds_of_finish(needs: Needs) -> int:
     return needs.quads * needs.light_rounds
 
 
+def rounds_of_light(needs: Needs, packed: Packed) -> int:
+    """The most rounds that an invocation takes for shadows and mirrors: it tries all solids."""
+    of_shadows = of_mirrors = 0
+    if packed.shadows is not None and "shadows" in needs.facts:
+        # A box may be looked at alone, and so may that of its group, and of that one's.
+        slabs = packed.shadows.occluders["slab_count"].astype(np.int64)
+        of_shadows = int((slabs + 5).sum()) + 2 * len(packed.shadows.views)
+    if packed.mirrors is not None and "mirrors" in needs.facts:
+        faces = packed.mirrors.bodies["face_count"].astype(np.int64)
+        of_mirrors = int((faces + MIRROR_STEPS + 5).sum())
+    bounces = needs.bounces if of_mirrors else 0
+    return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
+
+
 def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
     """Whether an invocation of some tile may take more than ``granted`` rounds."""
     rounds = rounds_of_members(needs, packed, lists)
-    left = granted - rounds_of_finish(needs)
+    left = granted - rounds_of_finish(needs) - rounds_of_light(needs, packed)
     total = np.zeros(len(rounds) + 1, np.int64)
     np.cumsum(rounds, out=total[1:])
     edges = lists.starts[:: max(len(needs.classes), 1)].astype(np.int64)

@@ -19,7 +19,6 @@ from halfstep.twin.place import (
     NO_POINT,
     Point,
     beam_of,
-    either_point,
     is_own,
     point_from,
 )
@@ -47,10 +46,12 @@ def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any
     for location in locations:
         mine = is_own(nearest.surface, location["surface"], location["count"])
         if mine.any():
-            x, y = i - location["center_x"], j - location["center_y"]
-            found = beams.point_at(location, x, y, nearest.position)
-            points = either_point(mine, found, points)
-            weight = np.where(mine, location["reflection"], weight)
+            # Elsewhere the point may lie beyond what an integer holds.
+            x, y = i[mine] - location["center_x"], j[mine] - location["center_y"]
+            found = beams.point_at(location, x, y, nearest.position[mine])
+            for whole, part in zip(points, found, strict=True):
+                whole[mine] = part
+            weight[mine] = location["reflection"]
     return Mirror(points, weight)
 
 
