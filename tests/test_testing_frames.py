@@ -70,6 +70,8 @@ def test_equal_frames_match(expected: Frame) -> None:
 def test_a_bit_of_any_array_is_seen(expected: Frame, name: str) -> None:
     pixel = place(expected)
     array = np.ascontiguousarray(getattr(expected, name)).copy()
+    if array.dtype.kind == "f" and np.isnan(array[pixel]).all():
+        array[pixel] = 0.0  # any bits of it are no number
     array.view(np.uint8).reshape(*array.shape[:2], -1)[(*pixel, 0)] ^= 1
     census = caught(changed(expected, **{name: array}), expected)
     assert (census.failed.sum(), census.arrays) == (1, {name: 1})

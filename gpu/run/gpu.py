@@ -155,7 +155,8 @@ class Device(Turns):
         if device is None:
             return
         self._drop_buffers()
-        del self._shaders
+        self._shaders.clear()
+        del self._shaders  # it knows the device
         self._queries = None
         close_device(device)
 

@@ -76,6 +76,12 @@ class ShaderStore:
             self._of[needs] = Shaders(needs, self)
         return self._of[needs]
 
+    def clear(self) -> None:
+        """Forget all shaders, and that each knows of this store: nothing keeps them then."""
+        self._of.clear()
+        self._layouts.clear()
+        self._pipelines.clear()
+
     def layout(self, types: dict[int, str]) -> object:
         """The layout of bindings of these types."""
         key = tuple(types.items())
