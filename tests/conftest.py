@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import sys
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -104,6 +105,23 @@ def composed(monkeypatch: pytest.MonkeyPatch) -> list[Needs]:
 
     monkeypatch.setattr("halfstep.run.shaders.compose", noted)
     return found
+
+
+@pytest.fixture
+def plant(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], list[str]]:
+    """Plants a slip, ``old`` to ``new``, in all shaders; the list gets their texts without it."""
+
+    def planted(old: str, new: str) -> list[str]:
+        texts: list[str] = []
+
+        def faulty(needs: Needs) -> str:
+            texts.append(compose(needs))
+            return texts[-1].replace(old, new)
+
+        monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
+        return texts
+
+    return planted
 
 
 @pytest.fixture(params=["numpy", "gpu"])

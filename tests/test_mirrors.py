@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
-from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.mirror_sweeps import count, crowded, mirroring, reflected
 from tests.scenes_random import KINDS
@@ -228,15 +228,9 @@ def expected() -> Any:
 
 @pytest.mark.parametrize(("old", "new"), [("", ""), *FAULTS])
 def test_a_fault_in_the_kernel_is_seen(
-    old: str, new: str, adapter: Adapter, expected: Any, monkeypatch: pytest.MonkeyPatch
+    old: str, new: str, adapter: Adapter, expected: Any, plant: Callable[[str, str], list[str]]
 ) -> None:
-    texts: list[str] = []
-
-    def faulty(needs: Needs) -> str:
-        texts.append(compose(needs))
-        return texts[-1].replace(old, new)
-
-    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
+    texts = plant(old, new)
     options: dict[str, Any] = {"backend": "gpu", "adapter": adapter.summary.index}
     frame = halfstep.render(closed(), size=SMALL, outputs=("color",), **options)
     assert np.array_equal(frame.color, expected) == (old == new)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,6 @@ from halfstep.frames.outputs import OUTPUTS as ALL_OUTPUTS
 from halfstep.host.camera import view
 from halfstep.host.prepare import prepare
 from halfstep.scene import Camera, Scene, with_overrides
-from halfstep.shader.needs import Needs
-from halfstep.shader.source import compose
 from halfstep.tune.exact import exact
 from tests.judge import OUTPUTS, Judge, Verdict
 from tests.oracle import MP
@@ -198,15 +197,9 @@ def test_the_device_lights_as_the_twin_does() -> None:
     ("old", "new"), [("ray.x + point.x", "point.x"), ("f4(frame.forward.y)", "ray.y")]
 )
 def test_a_fault_in_the_kernel_is_seen(
-    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    old: str, new: str, adapter: Adapter, plant: Callable[[str, str], list[str]]
 ) -> None:
-    texts: list[str] = []
-
-    def faulty(needs: Needs) -> str:
-        texts.append(compose(needs))
-        return texts[-1].replace(old, new)
-
-    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
+    texts = plant(old, new)
     assert differing(Scene.from_dict(LIT), ("image",), adapter=adapter.summary.index)
     assert any(old in text for text in texts)
 

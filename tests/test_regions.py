@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,6 @@ from halfstep.host.numbers import numbers_of
 from halfstep.host.prepare import prepare
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
-from halfstep.shader.needs import Needs
-from halfstep.shader.source import compose
 from tests.region_oracle import holds, truth
 from tests.test_boxes import plain, random_region, random_surface
 
@@ -305,15 +303,13 @@ FAULTS = [
 
 @pytest.mark.parametrize(("old", "new"), FAULTS)
 def test_a_fault_in_the_kernel_is_seen(
-    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    old: str,
+    new: str,
+    adapter: Adapter,
+    plant: Callable[[str, str], list[str]],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    texts: list[str] = []
-
-    def faulty(needs: Needs) -> str:
-        texts.append(compose(needs))
-        return texts[-1].replace(old, new)
-
-    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
+    texts = plant(old, new)
     monkeypatch.setattr(excerpts, "LEAST_TESTS", 1)
     scene = Scene.from_dict(TWO_CELLS)
     assert differing(
@@ -333,16 +329,12 @@ def test_a_fault_in_the_kernel_is_seen(
     ],
 )
 def test_a_fault_in_overlaps_and_gaps_is_seen(
-    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    old: str, new: str, adapter: Adapter, plant: Callable[[str, str], list[str]]
 ) -> None:
-    def faulty(needs: Needs) -> str:
-        text = compose(needs)
-        assert old in text
-        return text.replace(old, new)
-
-    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
+    texts = plant(old, new)
     scene = Scene.from_dict(TWO_CELLS)
     assert differing(scene, ("overlap", "gap"), adapter=adapter.summary.index)
+    assert all(old in text for text in texts)
 
 
 @pytest.mark.parametrize(
@@ -440,15 +432,9 @@ def test_a_group_has_more_surfaces_than_a_ray_may_cross() -> None:
     ],
 )
 def test_a_fault_in_what_of_many_copies_is_looked_up_is_seen(
-    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    old: str, new: str, adapter: Adapter, plant: Callable[[str, str], list[str]]
 ) -> None:
-    texts: list[str] = []
-
-    def faulty(needs: Needs) -> str:
-        texts.append(compose(needs))
-        return texts[-1].replace(old, new)
-
-    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
+    texts = plant(old, new)
     scene = halfstep.load("assembly_17x17")
     assert differing(scene, ("place", "surface", "normal"), adapter=adapter.summary.index) != []
     assert any(old in text for text in texts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,6 @@ from halfstep.run import gpu as run_gpu
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.animation import scene_at
-from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.scenes_random import KINDS
 from tests.shadow_sweeps import (
@@ -356,15 +356,9 @@ FAULTS = [
 
 @pytest.mark.parametrize(("old", "new"), FAULTS)
 def test_a_fault_in_the_kernel_is_seen(
-    old: str, new: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    old: str, new: str, adapter: Adapter, plant: Callable[[str, str], list[str]]
 ) -> None:
-    texts: list[str] = []
-
-    def faulty(needs: Needs) -> str:
-        texts.append(compose(needs))
-        return texts[-1].replace(old, new)
-
-    monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
+    texts = plant(old, new)
     scenes = (in_a_lamp(), many(20), many())
     index = adapter.summary.index
     assert any(differing(each, ("image", "shadow"), adapter=index) for each in scenes)
