@@ -223,7 +223,7 @@ def test_shaders_and_buffers_for_a_graphics_card(
                 assert (frame.solid >= 0).any()
         expected = render(scene, "numpy", size=SIZE, outputs=outputs)
         assert differences(frame, expected) == {}
-    assert {(needs.together, needs.uniform) for needs in composed} == {(1, False)}
+    assert {(needs.broadcast, needs.uniform) for needs in composed} == {(1, False)}
     close()
 
 
@@ -233,7 +233,7 @@ from halfstep.cli import main
 from halfstep.device.adapters import choose_adapter
 from halfstep.run.gpu import Device
 device = Device(choose_adapter())
-assert device._together == int(sys.argv[1]), device._together
+assert device._broadcast == int(sys.argv[1]), device._broadcast
 device.close()
 sys.exit(main(["check", "figure", "--size", "64x48"]))
 """

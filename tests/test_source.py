@@ -282,8 +282,8 @@ def combinations() -> Iterator[Needs]:
     """
     for need in _combinations():
         yield need
-        for together, uniform in ((4, False), (8, False), (8, True)):
-            yield replace(need, together=together, uniform=uniform)
+        for broadcast, uniform in ((4, False), (8, False), (8, True)):
+            yield replace(need, broadcast=broadcast, uniform=uniform)
 
 
 def _combinations() -> Iterator[Needs]:
@@ -345,7 +345,7 @@ def as_it_lies(name: str) -> str:
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
     if name in WIDE:
-        need = replace(need, outputs=WIDE[name], together=4)
+        need = replace(need, outputs=WIDE[name], broadcast=4)
     method = "article" if name == "visit_article" else "visible"
     texts = [constants(need), formulas(need), fetches(need)]
     for klass in Class:

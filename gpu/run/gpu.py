@@ -56,7 +56,7 @@ RECORDS_ALIGNMENT = ALIGNMENT // RECORD_BYTES
 MOST_WORKGROUPS = 1 << 13
 PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
 # A record has at most ten pieces; invocations beyond that would load nothing.
-MOST_TOGETHER = 16
+MOST_BROADCAST = 16
 # What the bindings hold; 5 and 6 are parts of the frame buffer.
 _NAMES = {
     0: "frame",
@@ -121,13 +121,13 @@ class Device(Turns):
         # A software adapter serves the loads of one invocation after another, and runs code that no
         # invocation needs. Fetching together avoids the one, a shader for each set of classes the
         # other. Each is worth a factor of 1.3 to 2, measured.
-        self._together = 1
+        self._broadcast = 1
         compute = Compute(self._device)
         self.loop_rounds = loop_limit(compute) or MOST_ROUNDS
         if self._is_software and {SUBGROUP, INT64} <= self._device.features:
-            self._together = min(subgroup_size(compute), MOST_TOGETHER)
+            self._broadcast = min(subgroup_size(compute), MOST_BROADCAST)
         limits = self._device.limits
-        self._uniform = self._together > 1 and (
+        self._uniform = self._broadcast > 1 and (
             limits["max-uniform-buffer-binding-size"] >= UNIFORM_BYTES
         )
         self.largest_binding: int = min(
@@ -225,7 +225,7 @@ class Device(Turns):
             lists.regions,
             scene.accuracy.method,
             written,
-            together=self._together,
+            broadcast=self._broadcast,
             uniform=self._uniform,
         )
         if self._conveyor != needs.conveyor:

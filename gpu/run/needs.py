@@ -14,7 +14,7 @@ def needs_of(
     method: str,
     outputs: frozenset[str],
     *,
-    together: int = 1,
+    broadcast: int = 1,
     uniform: bool = False,
 ) -> Needs:
     """What the shader of a frame must hold.
@@ -24,7 +24,7 @@ def needs_of(
         regions: what its tiles see of copies of groups.
         method: of the scene.
         outputs: of the device.
-        together: as in `Needs`.
+        broadcast: as in `Needs`.
         uniform: if its solids are few enough for it.
     """
     shadows = packed.shadows
@@ -36,7 +36,7 @@ def needs_of(
         lights=len(packed.lights),
         point_lights=bool((packed.lights["vector"][:, 3] > 0).any()),
         shininess_bits=packed.shininess_bits,
-        together=together,
+        broadcast=broadcast,
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
         levels=0 if regions is None else regions.levels,

@@ -98,7 +98,7 @@ def fetches(needs: Needs) -> str:
 def _alone(needs: Needs, record: Record, array: str, name: str) -> str:
     """The function that fetches a record of eight floats at most for one invocation."""
     body = f"  return {array}[number];\n"
-    if needs.together > 1:
+    if needs.broadcast > 1:
         words = iter(f"bitcast<f32>({half}.{axis})" for axis in "xyzw" for half in ("low", "high"))
         members = ""
         for field in record.fields:
@@ -123,10 +123,10 @@ def _tile_at(needs: Needs) -> str:
     count = len(needs.classes) + 1
     words = [f"tiles[first + {k}u]" for k in range(count + 1)]
     body = f"  let first = number * {TILE_WORDS}u;\n"
-    if needs.together > 1:
-        loaded = range(0, count + 1, needs.together)
+    if needs.broadcast > 1:
+        loaded = range(0, count + 1, needs.broadcast)
         body += "".join(f"  let words_{k} = tiles[first + {k}u + lane];\n" for k in loaded)
-        lanes = [k % needs.together for k in range(count + 1)]
+        lanes = [k % needs.broadcast for k in range(count + 1)]
         words = [f"subgroupBroadcast(words_{k - n}, {n}u)" for k, n in enumerate(lanes)]
     starts = "".join(f"      {word},\n" for word in words[1:])
     return (
@@ -142,10 +142,10 @@ def _words_at(needs: Needs) -> str:
     """The function that fetches a group of words of programs."""
     words = [f"programs[first + {k}u]" for k in range(GROUP)]
     body = f"  let first = number * {GROUP}u;\n"
-    if needs.together > 1:
-        loaded = range(0, GROUP, needs.together)
+    if needs.broadcast > 1:
+        loaded = range(0, GROUP, needs.broadcast)
         body += "".join(f"  let words_{k} = programs[first + {k}u + lane];\n" for k in loaded)
-        lanes = [k % needs.together for k in range(GROUP)]
+        lanes = [k % needs.broadcast for k in range(GROUP)]
         words = [f"subgroupBroadcast(words_{k - n}, {n}u)" for k, n in enumerate(lanes)]
     listed = "".join(f"    {word},\n" for word in words)
     return (
@@ -156,7 +156,7 @@ def _words_at(needs: Needs) -> str:
 
 def _anywhere(needs: Needs) -> str:
     """The function that asks all invocations that fetch together, which must go on together."""
-    found = "any(holds)" if needs.together == 1 else "subgroupAny(any(holds))"
+    found = "any(holds)" if needs.broadcast == 1 else "subgroupAny(any(holds))"
     return (
         "// Whether something holds in any pixel of the invocations that fetch together.\n"
         f"fn anywhere(holds: b4) -> bool {{\n  return {found};\n}}\n"
@@ -166,7 +166,7 @@ def _anywhere(needs: Needs) -> str:
 def _least_number(needs: Needs) -> str:
     """The function that finds the least of numbers of invocations that must go on together."""
     found = "min(min(numbers.x, numbers.y), min(numbers.z, numbers.w))"
-    if needs.together > 1:
+    if needs.broadcast > 1:
         found = f"subgroupMin({found})"
     return (
         "// The least number of all pixels of the invocations that fetch together.\n"
@@ -176,7 +176,7 @@ def _least_number(needs: Needs) -> str:
 
 def _record_at(needs: Needs, record: Record, array: str, name: str) -> str:
     """The function that fetches a record of an array."""
-    body = f"  return {array}[number];\n" if needs.together == 1 else _shared(needs, record, array)
+    body = f"  return {array}[number];\n" if needs.broadcast == 1 else _shared(needs, record, array)
     return f"// A record of `{array}`.\nfn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
@@ -186,11 +186,11 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
     places = dict(dtype.fields or {})
     pieces = dtype.itemsize // FETCHED
     text = f"  let place = number * {pieces}u + lane;\n"
-    for first in range(0, pieces, needs.together):
+    for first in range(0, pieces, needs.broadcast):
         piece = f"piece_{first}"
         load = f"{piece} = {array}[place + {first}u];\n"
         # A load serves one invocation after another, so it pays to leave out most, not a few.
-        if pieces - first > needs.together // 2:
+        if pieces - first > needs.broadcast // 2:
             text += f"  let {load}"
         else:
             text += f"  var {piece}: vec4<u64>;\n"
@@ -199,7 +199,7 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
         text += f"  let high_{first} = vec4<u32>({piece} >> vec4<u32>(32u));\n"
 
     def word(k: int) -> str:
-        lane = k // 8 % needs.together
+        lane = k // 8 % needs.broadcast
         half = "high" if k % 2 else "low"
         return f"subgroupBroadcast({half}_{k // 8 - lane}.{'xyzw'[k % 8 // 2]}, {lane}u)"
 

@@ -40,10 +40,10 @@ class Needs:
     point_lights: bool
     shininess_bits: int  # of the largest exponent of a highlight, 0 where nothing shines
     short_keys: bool  # depth keys fit a word
-    # So many invocations of a subgroup fetch records together: each loads some words, as 64 bits,
+    # How many invocations of a subgroup share a load: each loads some words, as 64 bits,
     # and gives them to all.  A device that a processor plays does a load for one invocation after
     # another, and all invocations of a tile want the same record.
-    together: int = 1
+    broadcast: int = 1
     # Solids and half-spaces are few enough for uniform memory, of which such a device has less, but
     # where a load takes a third of the time; for records fetched together only.
     uniform: bool = False
@@ -85,12 +85,12 @@ class Needs:
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
             wanted |= {"curves"} if self.curves else set()
-            wanted |= {"many_shadows"} if self.many and self.together >= GROUP else set()
+            wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
         if self.bounces and self.outputs & {"image", "color"}:
             wanted.add("mirrors")
         if wanted & {"shadows", "mirrors"}:
             wanted.add("places")
-        if self.together > 1:
+        if self.broadcast > 1:
             wanted.add("broadcast")
         if self.has_regions:
             wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
@@ -113,7 +113,7 @@ class Needs:
         chosen = {self.conveyor}
         if self.short_keys:
             chosen |= {"keys_short", "near_key_short"}
-        if self.together > 1:
+        if self.broadcast > 1:
             chosen.add("store_words_wide")
         if self.surfaces <= FEW_SURFACES and "error" not in self.outputs:
             chosen.add("crossed_few")
@@ -137,7 +137,7 @@ class Needs:
         if is_long or shades_long:
             return 1
         is_alone = len(self.classes) <= 1 and not walks
-        return 4 if self.together > 1 and is_alone else 2
+        return 4 if self.broadcast > 1 and is_alone else 2
 
     @property
     def light_rounds(self) -> int:
@@ -148,7 +148,7 @@ class Needs:
     @property
     def stored(self) -> int:
         """Words of 32 bits that are stored at once of outputs of bytes."""
-        return self.quads if self.together > 1 else 1
+        return self.quads if self.broadcast > 1 else 1
 
 
 @functools.cache

@@ -126,7 +126,7 @@ def constants(needs: Needs) -> str:
         "WORKGROUP": across * TILE,
         "BLOCKS": across,  # of a row of a tile
         "BLOCK": LANES * needs.quads,  # pixels
-        "BROADCAST": needs.together,
+        "BROADCAST": needs.broadcast,
         "LIGHTS": needs.lights,
         "SHININESS_BITS": needs.shininess_bits,
         "SURFACES": needs.surfaces,
@@ -193,7 +193,7 @@ def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
 def bindings(needs: Needs) -> str:
     """What is bound from outside."""
     solid, half_space, quad, space = "Solid", "HalfSpace", "vec4<u32>", "storage, read"
-    if needs.together > 1:
+    if needs.broadcast > 1:
         solid, half_space, quad = "vec4<u64>", "vec4<u64>", "vec2<u64>"
     if needs.uniform:
         solid = half_space = f"vec4<u64>, {UNIFORM_BYTES // FETCHED}"
@@ -219,7 +219,7 @@ def bindings(needs: Needs) -> str:
         lines.append(f"@group(0) @binding(8) {table};")
     if "regions" in needs.facts:
         arrays = {
-            name: record.name if needs.together == 1 else "vec4<u64>"
+            name: record.name if needs.broadcast == 1 else "vec4<u64>"
             for name, record in REGION_RECORDS.items()
         }
         lines += [
@@ -227,14 +227,14 @@ def bindings(needs: Needs) -> str:
             for number, (name, type_) in enumerate((arrays | {"programs": "u32"}).items(), start=9)
         ]
     if Class.POLYNOMIAL in needs.classes:
-        polynomial = "Polynomial" if needs.together == 1 else "vec4<u64>"
+        polynomial = "Polynomial" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
     if Class.FORMULA in needs.classes:
-        expression = "Expression" if needs.together == 1 else "vec4<u64>"
+        expression = "Expression" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({EXPRESSIONS_BINDING})"
         lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
     for number, (name, record) in _placed(needs).items():
-        type_ = record.name if needs.together == 1 else "vec4<u64>"
+        type_ = record.name if needs.broadcast == 1 else "vec4<u64>"
         lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
     return "\n".join(lines) + "\n"
