@@ -88,7 +88,10 @@ FAULTS = [
         surface("quadric", "0 0 0 0 0 0 0 0 0 1"),
         "2:40: surface 1: coeffs: is 0 but for K, which is no surface",
     ),
-    (surface("x-torus", "0 0 0 3 1 1"), '2:23: surface 1: type: "x-torus": tori are not drawn yet'),
+    (
+        surface("x-torus", "0 0 0 3 1 1"),
+        '2:23: surface 1: type: "x-torus": tori cannot bound cells yet',
+    ),
     (
         surface("spher", "0 0 0 5"),
         '2:23: surface 1: type: "spher" is not a type of surface; did you mean "sphere"?',

@@ -261,7 +261,7 @@ def test_options_and_other_files(tmp_path: Path, capsys: pytest.CaptureFixture[s
     with pytest.raises(UsageError, match="--hide: is of geometry of OpenMC"):
         load(PART, Look(hide=("void",)))
     (tmp_path / "a.jsurf").write_text("surface_equation=x^2+y^2+z^2-1")
-    with pytest.raises(SceneError, match="a surface of SURFER, which is of any degree"):
+    with pytest.raises(SceneError, match="files of SURFER are not read; write the formula"):
         load(tmp_path / "a.jsurf")
     scene = str(tmp_path / "part.toml")
     assert main(["import", str(PART), "-o", scene]) == 0

@@ -55,8 +55,8 @@ def render(
             "numpy".
         adapter: an index or a part of the name of a Vulkan adapter.
         camera: a camera in place of the scene's, or a mapping of the keys that differ.
-        overrides: size, samples, steps, tolerance_pixels, tolerance, number_format and method in
-            place of the scene's; `halfstep.scene.Overrides` describes them.
+        overrides: size, samples, steps, tolerance_pixels, tolerance, number_format, method and
+            shadows in place of the scene's; `halfstep.scene.Overrides` describes them.
 
     Raises:
         SceneError: there is no such scene, or it has faults; an option is out of range.

@@ -157,7 +157,7 @@ class _Reader:
             self._document.fault(kind, f"{show(kind.text)} is not a type of surface; {allowed}")
             return None
         if name.endswith("torus"):
-            self._document.fault(kind, f"{show(kind.text)}: tori are not drawn yet")
+            self._document.fault(kind, f"{show(kind.text)}: tori cannot bound cells yet")
             return None
         given = fields.floats("coeffs", [len(SURFACES[name])])
         if given is None or not self._is_sound(fields, name, given) or number is None:

@@ -51,8 +51,8 @@ def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scen
                 model = openscad_scene.scene_tables(read_source(path, given), seen)
             case ".jsurf":
                 raise SceneError(
-                    f"{given}: a surface of SURFER, which is of any degree; those drawn are of the "
-                    "second"
+                    f"{given}: files of SURFER are not read; write the formula as a solid of the "
+                    "kind implicit"
                 )
             case _:
                 geometry = read_geometry(path, given)
