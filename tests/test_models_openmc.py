@@ -701,6 +701,11 @@ color_by="cell"/></plots>"""
     assert image[10, 20].tolist() == list(colors["void"])
     assert image[16, 20].tolist() == list(colors["4"])
     assert image[3, 20].tolist() == list(colors["6"])
+    for beyond in ("0 0 99", "99 0 0"):
+        (tmp_path / "plots.xml").write_text(plots.replace("0 0 0", beyond, 1))
+        with pytest.raises(SceneError, match=r"geometry\.xml: nothing of it is shown"):
+            opened(tmp_path, cells, Look(plot=1))
+    (tmp_path / "plots.xml").write_text(plots)
     with pytest.warns(UserWarning, match="pixels that are not square; it is drawn 40x20"):
         assert opened(tmp_path, cells, Look(plot=2)).image.height == 20
 

@@ -176,6 +176,8 @@ def end_of(
             cells[ix]["region"] = both(own, region)
     if around is not None:
         box = np.array([np.maximum(box[0], around[0]), np.minimum(box[1], around[1])])
+        if (box[0] > box[1]).any():
+            raise SceneError(f"{name}: {NOTHING}")
     return Ended(surfaces, box)
 
 
