@@ -22,7 +22,6 @@ class Shaders:
         self.needs = needs
         self.types = binding_types(needs)
         self.layout = store.layout(self.types)
-        self.has_parts = False
         # Code for mirrors is the same for all classes, and takes longer still to compile.
         self._may_have_parts = store.in_parts and "mirrors" not in needs.facts
         self._whole = [needs.classes]
@@ -33,7 +32,7 @@ class Shaders:
     @property
     def compiles_later(self) -> bool:
         """Whether the next frame may need shaders that no frame had before."""
-        return self._may_have_parts and not self.has_parts
+        return self._may_have_parts and not self._sets
 
     def sets(self, starts: U32) -> list[Classes]:
         """The classes of each shader of a frame whose lists begin at ``starts``, all classes last.
@@ -48,7 +47,6 @@ class Shaders:
             return self._whole
         if not self._sets:
             self._sets = frequent_sets(starts, self.needs.classes)
-            self.has_parts = True
         return self._sets
 
     def pipeline(self, classes: Classes) -> object:
