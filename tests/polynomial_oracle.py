@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
 from math import comb, gcd
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,9 @@ from halfstep.scene import Scene
 from tests.oracle import MP, _dot, _rotation, _scaled, _sum, _vector, _View
 
 Floats = NDArray[np.float64]
+# What a frame claims, and what of it a planted fault makes false.
+CLAIMED = ("solid", "surface", "depth", "error")
+FALSE = ("depth", "error", "miss", "surface")
 # Rounding of F in float64, of the sum of its terms' magnitudes.
 TOLERANCE = 1e-12
 # Halvings of an interval before its rays are judged in rationals.
@@ -478,3 +482,19 @@ def _remainder(left: list[int], right: list[int]) -> list[Fraction]:
     while rest and not rest[-1]:
         rest.pop()
     return rest
+
+
+def with_fault(frame: Frame, fault: str) -> Any:
+    """The arrays `CLAIMED` of a frame, certain hits of which are false in one way of `FALSE`."""
+    changed = SimpleNamespace(**{name: getattr(frame, name).copy() for name in CLAIMED})
+    hit = (frame.solid >= 0) & np.isfinite(frame.error)
+    if fault == "depth":
+        changed.depth[hit] += 1.5 * frame.error[hit]
+    elif fault == "error":
+        changed.error[hit] *= 0.3
+    elif fault == "miss":
+        changed.solid[hit] = changed.surface[hit] = -1
+        changed.error[hit] = 0
+    else:
+        changed.surface[hit] = np.where(changed.surface[hit] == 0, 3, 0)
+    return changed

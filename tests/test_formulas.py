@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from fractions import Fraction
-from types import SimpleNamespace
 from typing import Any
 
 import mpmath
@@ -26,11 +25,10 @@ from halfstep.shader.source import compose
 from halfstep.twin.expression import Formula, expression_jet, trace_of
 from tests.formula_oracle import FormulaOracle
 from tests.formula_surfaces import FORMULAS, solid_of
-from tests.polynomial_oracle import Count
+from tests.polynomial_oracle import CLAIMED, FALSE, Count, with_fault
 from tests.test_polynomials import scene_of
 
 ALL = tuple(OUTPUTS)
-CLAIMED = ("solid", "surface", "depth", "error")
 BOX = {"min": [-1, -1, -1], "max": [1, 1, 1]}
 
 
@@ -51,23 +49,14 @@ def test_what_is_certain_is_true_and_most_is_certain(name: str, rng: np.random.G
     assert count.certain_hits >= 0.98 * count.hits, str(count)
 
 
-@pytest.mark.parametrize("fault", ["depth", "error", "miss", "surface"])
+@pytest.mark.parametrize("fault", FALSE)
 def test_the_judge_sees_a_fault(fault: str) -> None:
     scene = scene_of(solid_of("gyroid"), (2, -3, 1.5))
-    frame: Any = halfstep.render(scene, outputs=CLAIMED, backend="numpy")
-    changed = SimpleNamespace(**{name: getattr(frame, name).copy() for name in CLAIMED})
+    frame = halfstep.render(scene, outputs=CLAIMED, backend="numpy")
     hit = (frame.solid >= 0) & np.isfinite(frame.error)
-    if fault == "depth":
-        changed.depth[hit] += 1.5 * frame.error[hit]
-    elif fault == "error":
-        changed.error[hit] *= 0.3
-    elif fault == "miss":
-        changed.solid[hit] = changed.surface[hit] = -1
-        changed.error[hit] = 0
-    else:
-        changed.surface[hit] = np.where(changed.surface[hit] == 0, 3, 0)
+    changed = with_fault(frame, fault)
     count = Count()
-    FormulaOracle(scene, FORMULAS["gyroid"].function).judge(changed, count, fault)  # type: ignore[arg-type]
+    FormulaOracle(scene, FORMULAS["gyroid"].function).judge(changed, count, fault)
     assert len(count.wrong) > 0.3 * hit.sum()
 
 

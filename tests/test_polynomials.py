@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,10 +17,9 @@ from halfstep.scene.animation import scene_at
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.algebraic_surfaces import SURFACES, solid_of, torus_of
-from tests.polynomial_oracle import Count, PolynomialOracle
+from tests.polynomial_oracle import CLAIMED, FALSE, Count, PolynomialOracle, with_fault
 from tests.polynomial_soundness import PLACES, judged, random_scene
 
-CLAIMED = ("solid", "surface", "depth", "error")
 # Surfaces of degree 2 to 10, with and without singular points and caps.
 FEW = (
     "sphere",
@@ -85,23 +83,13 @@ def test_most_hits_are_certain(name: str, rng: np.random.Generator) -> None:
     assert count.certain_hits >= least * count.hits, str(count)
 
 
-@pytest.mark.parametrize("fault", ["depth", "error", "miss", "surface"])
+@pytest.mark.parametrize("fault", FALSE)
 def test_the_judge_sees_a_fault(fault: str) -> None:
     scene = scene_of(solid_of("clebsch"), (2, -3, 1.5))
-    frame: Any = halfstep.render(scene, outputs=CLAIMED, backend="numpy")
-    changed = SimpleNamespace(**{name: getattr(frame, name).copy() for name in CLAIMED})
-    hit = (frame.solid >= 0) & np.isfinite(frame.error)
-    if fault == "depth":
-        changed.depth[hit] += 1.5 * frame.error[hit]
-    elif fault == "error":
-        changed.error[hit] *= 0.3
-    elif fault == "miss":
-        changed.solid[hit] = changed.surface[hit] = -1
-        changed.error[hit] = 0
-    else:
-        changed.surface[hit] = np.where(changed.surface[hit] == 0, 3, 0)
+    frame = halfstep.render(scene, outputs=CLAIMED, backend="numpy")
+    changed = with_fault(frame, fault)
     count = Count()
-    PolynomialOracle(scene, SURFACES["clebsch"].function).judge(changed, count, fault)  # type: ignore[arg-type]
+    PolynomialOracle(scene, SURFACES["clebsch"].function).judge(changed, count, fault)
     assert count.exact > 0
     assert len(count.wrong) > 0.5 * count.exact
 
