@@ -21,18 +21,16 @@ _WHITE = (235, 235, 235)
 
 
 def with_text(picture: Bytes, lines: Sequence[str], ratio: float = 1.0) -> Bytes:
-    """The picture as RGBA, (H, W, 4), with lines of text at its lower edge.
+    """The picture with lines of text at its lower edge.
 
     Args:
-        picture: RGB, (H, W, 3).
+        picture: RGBA, (H, W, 4); it is changed.
         lines: from the top; long ones are broken.
         ratio: pixels in a pixel of a common screen.
     """
     height, width = picture.shape[:2]
-    whole = np.full((height, width, 4), 255, np.uint8)
-    whole[..., :3] = picture
     if width < NARROWEST or not lines:
-        return whole
+        return picture
     # Screens have at most so many times as many pixels.
     ratio = min(max(ratio, 1.0), 4.0)
     font, line = _font(round(_SIZE * ratio)), round(_LINE * ratio)
@@ -45,12 +43,12 @@ def with_text(picture: Bytes, lines: Sequence[str], ratio: float = 1.0) -> Bytes
     broken = broken[-max(height // line, 1) :]
     top = max(height - len(broken) * line - _MARGIN, 0)
     # Text is read on what is dark.
-    strip = Image.fromarray((whole[top:, :, :3] // 4).astype(np.uint8))
+    strip = Image.fromarray((picture[top:, :, :3] // 4).astype(np.uint8))
     draw = ImageDraw.Draw(strip)
     for number, text in enumerate(broken):
         draw.text((_MARGIN, _MARGIN // 2 + number * line), text, _WHITE, font)
-    whole[top:, :, :3] = np.asarray(strip)
-    return whole
+    picture[top:, :, :3] = np.asarray(strip)
+    return picture
 
 
 @functools.cache
