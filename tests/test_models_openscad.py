@@ -260,9 +260,6 @@ def test_a_singular_matrix_shows_nothing(tmp_path: Path) -> None:
 def test_options_and_other_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(UsageError, match="--hide: is of geometry of OpenMC"):
         load(PART, Look(hide=("void",)))
-    (tmp_path / "a.jsurf").write_text("surface_equation=x^2+y^2+z^2-1")
-    with pytest.raises(SceneError, match="files of SURFER are not read; write the formula"):
-        load(tmp_path / "a.jsurf")
     scene = str(tmp_path / "part.toml")
     assert main(["import", str(PART), "-o", scene]) == 0
     assert load(scene).sha256 == load(PART).sha256

@@ -15,7 +15,9 @@ def add(commands: Commands) -> None:
     command = commands.add_parser("import", help="write a file of another program as a scene")
     command.set_defaults(run=run)
     command.add_argument(
-        "file", metavar="FILE", help="geometry.xml or model.xml of OpenMC, or .csg of OpenSCAD"
+        "file",
+        metavar="FILE",
+        help="geometry.xml or model.xml of OpenMC, .csg of OpenSCAD, or .jsurf of SURFER",
     )
     add_output(command, "SCENE", "a scene file, which ends in .toml")
     add_look(command)

@@ -17,11 +17,10 @@ from typing import NoReturn
 from xml.parsers import expat
 
 from halfstep.errors import SceneError
+from halfstep.models.source import MAX_BYTES
 from halfstep.scene.faults import show
 from halfstep.text import place
 
-# A core with all its particles has some 20 MB.
-MAX_BYTES = 1 << 28
 MAX_NESTING = 64
 _CHUNK = 1 << 20
 # More faults than this tell nobody more.

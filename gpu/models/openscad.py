@@ -9,15 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from halfstep.errors import SceneError
+from halfstep.models.source import Source
 from halfstep.scene.faults import show
-from halfstep.text import decoded, place
 
-# As of the XML files of others.
-MAX_BYTES = 1 << 28
 MAX_NESTING = 200
 _TOKEN = re.compile(
     r"""(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)
@@ -57,52 +54,6 @@ class Call:
         yield self
         for child in self.children:
             yield from child.walk()
-
-
-class Source:
-    """A file, and the faults found in it so far.
-
-    Attributes:
-        name: of the file, for people.
-        text: all of it.
-    """
-
-    def __init__(self, name: str, text: str) -> None:
-        self.name, self.text = name, text
-        self._faults: dict[tuple[int, str], None] = {}
-
-    def fault(self, at: int, what: str) -> None:
-        """Note what is wrong at a character."""
-        self._faults[at, what] = None
-
-    def check(self) -> None:
-        """Raise a `SceneError` with the faults that were noted, if there are any."""
-        if self._faults:
-            raise SceneError(*(self.line(at, what) for at, what in sorted(self._faults)))
-
-    def line(self, at: int, what: str) -> str:
-        """``part.csg: line 3, column 5: what``."""
-        return f"{self.name}: {place(self.text[:at])}: {what}"
-
-
-def read_source(path: Path, given: str) -> Source:
-    """The text of a file.
-
-    Raises:
-        SceneError: it cannot be read, or is no text.
-    """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise SceneError(f"{path.name}: larger than {MAX_BYTES >> 20} MiB")
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise SceneError(f"{given}: no such file") from None
-    except OSError as error:
-        raise SceneError(f"{given}: cannot be read: {error.strerror}") from None
-    try:
-        return Source(path.name, decoded(content))
-    except ValueError as error:
-        raise SceneError(f"{path.name}: {error}") from None
 
 
 def calls_of(source: Source) -> Call:

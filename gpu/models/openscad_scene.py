@@ -16,9 +16,10 @@ import numpy as np
 from halfstep.errors import SceneError, UsageError
 from halfstep.models import openscad_solids as solids
 from halfstep.models.look import Clip, Look, Table, both, clip_of, linear
-from halfstep.models.openscad import Call, Source, calls_of
+from halfstep.models.openscad import Call, calls_of
 from halfstep.models.regions import box_of_region, hull, sides_of
 from halfstep.models.shape import NOTHING, Model
+from halfstep.models.source import Source
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Not, Sense
 from halfstep.scene.values import Array
 

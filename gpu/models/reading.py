@@ -5,15 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from halfstep.errors import SceneError, UsageError
-from halfstep.models import openmc_scene, openscad_scene
+from halfstep.errors import UsageError
+from halfstep.models import openmc_scene, openscad_scene, surfer
 from halfstep.models.findings import Report
 from halfstep.models.look import Look
 from halfstep.models.openmc_check import RAYS, Checker, box_around
 from halfstep.models.openmc_plots import read_plot
 from halfstep.models.openmc_reading import read_geometry
-from halfstep.models.openscad import read_source
 from halfstep.models.shape import scene_of
+from halfstep.models.source import read_source
 from halfstep.scene import Scene, SceneLike, reading
 
 # Endings of the files of other programs.
@@ -50,10 +50,7 @@ def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scen
             case ".csg":
                 model = openscad_scene.scene_tables(read_source(path, given), seen)
             case ".jsurf":
-                raise SceneError(
-                    f"{given}: files of SURFER are not read; write the formula as a solid of the "
-                    "kind implicit"
-                )
+                return surfer.scene_of(read_source(path, given, surfer.decoded), seen)
             case _:
                 geometry = read_geometry(path, given)
                 plot = None if seen.plot is None else read_plot(path, given, seen.plot)
