@@ -625,13 +625,14 @@ PLOTTED = (
 PLOTS = """<plots>
 <plot id="1" type="solid_raytrace" color_by="material">
   <camera_position>20 0 9</camera_position><look_at>0 0 1</look_at><up>0 1 0</up>
-  <pixels>30 20</pixels><field_of_view>60</field_of_view><background>255 0 0</background>
+  <pixels>30 20</pixels><horizontal_field_of_view>60</horizontal_field_of_view>
+  <background>255 0 0</background>
   <color id="4" rgb="0 0 255"/><opaque_ids>4</opaque_ids><light_position>1 2 3</light_position>
 </plot>
 <plot id="2" type="wireframe_raytrace"><camera_position>9 9 9</camera_position></plot>
 <plot id="3" type="voxel"/>
 <plot id="4" type="solid_raytrace"><camera_position>9 9</camera_position><color id="1" rgb="1 2"/>
-<pixels>4</pixels><field_of_view>180</field_of_view><color_by>universe</color_by></plot>
+<pixels>4</pixels><horizontal_field_of_view>180</horizontal_field_of_view><color_by>universe</color_by></plot>
 <plot id="5" type="phong" orthographic_width="5" camera_position="9 9 9" pixels="30 20"/>
 <plot id="6" basis="zz" width="0 1"/>
 </plots>"""
@@ -654,6 +655,13 @@ def test_a_plot_says_how_a_model_is_seen(tmp_path: Path) -> None:
     changed = opened(tmp_path, PLOTTED, Look(plot=1, eye=(0, -30, 0), color_by="cell"))
     assert list(changed.camera.center) == [0, -30, 0]
     assert list(changed.materials[0].color) != [0, 0, 1]
+    # Another name than OpenMC's changes nothing, as there.
+    (tmp_path / "plots.xml").write_text(PLOTS.replace("horizontal_field", "field"))
+    with pytest.warns(UserWarning, match="OpenMC passes over field_of_view; horizontal_field_of"):
+        camera = opened(tmp_path, PLOTTED, Look(plot=1)).camera
+    assert camera.fov_degrees is not None
+    across = np.tan(np.radians(camera.fov_degrees) / 2) * 3 / 2
+    assert across == pytest.approx(np.tan(np.radians(35)))
     # A model holds its plots itself.
     both = written(tmp_path, f"<model><geometry>{PLOTTED}</geometry>{PLOTS}</model>", "model.xml")
     with pytest.warns(UserWarning, match=r"plot 2 of model\.xml is of wires; it is drawn solid"):
@@ -720,17 +728,19 @@ color_by="cell"/></plots>"""
         (9, "--plot: there is no plot 9 in plots.xml; there are 1, 2, 3, 4, 5, 6"),
         (
             6,
-            "plots.xml: line 12, column 1: plot 6: basis: zz is none of xy, xz, yz\n"
-            "plots.xml: line 12, column 1: plot 6: origin: missing\n"
-            "plots.xml: line 12, column 1: plot 6: width: 0 is not > 0",
+            "plots.xml: line 13, column 1: plot 6: basis: zz is none of xy, xz, yz\n"
+            "plots.xml: line 13, column 1: plot 6: origin: missing\n"
+            "plots.xml: line 13, column 1: plot 6: width: 0 is not > 0",
         ),
         (
             4,
-            "plots.xml: line 9, column 1: plot 4: color_by: universe is neither cell nor material\n"
-            "plots.xml: line 9, column 1: plot 4: field_of_view: 180 is not between 0 and 180\n"
-            "plots.xml: line 9, column 1: plot 4: pixels: are not two numbers\n"
-            "plots.xml: line 9, column 53: plot 4: camera_position: has 2 numbers, not 3\n"
-            "plots.xml: line 9, column 74: color 1: rgb: is not three numbers 0…255",
+            "plots.xml: line 10, column 1: plot 4: color_by: universe is neither cell nor "
+            "material\n"
+            "plots.xml: line 10, column 1: plot 4: horizontal_field_of_view: 180 is not between "
+            "0 and 180\n"
+            "plots.xml: line 10, column 1: plot 4: pixels: are not two numbers\n"
+            "plots.xml: line 10, column 53: plot 4: camera_position: has 2 numbers, not 3\n"
+            "plots.xml: line 10, column 74: color 1: rgb: is not three numbers 0…255",
         ),
     ],
 )

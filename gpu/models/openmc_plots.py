@@ -133,9 +133,14 @@ def _raytrace(fields: Fields, plot: Plot, size: tuple[int, int]) -> Plot:
         "look_at": fields.floats("look_at", [3], required=False) or (0.0, 0.0, 0.0),
         "up": fields.floats("up", [3], required=False) or (0.0, 0.0, 1.0),
     }
-    across = fields.floats("field_of_view", [1], required=False) or (FOV_DEGREES,)
+    if fields.value("field_of_view") is not None:
+        warnings.warn(
+            f"{plot.title}: OpenMC passes over field_of_view; horizontal_field_of_view is its name",
+            stacklevel=2,
+        )
+    across = fields.floats("horizontal_field_of_view", [1], required=False) or (FOV_DEGREES,)
     if not 0 < across[0] < 180:
-        fields.fault(f"field_of_view: {across[0]:g} is not between 0 and 180")
+        fields.fault(f"horizontal_field_of_view: {across[0]:g} is not between 0 and 180")
         across = (FOV_DEGREES,)
     parallel = fields.floats("orthographic_width", [1], required=False) or (0.0,)
     if parallel[0] < 0:
