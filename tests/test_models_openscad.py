@@ -189,7 +189,8 @@ def test_round_and_flat() -> None:
 
     assert len(sphere(call("sphere", r=2.0, fn=9.0))) == 1
     assert len(cylinder(call("cylinder", r=2.0, h=1.0, fn=100.0))) == 3
-    assert len(cylinder(call("cylinder", r=2.0, h=1.0, fn=1.0))) == 5
+    for count in (0.1, 1.0):
+        assert len(cylinder(call("cylinder", r=2.0, h=1.0, fn=count))) == 5
     # All corners of OpenSCAD's ball of 5 fragments lie on its faces, three at least at each.
     ball = sphere(call("sphere", r=2.0, fn=5.0))
     assert len(ball) == 2 + 2 * 5

@@ -187,7 +187,7 @@ def polygon(call: Call) -> list[Array]:
 def fragments(call: Call) -> int:
     """How many flat sides a round solid has, 0 if it is round."""
     count = _number(call.arguments.get("$fn", 0.0))
-    return 0 if count < 1 or count >= ROUND else max(int(count), 3)
+    return 0 if count <= 0 or count >= ROUND else max(int(count), 3)
 
 
 def _argument(call: Call, name: str, position: int, default: Any) -> Any:
