@@ -1,7 +1,16 @@
-"""Frames of OpenMC geometries, judged by an oracle that shares no code with Halfstep."""
+"""Frames of OpenMC geometries, judged by an oracle that shares no code with Halfstep.
+
+    python -m tests.model_frames FOLDER
+
+draws every geometry of a folder from three sides and judges every pixel.
+"""
 
 from __future__ import annotations
 
+import argparse
+import sys
+import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import halfstep
+from halfstep.errors import SceneError
 from halfstep.host.camera import view
+from halfstep.models import Look, load
 from halfstep.scene import Fragment, Scene
 from tests.openmc_oracle import Oracle
 
@@ -30,7 +41,11 @@ def shown_ids(fragment: Fragment) -> Iterator[int]:
 
 
 def judged(
-    path: Path, scene: Scene, size: tuple[int, int], left: Left | None = None
+    path: Path,
+    scene: Scene,
+    size: tuple[int, int],
+    left: Left | None = None,
+    backend: str = "numpy",
 ) -> dict[str, int]:
     """How many pixels of a frame are what the oracle says, and how many are not.
 
@@ -42,8 +57,9 @@ def judged(
         scene: made of it.
         size: of the picture in pixels.
         left: of points (N, 3), how far inside of what the clips leave they are.
+        backend: of the frame.
     """
-    frame = halfstep.render(scene, size=size, steps=STEPS, backend="numpy", outputs=OUTPUTS)
+    frame = halfstep.render(scene, size=size, steps=STEPS, backend=backend, outputs=OUTPUTS)
     assert scene.volume is not None
     low, high = np.array(scene.volume.min), np.array(scene.volume.max)
     whole = float((high - low).max())
@@ -93,3 +109,35 @@ def judged(
         "skipped": skipped,
         "misses": int(missed.sum()),
     }
+
+
+def main() -> int:
+    """Judge the geometries of a folder; 1 if a pixel of them is wrong."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--size", type=int, nargs=2, default=(160, 120))
+    arguments = parser.parse_args()
+    size, total = tuple(arguments.size), Counter[str]()
+    for path in sorted(arguments.folder.glob("*.xml")):
+        found = Counter[str]()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for side in ("iso", "xz", "xy"):
+                try:
+                    scene = load(path, Look(view=side))
+                except SceneError as error:
+                    sys.stdout.write(f"{path.name}: {error.faults[0]}\n")
+                    break
+                found.update(judged(path, scene, size, backend="auto"), rays=size[0] * size[1])
+        if found:
+            sys.stdout.write(f"{path.name}: {dict(found)}\n")
+            sys.stdout.flush()
+        total.update(found)
+    sys.stdout.write(f"all: {dict(total)}\n")
+    return int(total["wrong"] + total["skipped"] > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

