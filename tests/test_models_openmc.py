@@ -616,6 +616,26 @@ def test_paths_of_models_stand_for_scenes() -> None:
         halfstep.render(str(MODELS / "none.xml"), size=(8, 6), backend="numpy")
 
 
+@pytest.mark.parametrize("region", ["", 'region="-1 | 1"', 'region="1"'])
+def test_a_cell_that_only_its_fill_ends_is_shown(tmp_path: Path, region: str) -> None:
+    """In a ball of radius 2 lie a ball of radius 1 and a cell that is everywhere, or around it."""
+    path = written(
+        tmp_path,
+        "<geometry>"
+        '<surface id="1" type="sphere" coeffs="0 0 0 1"/>'
+        '<surface id="2" type="sphere" coeffs="0 0 0 2" boundary="vacuum"/>'
+        '<cell id="1" fill="5" region="-2"/>'
+        '<cell id="2" universe="5" material="1" region="-1"/>'
+        f'<cell id="3" universe="5" material="3" {region}/>'
+        "</geometry>",
+    )
+    scene = load(path)
+    frame = halfstep.render(scene, size=(64, 64), backend="numpy", outputs=("cell", "depth"))
+    distance = float(np.linalg.norm(scene.camera.center))
+    assert frame.depth[32, 32] == pytest.approx(distance - 2, abs=0.01)
+    assert set(np.unique(frame.cell)) == {-1, 3}
+
+
 # ------------------------------------------------------------------------------ plots
 
 PLOTTED = (

@@ -797,9 +797,65 @@ def test_all_of_space_hides_nothing() -> None:
         "surface": [ball_],
         "cell": [{"color": [1, 0, 0]}, {"region": "-1", "color": [1, 1, 1]}],
     }
-    frame = halfstep.render(scene, size=(32, 32), backend="numpy", outputs=("cell",))
-    assert (frame.cell == 2).sum() > 50
-    assert (frame.cell == 1).sum() == 0
+    for region in (None, "-1 | 1"):
+        all_of_space = {"color": [1, 0, 0]} | ({} if region is None else {"region": region})
+        scene["cell"] = [all_of_space, {"region": "-1", "color": [1, 1, 1]}]
+        frame = halfstep.render(scene, size=(32, 32), backend="numpy", outputs=("cell", "overlap"))
+        assert (frame.cell == 2).sum() > 50
+        assert (frame.cell == 1).sum() == 0
+        # Where it is seen, the ball overlaps what is everywhere.
+        assert (np.isfinite(frame.overlap) == (frame.cell == 2)).all()
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("backend", ["numpy", "gpu"])
+def test_cells_overlap_however_they_are_shown(backend: str) -> None:
+    """Of two balls that overlap each has a colour or a fill, and one may be hidden."""
+    scene = {
+        "format": 1,
+        "camera": {"center": [0, 0, 10], "look_at": [0, 0, 0], "up": [0, 1, 0]},
+        "volume": {"min": [-4, -4, -4], "max": [4, 4, 4]},
+        "accuracy": {"steps": 16},
+        "part": [
+            {"kind": "sphere", "name": "a", "radius": 1},
+            {"kind": "sphere", "name": "b", "radius": 1, "origin": [0.5, 0, 0]},
+        ],
+        "group": [
+            {
+                "name": "g",
+                "part": [{"kind": "box", "name": "x", "size": [3, 3, 3]}],
+                "cell": [{"region": "x", "color": [0, 0, 1]}],
+            }
+        ],
+    }
+    own, fill, hidden = {"color": [1, 0, 0]}, {"fill": "g"}, {"visible": False}
+    looks = [
+        (own, own),
+        (own, own | hidden),
+        (own, fill),
+        (own, fill | hidden),
+        (fill, own),
+        (fill, own | hidden),
+        (fill, fill),
+        (fill, fill | hidden),
+        (own | hidden, own | hidden),
+    ]
+    found = []
+    for first, second in looks:
+        scene["cell"] = [{"region": "a", **first}, {"region": "b", **second}]
+        frame = halfstep.render(scene, size=(64, 64), backend=backend)
+        found.append(frame.overlap)
+    assert np.isfinite(found[0]).sum() > 100
+    rows, columns = np.nonzero(np.isfinite(found[0]))
+    # Both balls hold the points where the overlap begins.
+    height = 2 * 10 * np.tan(np.radians(Scene.from_dict(scene).camera.fov_degrees / 2)) / 64
+    for overlap in found[1:]:
+        assert (np.isfinite(overlap) == np.isfinite(found[0])).all()
+        depth = overlap[rows, columns]
+        x = (columns - 31.5) * height / 10 * depth
+        y = (31.5 - rows) * height / 10 * depth
+        for middle in (0.0, 0.5):
+            assert (np.sqrt((x - middle) ** 2 + y**2 + (10 - depth) ** 2) < 1.001).all()
 
 
 @pytest.mark.usefixtures("adapter")

@@ -77,21 +77,23 @@ def compiled(
     *,
     hidden: bool = False,
 ) -> Program | None:
-    """The program of a group, None where no visible cell has a point.
+    """The program of a group, None where no visible cell has a point, or no surface.
 
     Args:
         matrices: (F, 4, 4), the functions of the group, in its coordinates.
         regions: of its cells, over these functions.
         is_visible: (C,), of each cell.
         volume: (2, 3), a box outside of which nothing is shown, in coordinates of the group.
-        hidden: the program has the cells too that are not visible.
+        hidden: the program has the cells too that are not visible; if none is, it is of these
+            alone.
     """
     plain = Senses(range(len(matrices)), [False] * len(matrices))
     taken = np.arange(len(regions)) if hidden else np.flatnonzero(is_visible)
     formulas = [normal_form(regions[ix], plain) for ix in taken.tolist()]
     is_shown = is_visible[taken]
-    shown = [region for region, seen in zip(formulas, is_shown, strict=True) if seen]
-    boxes = [box_of(region, matrices) for region in shown]
+    # What is seen, and how exactly, does not depend on cells that are not shown, if any is.
+    counts = is_shown if is_shown.any() else ~is_shown
+    boxes = [box_of(formulas[ix], matrices) for ix in np.flatnonzero(counts).tolist()]
     found = [box for box in boxes if box is not None]
     if not found:
         return None
@@ -110,16 +112,15 @@ def compiled(
     slots = {ix: slot for slot, ix in enumerate(kept)}
     senses = Senses([slots.get(int(ix), -1) for ix in first], opposite.tolist())
     merged = [normal_form(region, senses) for region in formulas]
-    # Merging may leave a cell without a point. What is all of space has no surface to be seen.
-    some = [
-        ix
-        for ix, region in enumerate(merged)
-        if literals(region) or (region == Intersection(()) and not is_shown[ix])
-    ]
-    if not is_shown[some].any():
+    # Merging may leave a cell without a point. What is all of space has no surface to be seen: it
+    # hides nothing, but overlaps all others.
+    everywhere = np.array([region == Intersection(()) for region in merged])
+    is_shown &= ~everywhere
+    some = [ix for ix, region in enumerate(merged) if literals(region) or everywhere[ix] & hidden]
+    counts = is_shown if is_shown.any() else np.full(len(merged), hidden)
+    seen = {leaf.surface for ix in some if counts[ix] for leaf in literals(merged[ix])}
+    if not seen:
         return None
-    # What is seen, and how exactly, does not depend on cells that are not shown.
-    seen = {leaf.surface for ix in some if is_shown[ix] for leaf in literals(merged[ix])}
     own = np.moveaxis(moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
     planes = sum(is_plane.values())
     own[:3, :3, :planes] = 0.0
@@ -267,7 +268,8 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
     for copies in layout.copies():
         group, first_cell = copies.group, first_cells[id(copies.group)]
         shown = np.array([cell.is_shown for cell in group.cells])
-        if not shown.any() or not len(copies.number):
+        # One cell alone overlaps none.
+        if not (shown.any() or (hidden and len(shown) > 1)) or not len(copies.number):
             continue
         key = id(group)
         if key not in plain:
@@ -349,6 +351,8 @@ def _program_of(
     if program is None:
         return None
     if not np.isfinite(program.box).all() and volume is None:
+        if not shown.any():
+            return None
         faults.append(
             f"{scene.name}: volume: missing; {where or 'the scene: '}nothing bounds its cells"
         )

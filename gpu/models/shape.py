@@ -16,6 +16,7 @@ from halfstep.host.regions import compiled
 from halfstep.models.look import Clip, Look, Table, both, camera_of, lights_of, plane
 from halfstep.scene import Fragment, Scene
 from halfstep.scene.formula import Formula, Sense
+from halfstep.scene.region import Intersection
 from halfstep.scene.values import Array
 
 # Where nothing ends a model, this part of its size on each side of its middle is shown.
@@ -88,9 +89,13 @@ def without_empty(fragment: FragmentT) -> FragmentT:
     senses = Senses(range(len(matrices)), [False] * len(matrices))
     program = compiled(matrices, regions, shown, None)
     kept = set() if program is None else set(program.cells.tolist())
-    for ix in sorted(kept):
-        if box_of(normal_form(regions[ix], senses), matrices) is None:
-            kept.remove(ix)
+    for ix in np.flatnonzero(shown).tolist():
+        region = normal_form(regions[ix], senses)
+        if box_of(region, matrices) is None:
+            kept.discard(ix)
+        elif region == Intersection(()):
+            # What it fills ends it.
+            kept.add(ix)
     cells = tuple(
         cell.model_copy(update={"visible": False}) if shown[ix] and ix not in kept else cell
         for ix, cell in enumerate(fragment.cells)
