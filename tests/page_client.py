@@ -29,7 +29,11 @@ class Client:
     def send(self, type_: str, **facts: Any) -> None:
         """Send an event."""
         timestamp = time.monotonic() - self.started
-        self._socket.send(json.dumps({"type": type_, "timestamp": timestamp, **facts}))
+        self.say(json.dumps({"type": type_, "timestamp": timestamp, **facts}))
+
+    def say(self, text: str | bytes) -> None:
+        """Send anything."""
+        self._socket.send(text)
 
     def resize(self, width: int, height: int) -> None:
         """Say how large the picture is."""

@@ -35,6 +35,27 @@ SCENE = "one_box"
 OPTIONS = ("--canvas", "http", "--backend", "numpy", "--size", f"{WIDTH}x{HEIGHT}")
 
 
+# What no page of ours sends, but somebody who knows the token may.
+NONSENSE = (
+    "",
+    "{",
+    "[]",
+    "7",
+    b"\x00\xff",
+    '{"type": 7}',
+    "[" * 100_000,
+    '{"type": "_framefeedback"}',
+    '{"type": "_framefeedback", "index": "x", "timestamp": 0}',
+    '{"type": "_framefeedback", "index": NaN, "timestamp": 0}',
+    '{"type": "_framefeedback", "index": 1, "timestamp": null}',
+    '{"type": "resize", "pwidth": 0, "pheight": 1, "ratio": 1}',
+    '{"type": "resize", "pwidth": 96, "pheight": 72, "ratio": 0}',
+    '{"type": "resize", "pwidth": "a", "pheight": 72, "ratio": 1}',
+    '{"type": "pointer_move"}',
+    '{"type": "pointer_down", "x": 1, "y": 2, "timestamp": 0}',
+)
+
+
 def status(address: str) -> int:
     try:
         with urllib.request.urlopen(address, timeout=30) as answer:
@@ -74,6 +95,8 @@ def test_a_page_is_for_who_knows_its_token() -> None:
             frame = halfstep.render(SCENE, size=(WIDTH, HEIGHT), backend="numpy")
             # It may be a JPEG, if that can be made.
             assert np.abs(seen.astype(int) - frame.image).mean() < 3
+            for nonsense in NONSENSE:
+                client.say(nonsense)
             client.pointer("down", 48, 36, 1)
             client.pointer("up", 48, 36)
             assert line_of(process).startswith("pixel 48, 36: solid[0]")

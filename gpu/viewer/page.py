@@ -17,6 +17,7 @@ from contextlib import suppress
 from typing import Any
 
 from halfstep.errors import UsageError
+from halfstep.viewer.events import is_message
 
 HOST = "127.0.0.1"
 # When the last page was closed, a new one has so many seconds to come, as one that is loaded anew.
@@ -134,12 +135,24 @@ class Guard:
             self._leaving.cancel()
         try:
             with suppress(asyncio.CancelledError):
-                await self._application(scope, receive, send)
+                await self._application(scope, _checked(receive), send)
         finally:
             self._pages -= 1
             if not self._pages:
                 loop = asyncio.get_running_loop()
                 self._leaving = loop.call_later(LEFT_ALONE, self._left)
+
+
+def _checked(receive: _Receive) -> _Receive:
+    """Messages of a page without those that no page of ours sends."""
+
+    async def checked() -> _Message:
+        while True:
+            message = await receive()
+            if message["type"] != "websocket.receive" or is_message(message.get("text") or ""):
+                return message
+
+    return checked
 
 
 async def _answer(send: _Send, status: int, kind: bytes, body: bytes) -> None:
