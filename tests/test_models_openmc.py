@@ -527,6 +527,8 @@ def test_clips_are_regions() -> None:
     for text in ("x", "x > a", "3", "x > 0 | 1", "x > 0 y", "(x > 0", "w > 0", ""):
         with pytest.raises(UsageError, match="--clip: "):
             clip_of((text,), 1)
+    with pytest.raises(UsageError, match=r"--clip: 1e400 is not between -1e\+15 and 1e\+15"):
+        clip_of(("x > 1e400",), 1)
 
 
 def test_what_a_clip_leaves_nothing_of_is_not_drawn(tmp_path: Path) -> None:
@@ -550,7 +552,7 @@ def test_the_camera() -> None:
         assert np.abs(np.delete(away, axis)).max() < 1e-9
     camera = load(path, Look(eye=(0, 0, 40), look_at=(0, 0, 1), fov_degrees=20)).camera
     assert (camera.center, camera.look_at, camera.fov_degrees) == ((0, 0, 40), (0, 0, 1), 20)
-    with pytest.raises(UsageError, match="--fov: 0 is not between 0 and 180"):
+    with pytest.raises(UsageError, match="--fov: 0 is not > 0 and < 180"):
         load(path, Look(fov_degrees=0))
     with pytest.raises(UsageError, match="--eye: is where the camera looks at"):
         load(path, Look(eye=(1, 2, 3), look_at=(1, 2, 3)))
@@ -707,7 +709,9 @@ def test_rays_of_a_plot_or_as_an_option_says_are_parallel(tmp_path: Path) -> Non
         ({"fov_degrees": 3, "orthographic_height": 3}, "--fov, --orthographic: only one may be"),
         ({"orthographic_height": 0}, "--orthographic: 0 is not between 1e-15 and "),
         ({"orthographic_height": float("nan")}, "--orthographic: nan is not between"),
-        ({"fov_degrees": 180}, "--fov: 180 is not between 0 and 180"),
+        ({"fov_degrees": 180}, "--fov: 180 is not > 0 and < 180"),
+        ({"hide": ("void", "")}, "--hide: a name is empty"),
+        ({"only": (" ",)}, "--only: a name is empty"),
     ):
         with pytest.raises(UsageError, match=message):
             Look(**keys)

@@ -233,6 +233,11 @@ FAULTS = [
     ("polyhedron([[0,0,0],[4,0,0],[0,4,0],[1,1,1],[0,0,4]], "
      "faces = [[0,1,2],[1,2,3],[0,1,4],[0,2,4]]);",
      "line 1, column 1: polyhedron is not convex, or a face is not flat"),
+    ("polyhedron([[0,0,0],[1,0,0],[0,1,0],[0,0,1]], faces = [[0,1,2],[0,3,1],[1,3,2]]);",
+     "line 1, column 1: polyhedron is not closed: an edge is of one face alone"),
+    ("cube([1e300, 1, 1]);", "it is not within 1e+15 of its origin"),
+    ("polyhedron([[0,0,0],[1,0,0],[0,1,0],[1,1,0]], faces = [[0,1,2],[0,3,1],[1,3,2],[0,2,3]]);",
+     "nothing of it is shown"),
     ("cube(0);", "nothing of it is shown"),
     ("", "nothing of it is shown"),
 ]  # fmt: skip
@@ -256,6 +261,18 @@ def test_a_singular_matrix_shows_nothing(tmp_path: Path) -> None:
     text = "cube(1); multmatrix([[1,0,0,0],[0,0,0,0],[0,0,1,0],[0,0,0,1]]) cube(2);"
     with pytest.warns(UserWarning, match="line 1, column 10: multmatrix is singular"):
         assert len(opened(tmp_path, text).cells) == 1
+
+
+def test_what_is_flat_stays_in_its_plane(tmp_path: Path) -> None:
+    """Of a matrix that is given what is flat, OpenSCAD takes x and y alone."""
+    moved = "multmatrix([[2,0,5,0],[0,1,5,3],[9,9,0,9],[0,0,0,1]])"
+    scene = opened(tmp_path, f"linear_extrude(height = 4) {moved} square([1, 2]);")
+    plain = opened(tmp_path, "multmatrix([[1,0,0,0],[0,1,0,3],[0,0,1,0],[0,0,0,1]]) cube([2,2,4]);")
+    assert scene.volume == plain.volume
+    turned = "multmatrix([[1,0,0,0],[0,0,-1,0],[0,1,0,0],[0,0,0,1]])"
+    with pytest.warns(UserWarning, match="line 1, column 28: multmatrix is singular"):
+        faults = faults_of(tmp_path, f"linear_extrude(height = 2) {turned} square([1, 2]);")
+    assert faults == ("part.csg: nothing of it is shown",)
 
 
 def test_options_and_other_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

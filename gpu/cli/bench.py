@@ -7,6 +7,7 @@ import argparse
 from halfstep.cli.options import Commands, add_adapter, add_output
 from halfstep.cli.output import print_json, print_text, progress_bar, say
 from halfstep.errors import UsageError
+from halfstep.scene.faults import show
 
 # The parts by name; a test keeps them those of ``bench.parts``.
 PARTS = (
@@ -31,7 +32,10 @@ def add(commands: Commands) -> None:
     bench = commands.add_parser("bench", help="measure this machine's speed, in some minutes")
     bench.set_defaults(run=run)
     bench.add_argument(
-        "--only", metavar="PART,…", help=f"some of the parts: {', '.join(PARTS)}", default=""
+        "--only",
+        metavar="PART,…",
+        help=f"some of the parts: {', '.join(PARTS)}",
+        default=",".join(PARTS),
     )
     bench.add_argument("--rounds", metavar="N", type=int, default=5, help="frames of each case")
     add_adapter(bench)
@@ -68,9 +72,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _names(only: str) -> tuple[str, ...]:
-    """The parts asked for, by default all, in the order of the report."""
-    asked = [name for name in only.split(",") if name]
-    unknown = [name for name in asked if name not in PARTS]
+    """The parts asked for, in the order of the report."""
+    asked = only.split(",")
+    unknown = [show(name) for name in asked if name not in PARTS]
     if unknown:
         raise UsageError(f"only: {', '.join(unknown)}: the parts are {', '.join(PARTS)}")
-    return tuple(name for name in PARTS if not asked or name in asked)
+    return tuple(name for name in PARTS if name in asked)

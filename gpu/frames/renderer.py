@@ -104,9 +104,10 @@ class Renderer:
         hidden = not OF_HIDDEN.isdisjoint(self._outputs)
         solids = Solids.of(self._scene, hidden=hidden)
         self._kept = self._scene, hidden, solids, self._scene.solids_sha256
-        if isinstance(backend, str):
-            backend = open_backend(backend, adapter, self._scene.accuracy)
-        self._backend = backend
+        if isinstance(backend, Backend):
+            self._backend = backend
+        else:
+            self._backend = open_backend(backend, adapter, self._scene.accuracy)
         self._told: set[int] = set()
         self._told_coarse = False
         # The last scene that was hashed: most often the one before.

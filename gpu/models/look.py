@@ -83,11 +83,14 @@ class Look:
         ):
             if word is not None and word not in words:
                 raise UsageError(f"{option}: {show(word)} is none of {', '.join(words)}")
+        for option, names in (("--hide", self.hide), ("--only", self.only)):
+            if not all(map(str.strip, names)):
+                raise UsageError(f"{option}: a name is empty")
         fov, height = self.fov_degrees, self.orthographic_height
         if fov is not None and height is not None:
             raise UsageError("--fov, --orthographic: only one may be given")
         if fov is not None and not 0 < fov < 180:
-            raise UsageError(f"--fov: {fov:g} is not between 0 and 180")
+            raise UsageError(f"--fov: {fov:g} is not > 0 and < 180")
         if height is not None and not SMALLEST_LENGTH <= height <= LARGEST:
             raise UsageError(
                 f"--orthographic: {height:g} is not between {SMALLEST_LENGTH:g} and {LARGEST:g}"
@@ -142,6 +145,8 @@ def clip_of(texts: Sequence[str], first: int) -> Clip:
 
         def number(match: re.Match[str], sides: list[Formula] = sides) -> str:
             axis, comparison, distance = match.groups()
+            if not abs(float(distance)) <= LARGEST:
+                raise UsageError(f"--clip: {distance} is not between {-LARGEST:g} and {LARGEST:g}")
             surfaces.append(plane("xyz".index(axis), float(distance), first + len(surfaces)))
             sides.append(Sense(surfaces[-1]["id"], comparison[0] == ">"))
             return f"{len(sides)}"

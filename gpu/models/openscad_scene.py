@@ -144,6 +144,10 @@ class _Builder:
             self._source.fault(call.at, "multmatrix has no matrix of four rows of four numbers")
             return []
         matrix = matrix / matrix[3, 3] if matrix[3, 3] else np.zeros((4, 4))
+        if state.is_flat:
+            # As in OpenSCAD: what is flat stays in its plane.
+            matrix[2], matrix[:, 2] = 0.0, 0.0
+            matrix[2, 2] = 1.0
         sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
         if sizes[-1] <= SINGULAR * max(sizes[0], 1e-300):
             where = self._source.line(call.at, "multmatrix is singular: nothing of it is shown")

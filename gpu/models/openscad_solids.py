@@ -7,6 +7,7 @@ A number of fragments of 0, or of 9 and more, means round, as the author of such
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -123,11 +124,14 @@ def polyhedron(call: Call) -> list[Array]:
         raise Refusal("has no faces")
     middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     found = []
+    sides: Counter[frozenset[bytes]] = Counter()
     for face in faces:
         numbers = [int(_number(each)) for each in face] if isinstance(face, list) else []
         if len(numbers) < 3 or not all(0 <= number < len(points) for number in numbers):
             raise Refusal("a face has not the numbers of three points")
         corners = points[numbers]
+        places = [corner.tobytes() for corner in corners + 0.0]
+        sides.update(map(frozenset, zip(places, places[1:] + places[:1], strict=True)))
         # The sum of the cross products of its sides is across a face, whatever its corners are.
         normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
         length = float(np.linalg.norm(normal))
@@ -140,7 +144,11 @@ def polyhedron(call: Call) -> list[Array]:
         if away.max() > FLAT * size or not is_flat:
             raise Refusal("is not convex, or a face is not flat")
         found.append(half_space(normal, float((corners @ normal).max())))
-    if len(found) < 4:
+    # An edge joins two faces; a side of no length is none.
+    if any(count % 2 for edge, count in sides.items() if len(edge) == 2):
+        raise Refusal("is not closed: an edge is of one face alone")
+    planes = np.array([plane[:3, 3] for plane in found])
+    if len(found) < 4 or np.linalg.matrix_rank(planes, tol=FLAT) < 3:
         raise Empty
     return found
 

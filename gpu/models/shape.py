@@ -17,7 +17,7 @@ from halfstep.models.look import Clip, Look, Table, both, camera_of, lights_of, 
 from halfstep.scene import Fragment, Scene
 from halfstep.scene.formula import Formula, Sense
 from halfstep.scene.region import Intersection
-from halfstep.scene.values import Array
+from halfstep.scene.values import LARGEST, Array
 
 # Where nothing ends a model, this part of its size on each side of its middle is shown.
 OPEN_PART = 0.25
@@ -51,8 +51,10 @@ def scene_of(model: Model, look: Look) -> Scene:
     """The scene of a model, seen by the camera that is asked for, or else from three quarters.
 
     Raises:
-        SceneError: there is more in it than a scene may hold, or nothing is shown.
+        SceneError: there is more in it than a scene may hold, it is too large, or nothing is shown.
     """
+    if not np.abs(model.box).max() <= LARGEST:
+        raise SceneError(f"{model.name}: it is not within {LARGEST:g} of its origin")
     camera = camera_of(look, model.box, model.camera)
     margin = VOLUME_MARGIN * max(float(np.ptp(model.box, axis=0).max()), 1e-9)
     mapping = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from contextlib import AbstractContextManager, nullcontext
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from halfstep.scene import Accuracy, Scene
 TWIN_PIXELS = 1 << 20
 
 
+@runtime_checkable
 class Backend(Protocol):
     """Renders bands, whole frames by one thread at a time.
 
