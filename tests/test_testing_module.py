@@ -44,7 +44,7 @@ var<workgroup> shared_row: array<f32, 64>;
 @group(0) @binding(3) var<uniform> lens: mat3x2<f32>;
 @group(1) @binding(0x2u) var<storage, read_write> out: array<Row>;
 @group(1) @binding(3) var<storage> table: array<vec4<u32>>;
-@group(2) @binding(0) var picture: texture_multisampled_2d<f32>;
+@group(2) @binding(0) var picture: texture_external;
 
 @must_use
 fn helper(a: vec2<f32>, @builtin(position) b: vec4f) -> @location(0) vec2<f32> {
@@ -230,7 +230,7 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
         (lambda m: m.binding("seed"),
          "text: variable seed has no @group and @binding"),
         (lambda m: m.binding("picture"),
-         "text: variable picture: a texture_multisampled_2d<f32> is not supported"),
+         "text: variable picture: a texture_external is not supported"),
         (lambda _: Module("text", "var<private> a: array<f32, N>;").variable("a"),
          "text: variable a: N is not a constant that can be worked out here"),
         (lambda _: Module("text", "override N = 2u; var<private> a: array<f32, N>;").variable("a"),

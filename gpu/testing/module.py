@@ -41,7 +41,9 @@ __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 _VECTOR = re.compile(r"vec([234])([fiuh]?)")
 _MATRIX = re.compile(r"mat([234])x([234])([fh]?)")
-_TEXTURE = re.compile(r"texture_(storage_|depth_)?(1d|2d|2d_array|3d|cube|cube_array)")
+_TEXTURE = re.compile(
+    r"texture_(storage_|depth_)?(1d|2d|2d_array|3d|cube|cube_array|multisampled_2d)"
+)
 _SHORT = {"f": "f32", "i": "i32", "u": "u32", "h": "f16"}
 # Built-in functions in which the invocations of a workgroup, or the pixels of a quad, take part
 # together: what they give for one row is not its own.
@@ -225,14 +227,17 @@ class Module:
         if name in ("sampler", "sampler_comparison"):
             return Sampler(compares=name != "sampler")
         if match := _TEXTURE.fullmatch(name):
-            kind, dimension = match[1], match[2].replace("_", "-")
+            kind, dimension = match[1], match[2].removeprefix("multisampled_").replace("_", "-")
+            several = match[2].startswith("multisampled_")
             words = [written(argument) for argument in arguments]
             if kind == "depth_" and not words:
-                return Texture(dimension, "depth")
+                return Texture(dimension, "depth", is_multisampled=several)
             if kind is None and len(words) == 1:
-                return Texture(dimension, self._scalar(arguments[0], where).name)
+                scalar = self._scalar(arguments[0], where).name
+                return Texture(dimension, scalar, is_multisampled=several)
             if kind == "storage_" and len(words) == 2 and words[0] in FORMATS:
-                return Texture(dimension, FORMATS[words[0]].scalar, *words)
+                format_, access = words
+                return Texture(dimension, FORMATS[format_].scalar, format_, access)
         raise UsageError(f"{where}: a {written(tokens)} is not supported")
 
     def constants(self, given: Mapping[str, Any]) -> dict[str, float]:

@@ -115,12 +115,14 @@ class Texture:
         scalar: what a shader sees of a channel; "depth" of a texture of depths.
         format: of a storage texture, else "".
         access: of a storage texture: "read", "write" or "read_write".
+        is_multisampled: whether a texel has several samples.
     """
 
     dimension: str
     scalar: str
     format: str = ""
     access: str = ""
+    is_multisampled: bool = False
 
 
 @dataclass(frozen=True)
