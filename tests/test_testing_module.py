@@ -56,7 +56,7 @@ fn many(grid: Grid, p: ptr<function, array<Point, 2>>, row: Row,) -> array<bool,
   return array<bool, SIDE>();
 }
 fn silent(a: f32) {}
-fn odd(a: f32, b: sampler) -> f32 { return a; }
+fn odd(a: f32, b: texture_external) -> f32 { return a; }
 fn far(a: ptr<workgroup, f32>) -> f32 { return *a; }
 @compute @workgroup_size(64) fn main() { seed = SIDE; }
 """
@@ -75,7 +75,8 @@ def test_comments_are_no_code() -> None:
 
 def test_a_signature_has_the_types_that_are_written(module: Module) -> None:
     point = Struct("Point", (Member("x", F32, 0, 4, 4), Member("y", F32, 4, 4, 4)))
-    parameters, result = module.signature("many")
+    parameters, shared, result = module.signature("many")
+    assert shared == {}
     assert parameters == {
         "grid": Array(Array(F32, 3), 12),
         "p": Pointer("function", Array(point, 2)),
@@ -90,7 +91,7 @@ def test_a_signature_has_the_types_that_are_written(module: Module) -> None:
     }
     assert result == Array(BOOL, 3)
     assert size_of(module.struct("Row")) == 32
-    parameters, result = module.signature("helper")
+    parameters, _, result = module.signature("helper")
     assert list(parameters.values()) == [Vector(F32, 2), Vector(F32, 4)]
     assert result == Vector(F32, 2)
 
@@ -215,9 +216,10 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
         (lambda m: m.signature("silent"),
          "text: silent returns nothing, so there is nothing to compare"),
         (lambda m: m.signature("odd"),
-         "text: odd: parameter b: sampler is not a type that a buffer can hold"),
+         "text: odd: parameter b: a texture_external is not supported"),
         (lambda m: m.signature("far"),
-         "text: far: parameter a: a pointer into workgroup, not into function or private"),
+         "text: far: parameter a: a pointer into workgroup, which the rows of a function would "
+         "share; `kernel` runs whole compute shaders"),
         (lambda m: m.check_entry_point("helper"),
          "text: helper has no @compute, so it is not an entry point"),
         (lambda m: m.variable("unknown"),

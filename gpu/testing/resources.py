@@ -30,30 +30,40 @@ class Given:
         bound: as a device takes it.
         value: what the bytes that it then holds are, formed as what was given.
         dtype: what one value of it is in NumPy.
+        shown: gives what a reference is given of it: the arrays of a texture in its type, as a
+            tuple if they are levels; a sampler; what a buffer holds as `value` forms it.
     """
 
     bound: Bindable
     value: Callable[[Bytes], Any]
     dtype: DType
+    shown: Callable[[], Any]
 
 
-def given(binding: Binding, value: Any, device: GpuDevice, adapter: str) -> Given:
-    """What is bound to a variable that is given ``value``; ``adapter`` is the device's, by name.
+def given(
+    binding: Binding, value: Any, device: GpuDevice, adapter: str, *, argument: str = "bindings"
+) -> Given:
+    """What is bound to a variable that is given ``value``, in an ``argument``.
+
+    ``adapter`` is the device's, by name.
 
     Raises:
         UsageError: it does not fit the type of the variable.
         AdapterError: the device has no such textures.
     """
-    where, place = f"bindings: {binding.name}", (binding.group, binding.number)
+    where, place = f"{argument}: {binding.name}", (binding.group, binding.number)
     if isinstance(binding.type, Sampler):
         sampler = bound_sampler(binding.type, value, where, place)
-        return Given(sampler, lambda _: None, np.dtype(bool))
+        return Given(sampler, lambda _: None, np.dtype(bool), lambda: value)
     if isinstance(binding.type, Texture):
-        return Given(*bound_texture(binding.type, value, where, place, device))
+        levels, texture, value_of = bound_texture(binding.type, value, where, place, device)
+        shown = tuple(levels) if isinstance(value, tuple) else levels[0]
+        return Given(texture, value_of, levels[0].dtype, lambda: shown)
     check_features(binding.name, [binding.type], device, adapter)
     resource = Resource(binding.type, value, where)
     bound_ = Bound(*place, binding.kind, resource.raw)
-    return Given(bound_, resource.value, dtype_of(binding.type))
+    dtype = dtype_of(binding.type)
+    return Given(bound_, resource.value, dtype, lambda: resource.value(resource.raw))
 
 
 def used_by(

@@ -22,7 +22,7 @@ from halfstep.device.textures import (
 )
 from halfstep.errors import AdapterError, HalfstepError, UsageError
 from halfstep.testing import types
-from halfstep.testing.types import SCALARS, DType, Texture
+from halfstep.testing.types import SCALARS, Texture
 from halfstep.testing.values import Values, array_of, conform, is_numpy, unmasked
 
 # As in `kit`.
@@ -97,7 +97,7 @@ def bound_sampler(
 
 def bound_texture(
     type_: Texture, value: Any, where: str, place: tuple[int, int], device: GpuDevice
-) -> tuple[BoundTexture, Callable[[Bytes], Values], DType]:
+) -> tuple[list[Values], BoundTexture, Callable[[Bytes], Values]]:
     """A texture at a ``place``, (group, number).
 
     Args:
@@ -108,7 +108,8 @@ def bound_texture(
         device: of which it is.
 
     Returns:
-        What is bound, what makes an array of the bytes of its first level, and the type of that.
+        The levels in the type of the texture, what is bound, and what makes an array of the bytes
+        of its first level.
 
     Raises:
         UsageError: it does not fit the type of the variable.
@@ -145,7 +146,7 @@ def bound_texture(
         texels = raw.view(first.dtype).reshape(bound.levels[0].shape)
         return texels[..., order].reshape(first.shape)
 
-    return bound, value_of, first.dtype
+    return levels, bound, value_of
 
 
 def _axes_of(type_: Texture) -> tuple[str, ...]:
