@@ -245,9 +245,9 @@ def zeros(*shape: int) -> F32:
         ("c", "many", np.zeros((2, 2, 2), np.uint8),
          "shape (2, 2, 2), not (height, width, 4 samples) or (height, width, 4 samples, 1 or 2 or "
          "4 channels)"),
-        ("c", "many", np.full((2, 2, 4), 70000), "uint16 does not hold the int64 70000 of row "),
+        ("c", "many", np.full((2, 2, 4), 70000), "uint16 does not hold the int64 70000 of texel "),
         ("e", "lights", np.full((2, 2, 4, 2), 0.1, np.float32),
-         "float16 does not hold the float32 0.10000000149011612 of row (0, 0, 0, 0); convert "),
+         "float16 does not hold the float32 0.10000000149011612 of texel (0, 0, 0, 0); convert "),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_named(

@@ -246,11 +246,9 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
         (lambda _: Module("text", "struct S { @align(12) a: f32 }").struct("S"),
          "text: S.a: @align(12) is not a power of two from 4"),
         (lambda _: Module("text", "@fragment fn fs() -> f32 {}").signature("fs"),
-         "text: fs is the entry point of a fragment shader; only functions and compute shaders "
-         "are run"),
+         "text: fs is the entry point of a fragment shader; `image` draws with those"),
         (lambda _: Module("text", "@vertex fn vs() {}").check_entry_point("vs"),
-         "text: vs is the entry point of a vertex shader; only functions and compute shaders "
-         "are run"),
+         "text: vs is the entry point of a vertex shader; `image` draws with those"),
         (lambda _: Module("text", "var<private> a: vec4<vec2<f32>>;").variable("a"),
          "text: variable a: vec2<f32> is not a scalar"),
         (lambda _: Module("text", "var<private> a: array<f32, 4 / 0>;").variable("a"),

@@ -260,7 +260,8 @@ PICTURE = np.zeros((2, 2), np.float32)
         ("texel", {"x": 0, "y": 0, "picture": np.zeros((2, 2))},
          None),
         ("texel", {"x": 0, "y": 0, "picture": np.full((2, 2), 0.1)},
-         "inputs: picture: float32 does not hold the float64 0.1 of row (0, 0); convert it first"),
+         "inputs: picture: float32 does not hold the float64 0.1 of texel (0, 0); convert it "
+         "first"),
         ("between", {"uv": [0, 0], "picture": PICTURE, "way": "linear"},
          "inputs: way: str is not a halfstep.testing.Sampler"),
         ("both", {"t": PICTURE, "x": 1.0},

@@ -283,7 +283,7 @@ DEPTHS = np.zeros((2, 2), np.float32)
          "bindings: u: shape (5,), not (height, width) or (height, width, 1 or 2 or 4 channels)"),
         ("load", {"u": [[1, 2], [3]]}, None),
         ("load", {"u": np.full((2, 2), -1)},
-         "bindings: u: uint32 does not hold the int64 -1 of row (0, 0); convert it "
+         "bindings: u: uint32 does not hold the int64 -1 of texel (0, 0); convert it "
          "first"),
         ("load", {"u": np.zeros((1, 20000), np.uint8)}, "bindings: u: width 20000 is more than "),
         ("load", {"u": np.ma.masked_less(np.ones((2, 2), np.uint8), 1)},

@@ -112,6 +112,16 @@ class Call:
         ]
 
 
+def check_callable(name: str, function: Any) -> None:
+    """See that what is to be called can be.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    if not callable(function):
+        raise UsageError(f"{name}: {type(function).__name__} is no function")
+
+
 def called(reference: Any, call: Call) -> Any:
     """What a reference gives for a call."""
     arguments, variables = call.arguments()
@@ -264,7 +274,8 @@ def check_names(name: str, given: Sequence[str] | None) -> tuple[str, ...] | Non
     """The names of a tuple or list, if there is one."""
     if given is None:
         return None
-    if isinstance(given, str) or not all(isinstance(one, str) for one in given) or not given:
+    is_list = isinstance(given, tuple | list)
+    if not is_list or not given or not all(isinstance(one, str) for one in given):
         raise UsageError(f"{name}: {given!r} is not a tuple of names")
     if len(set(given)) < len(given):
         raise UsageError(f"{name}: {given!r} names one twice")

@@ -20,6 +20,7 @@ from halfstep.testing.call import (
     asked,
     called,
     changed,
+    check_callable,
     check_names,
     check_rtol,
     compared,
@@ -131,6 +132,9 @@ class Kit(Judge):
             DeviceError: the device was lost or the driver failed.
         """
         tolerance = Tolerance(ulp, atol, rtol)
+        check_callable("reference", reference)
+        if margin is not None:
+            check_callable("margin", margin)
         call = self._prepare(
             self._module(source, preprocess),
             function,

@@ -216,8 +216,7 @@ class Module:
         for stage in ("vertex", "fragment"):
             if stage in declaration.attributes and stage != wanted:
                 raise UsageError(
-                    f"{where} the entry point of a {stage} shader; only functions and compute "
-                    "shaders are run"
+                    f"{where} the entry point of a {stage} shader; `image` draws with those"
                 )
 
     def struct(self, name: str) -> Struct:
@@ -320,6 +319,8 @@ class Module:
         one = conform(value, SCALARS[type_], where)
         if one.ndim:
             raise UsageError(f"{where}: shape {one.shape}, not a number")
+        if not np.isfinite(one):
+            raise UsageError(f"{where}: {one} is not finite, and WebGPU takes no other")
         return float(one)
 
     def _type_of(self, tokens: Tokens) -> str:

@@ -61,6 +61,15 @@ def given(
         return Given(texture, value_of, levels[0].dtype, lambda: shown)
     check_features(binding.name, [binding.type], device, adapter)
     resource = Resource(binding.type, value, where)
+    of_kind = "uniform" if binding.kind == "uniform" else "storage"
+    most = min(
+        device.limits[f"max-{of_kind}-buffer-binding-size"], device.limits["max-buffer-size"]
+    )
+    if len(resource.raw) > most:
+        raise UsageError(
+            f"{where}: {len(resource.raw):,} bytes, and a {of_kind} buffer of the device on "
+            f"{adapter} has {most:,} at most"
+        )
     bound_ = Bound(*place, binding.kind, resource.raw)
     dtype = dtype_of(binding.type)
     return Given(bound_, resource.value, dtype, lambda: resource.value(resource.raw))

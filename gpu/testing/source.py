@@ -135,6 +135,8 @@ def read(source: Source, preprocess: Preprocess | None = None) -> Text:
     sources: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
     if not sources:
         raise UsageError("source: an empty list")
+    if preprocess is not None and not callable(preprocess):
+        raise UsageError(f"preprocess: {type(preprocess).__name__} is no function")
     parts = []
     for k, one in enumerate(sources, 1):
         name, original = named_text(one)

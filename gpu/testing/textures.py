@@ -202,10 +202,10 @@ def _texels(type_: Texture, value: Any, where: str) -> tuple[str, Values]:
     if type_.format:
         name, wanted = type_.format, FORMATS[type_.format]
         _check_shape(shape, axes, (wanted.channels,), where)
-        return name, conform(value, wanted.dtype, where, any_axes=True)
+        return name, conform(value, wanted.dtype, where, any_axes=True, axis="texels")
     if type_.scalar == "depth":
         _check_shape(shape, axes, (), where)
-        depths = conform(value, SCALARS["f32"], where, any_axes=True)
+        depths = conform(value, SCALARS["f32"], where, any_axes=True, axis="texels")
         if not (within := (depths >= 0) & (depths <= 1)).all():
             place = tuple(np.argwhere(~within)[0].tolist())
             raise UsageError(f"{where}: {depths[place]} at {place} is no depth, which are 0 to 1")
@@ -224,7 +224,7 @@ def _texels(type_: Texture, value: Any, where: str) -> tuple[str, Values]:
                 return name, value
     # What holds most; where numbers are wanted, not parts of 1.
     name = max((n for n in there if "norm" not in n), key=lambda one: there[one].itemsize)
-    return name, conform(value, there[name], where, any_axes=True)
+    return name, conform(value, there[name], where, any_axes=True, axis="texels")
 
 
 def _check_shape(
