@@ -265,8 +265,8 @@ PICTURE = np.zeros((2, 2), np.float32)
         ("between", {"uv": [0, 0], "picture": PICTURE, "way": "linear"},
          "inputs: way: str is not a halfstep.testing.Sampler"),
         ("both", {"t": PICTURE, "x": 1.0},
-         "WGSL: both has a parameter t, and uses the variable t too; what is given for which "
-         "cannot be told"),
+         "WGSL: both has a parameter t, and uses what is declared as t too; which is meant cannot "
+         "be told"),
         ("flat_", {"t": PICTURE, "way": Sampler(), "x": 1.0},
          "WGSL: flat_ uses textureSample, in which invocations take part together; a function is "
          "run for each row alone, and `kernel` runs whole compute shaders"),

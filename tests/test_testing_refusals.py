@@ -21,6 +21,8 @@ struct Box { a: f32, n: u32 }
 @group(0) @binding(2) var<storage, read_write> m: array<mat3x3<f32>, 2>;
 @group(0) @binding(3) var<storage, read_write> grid: array<u32, 3>;
 fn f(x: f32) -> f32 { return GAIN * x + 0.0 * f32(EACH); }
+fn put() { d[0] = 9.0; }
+fn both(d: ptr<function, f32>) { put(); *d += 1.0; }
 @compute @workgroup_size(4) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
   d[id.x] = box.a * d[id.x];
 }
@@ -73,6 +75,9 @@ def program(k: Kit) -> Any:
          "offset: '0' is not a multiple of 4 of 0 to 0"),
         (lambda k: program(k).dispatch("main", indirect="grid", offset=0.0),
          "offset: 0.0 is not a multiple of 4 of 0 to 0"),
+        (lambda k: k.run(TEXT, "both", {"d": [1.0]}, bindings={"d": X}, returns=("d",)),
+         "WGSL: both has a parameter d, and uses what is declared as d too; which is meant cannot "
+         "be told"),
         (lambda k: k.kernel(TEXT, "seen", {}),
          "WGSL: seen is the entry point of a fragment shader; `image` draws with those"),
     ],

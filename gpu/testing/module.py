@@ -164,10 +164,7 @@ class Module:
         found = []
         for number, (name, type_) in enumerate(shared.items(), first):
             if name in used:
-                raise UsageError(
-                    f"{self.name}: {function} has a parameter {name}, and uses the variable "
-                    f"{name} too; what is given for which cannot be told"
-                )
+                raise self._of_two(function, name)
             match type_:
                 case Texture():
                     found.append(Binding(name, 0, number, "texture", type_))
@@ -178,6 +175,12 @@ class Module:
                     found.append(Binding(name, 0, number, kind, target))
         return found
 
+    def _of_two(self, function: str, name: str) -> UsageError:
+        return UsageError(
+            f"{self.name}: {function} has a parameter {name}, and uses what is declared as {name} "
+            "too; which is meant cannot be told"
+        )
+
     def first_free(self, *functions: str) -> int:
         """The first number in group 0 beyond those of the variables that functions use."""
         used = [binding for function in functions for binding in self.bindings(function)]
@@ -187,6 +190,10 @@ class Module:
         """The answers of a function that each row gives: all but those that are bound."""
         reached, declaration = self.reached(function), self._of_kind("fn", "function", function)
         self._check_stage(declaration, "")
+        own, _ = self._parameters(declaration)
+        for name in returns:
+            if isinstance(own.get(name), Pointer) and name in reached and name != RESULT:
+                raise self._of_two(function, name)
         bound = {name for name in self.resources() if name in reached}
         bound |= {binding.name for binding in self.bound_parameters(function)}
         is_result = {RESULT} if declaration.type else set()
