@@ -129,7 +129,7 @@ def test_floats_that_a_device_does_not_filter_are_told(wgsl: Kit) -> None:
     assert "Non-filterable float textures can't be sampled" in str(caught.value)
 
 
-def test_a_buffer_larger_than_the_device_has_is_named(
+def test_a_buffer_beyond_what_the_device_has_is_named(
     wgsl: Kit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limits = {**wgsl.device.limits, "max-storage-buffer-binding-size": 64}
