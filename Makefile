@@ -48,8 +48,8 @@ test-swiftshader: lavapipe swiftshader
 # A second WebGPU: Dawn, which is Chrome's, with its compiler Tint, by the package wgpudawn. It takes
 # SwiftShader, but not lavapipe of Mesa 22.3. Left out is what naga says, what opens a second device
 # on one adapter, which Dawn has not, and a time.
-DAWN_FILES := census compare faults files image inputs kernel kit layout loops manners names \
-    overrides program public public_shaders returns textures
+DAWN_FILES := census compare faults files image inputs kernel kit layout levels loops manners names \
+    overrides parameters program public public_shaders public_textures refusals returns textures
 NOT_DAWN := shows_the_line or shown_as_it_is or larger or stored_answers or many_texts
 
 test-dawn: swiftshader

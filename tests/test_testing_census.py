@@ -162,12 +162,14 @@ def test_a_tolerance_is_a_finite_number(name: str, value: Any) -> None:
     assert str(caught.value) == f"{name}: {value} is not a finite number >= 0"
 
 
-@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.uint32, np.int64, np.float64])
+@pytest.mark.parametrize(
+    "dtype", [np.uint8, np.float16, np.float32, np.uint32, np.int64, np.float64]
+)
 def test_what_was_never_written_is_told(dtype: type[np.generic]) -> None:
-    found = unwritten((10, 3), dtype)
+    found = unwritten((10, 4), dtype)
     found[:7] = 1
     found[8, 1] = 1  # half a row is something else
-    result = census(found, np.ones((10, 3), dtype))
+    result = census(found, np.ones((10, 4), dtype))
     assert (result.failed, result.unwritten) == (3, 2)
 
 

@@ -136,7 +136,7 @@ X = np.arange(4, dtype=np.float32)
         (lambda k: k.compare({"a": X, "b": {"c": X}}, {"a": X, "b": X}),
          "b.expected: not a struct of c"),
         (lambda k: k.compare({"a": X}, {"a": X[:2]}), "a.expected: 2 rows, not 4"),
-        (lambda k: k.compare(X[0], X), "expected: shape (1, 4), not (rows)"),
+        (lambda k: k.compare(X[0], X), "expected: shape (4,), not one value"),
         (lambda k: k.compare({}, {}), "found: nothing to compare"),
         (lambda k: k.compare(X[:0], X[:0]), "found: nothing to compare"),
         (lambda k: k.compare({"a": X[:0]}, {"a": X[:0]}), "a.found: nothing to compare"),

@@ -148,8 +148,7 @@ def test_loops_that_the_driver_cuts_are_told(wgsl: Kit) -> None:
         (lambda k: k.image(TEXT, "tinted", SIZE, vertex="corner"),
          "WGSL: corner uses centre, which bindings do not give"),
         (lambda k: k.image(TEXT, "tinted", SIZE, vertex="plain"),
-         "WGSL: plain is the entry point of a fragment shader; only functions and compute shaders "
-         "are run"),
+         "WGSL: plain is the entry point of a fragment shader; `image` draws with those"),
         (lambda k: k.image(TEXT, "plain", SIZE, {"centre": [1, 2]}),
          "WGSL: plain uses no resource 'centre'; it uses none"),
         (lambda k: k.image(TEXT, "plain", (16, 0)),

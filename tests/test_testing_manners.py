@@ -322,6 +322,8 @@ def test_many_texts_cost_no_more_than_three_times_one(wgsl: Kit) -> None:
             run(kit, k)
         return time.process_time() - start
 
+    if "llvmpipe" not in wgsl.device.adapter_info["device"]:
+        pytest.skip("the driver may keep no compiled shaders")
     # The first time the driver compiles, which it keeps on disk; what is judged is the kit.
     seconds(other)
     # In pairs, as what else the machine does changes too.

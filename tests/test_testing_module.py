@@ -44,7 +44,7 @@ var<workgroup> shared_row: array<f32, 64>;
 @group(0) @binding(3) var<uniform> lens: mat3x2<f32>;
 @group(1) @binding(0x2u) var<storage, read_write> out: array<Row>;
 @group(1) @binding(3) var<storage> table: array<vec4<u32>>;
-@group(2) @binding(0) var picture: texture_multisampled_2d<f32>;
+@group(2) @binding(0) var picture: texture_external;
 
 @must_use
 fn helper(a: vec2<f32>, @builtin(position) b: vec4f) -> @location(0) vec2<f32> {
@@ -56,7 +56,7 @@ fn many(grid: Grid, p: ptr<function, array<Point, 2>>, row: Row,) -> array<bool,
   return array<bool, SIDE>();
 }
 fn silent(a: f32) {}
-fn odd(a: f32, b: sampler) -> f32 { return a; }
+fn odd(a: f32, b: texture_external) -> f32 { return a; }
 fn far(a: ptr<workgroup, f32>) -> f32 { return *a; }
 @compute @workgroup_size(64) fn main() { seed = SIDE; }
 """
@@ -75,7 +75,8 @@ def test_comments_are_no_code() -> None:
 
 def test_a_signature_has_the_types_that_are_written(module: Module) -> None:
     point = Struct("Point", (Member("x", F32, 0, 4, 4), Member("y", F32, 4, 4, 4)))
-    parameters, result = module.signature("many")
+    parameters, shared, result = module.signature("many")
+    assert shared == {}
     assert parameters == {
         "grid": Array(Array(F32, 3), 12),
         "p": Pointer("function", Array(point, 2)),
@@ -90,7 +91,7 @@ def test_a_signature_has_the_types_that_are_written(module: Module) -> None:
     }
     assert result == Array(BOOL, 3)
     assert size_of(module.struct("Row")) == 32
-    parameters, result = module.signature("helper")
+    parameters, _, result = module.signature("helper")
     assert list(parameters.values()) == [Vector(F32, 2), Vector(F32, 4)]
     assert result == Vector(F32, 2)
 
@@ -215,9 +216,10 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
         (lambda m: m.signature("silent"),
          "text: silent returns nothing, so there is nothing to compare"),
         (lambda m: m.signature("odd"),
-         "text: odd: parameter b: sampler is not a type that a buffer can hold"),
+         "text: odd: parameter b: a texture_external is not supported"),
         (lambda m: m.signature("far"),
-         "text: far: parameter a: a pointer into workgroup, not into function or private"),
+         "text: far: parameter a: a pointer into workgroup, which the rows of a function would "
+         "share; `kernel` runs whole compute shaders"),
         (lambda m: m.check_entry_point("helper"),
          "text: helper has no @compute, so it is not an entry point"),
         (lambda m: m.variable("unknown"),
@@ -230,7 +232,7 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
         (lambda m: m.binding("seed"),
          "text: variable seed has no @group and @binding"),
         (lambda m: m.binding("picture"),
-         "text: variable picture: a texture_multisampled_2d<f32> is not supported"),
+         "text: variable picture: a texture_external is not supported"),
         (lambda _: Module("text", "var<private> a: array<f32, N>;").variable("a"),
          "text: variable a: N is not a constant that can be worked out here"),
         (lambda _: Module("text", "override N = 2u; var<private> a: array<f32, N>;").variable("a"),
@@ -244,11 +246,9 @@ def test_names_that_are_declared_anew_for_a_run_begin_as_no_other() -> None:
         (lambda _: Module("text", "struct S { @align(12) a: f32 }").struct("S"),
          "text: S.a: @align(12) is not a power of two from 4"),
         (lambda _: Module("text", "@fragment fn fs() -> f32 {}").signature("fs"),
-         "text: fs is the entry point of a fragment shader; only functions and compute shaders "
-         "are run"),
+         "text: fs is the entry point of a fragment shader; `image` draws with those"),
         (lambda _: Module("text", "@vertex fn vs() {}").check_entry_point("vs"),
-         "text: vs is the entry point of a vertex shader; only functions and compute shaders "
-         "are run"),
+         "text: vs is the entry point of a vertex shader; `image` draws with those"),
         (lambda _: Module("text", "var<private> a: vec4<vec2<f32>>;").variable("a"),
          "text: variable a: vec2<f32> is not a scalar"),
         (lambda _: Module("text", "var<private> a: array<f32, 4 / 0>;").variable("a"),

@@ -283,7 +283,8 @@ DEPTHS = np.zeros((2, 2), np.float32)
          "bindings: u: shape (5,), not (height, width) or (height, width, 1 or 2 or 4 channels)"),
         ("load", {"u": [[1, 2], [3]]}, None),
         ("load", {"u": np.full((2, 2), -1)},
-         "bindings: u: uint32 does not hold the int64 -1 of row 0; convert it first"),
+         "bindings: u: uint32 does not hold the int64 -1 of texel (0, 0); convert it "
+         "first"),
         ("load", {"u": np.zeros((1, 20000), np.uint8)}, "bindings: u: width 20000 is more than "),
         ("load", {"u": np.ma.masked_less(np.ones((2, 2), np.uint8), 1)},
          "bindings: u: a masked array; give its rows that are not masked"),
@@ -298,10 +299,15 @@ DEPTHS = np.zeros((2, 2), np.float32)
          "bindings: closer: the sampler compares, and compare is ''"),
         ("lit", {"depth": DEPTHS[..., None], "closer": Sampler(compare="less")},
          "bindings: depth: shape (2, 2, 1), not (height, width)"),
+        ("lit", {"depth": [[1, -0.5]], "closer": Sampler(compare="less")},
+         "bindings: depth: -0.5 at (0, 1) is no depth, which are 0 to 1"),
+        ("lit", {"depth": [[1, 0], [np.nan, 0]], "closer": Sampler(compare="less")},
+         "bindings: depth: nan at (1, 0) is no depth, which are 0 to 1"),
         ("flat_", {"cube": FACES, "way": Sampler()},
          "WGSL: flat_ uses textureSample, in which invocations take part together; "),
         ("lots", {"many": DEPTHS},
-         "WGSL: variable many: a texture_multisampled_2d<f32> is not supported"),
+         "bindings: many: shape (2, 2), not (height, width, 4 samples) or (height, width, "
+         "4 samples, 1 or 2 or 4 channels)"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_named(

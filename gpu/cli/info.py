@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from halfstep.cli.output import print_json, print_text
-from halfstep.errors import HalfstepError
+from halfstep.errors import HalfstepError, UsageError
 
 if TYPE_CHECKING:
     from halfstep.scene import Fragment, Scene
@@ -19,11 +21,16 @@ def add(commands: Any) -> None:
     info = commands.add_parser("info", help="tell how a picture was made, or what a scene holds")
     info.set_defaults(run=run)
     info.add_argument("file", metavar="FILE", help="a file that Halfstep has written, or a scene")
+    info.add_argument(
+        "--pixel", metavar="X,Y", type=_pixel, help="what a pixel of an .npz file shows"
+    )
     info.add_argument("--json", action="store_true", help="the same for machines")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the file and report; the exit code."""
+    if arguments.pixel is not None:
+        return _tell_pixel(arguments.file, *arguments.pixel, as_json=arguments.json)
     facts = _scene(arguments.file) if _is_scene(arguments.file) else _picture(arguments.file)
     if arguments.json:
         print_json(facts)
@@ -32,6 +39,38 @@ def run(arguments: argparse.Namespace) -> int:
     for name, value in facts.items():
         print_text(f"{name:{width}}  {_plain(value)}".rstrip())
     return 0
+
+
+def _pixel(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"\s*(\d+)\s*,\s*(\d+)\s*", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y, as 320,240")
+    return int(match[1]), int(match[2])
+
+
+def _tell_pixel(file: str, column: int, row: int, *, as_json: bool) -> int:
+    from halfstep.files import read_frame
+    from halfstep.frames import pick
+
+    if _is_scene(file):
+        raise UsageError(f"{file}: is a scene; --pixel is of a picture of it, an .npz file")
+    frame = read_frame(file)
+    height, width = frame.solid.shape
+    if column >= width or row >= height:
+        raise UsageError(f"--pixel: {column},{row} is not in a picture of {width}x{height}")
+    if as_json:
+        facts = pick.found(frame, row, column)
+        print_json({"pixel": [column, row], **{name: _finite(one) for name, one in facts.items()}})
+    else:
+        print_text(_plain(pick.told(frame, row, column)))
+    return 0
+
+
+def _finite(value: Any) -> Any:
+    """``value`` with None for numbers that are not finite, which JSON has not."""
+    if isinstance(value, list):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _is_scene(file: str) -> bool:

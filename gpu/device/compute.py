@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from operator import methodcaller
 from types import MappingProxyType
@@ -179,7 +180,8 @@ class Compute:
             constants: the values of overrides, by name or number.
 
         Raises:
-            UsageError: the code does not compile; the message has the place.
+            UsageError: the code does not compile; the message has the place. Or a pipeline cannot
+                be made of it, as its workgroups are too large for the device.
             DeviceError: the device is lost, refuses what is bound or is out of memory.
         """
         ends = [one.bound if isinstance(one, Held) else one for one in bound]
@@ -230,7 +232,7 @@ class Compute:
 
         def make() -> tuple[object, list[object]]:
             module = self.compile(code, name)
-            with wgpu_errors(self.label):
+            with wgpu_errors(self.label), fitting(f"{name}: {entry_point}"):
                 layouts = group_layouts(self.device, bound, "COMPUTE", written="COMPUTE")
                 pipeline = self.device.create_compute_pipeline(
                     label=name,
@@ -245,6 +247,24 @@ class Compute:
 
         key = (code, entry_point, tuple(sorted(constants.items())), *places_of(bound))
         return self.pipelines.get_or_make(key, make)
+
+
+@contextmanager
+def fitting(name: str) -> Iterator[None]:
+    """Where a pipeline is made of a shader; ``name`` begins the message.
+
+    Raises:
+        UsageError: it needs what the device has not, or what is not given.
+    """
+    import wgpu
+
+    try:
+        yield
+    except (wgpu.GPUValidationError, wgpu.GPUPipelineError) as error:
+        # After the names of wgpu's own functions, or of Dawn's, which stand behind.
+        _, is_native, reason = str(error).rpartition("In wgpuDeviceCreate")
+        reason = reason.partition("\n")[2] if is_native else reason.partition("\n - While")[0]
+        raise UsageError(f"{name}: {' '.join(reason.split())}") from None
 
 
 def places_of(bound: Sequence[Bindable]) -> list[tuple[int, int, str]]:

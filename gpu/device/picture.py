@@ -17,6 +17,7 @@ from halfstep.device.compute import (
     Compute,
     Constants,
     bind_groups,
+    fitting,
     group_layouts,
     places_of,
 )
@@ -130,7 +131,7 @@ def _pipeline(
     """The pipeline, and the layouts of its groups of bindings."""
     module, device = compute.compile(drawing.code, name), compute.device
     shader = {"module": module, "constants": dict(constants)}
-    with wgpu_errors(compute.label):
+    with wgpu_errors(compute.label), fitting(f"{name}: {drawing.fragment}"):
         layouts = group_layouts(device, bound, "VERTEX|FRAGMENT", written="FRAGMENT")
         pipeline = device.create_render_pipeline(
             label=name,

@@ -11,16 +11,17 @@ was made; `read_provenance` reads that.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO
+from typing import IO, TypeVar
 
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.files.exr import EXR
 from halfstep.files.filetype import FileType, FrameType
 from halfstep.files.movie import MOVIES
 from halfstep.files.npz import NPZ
+from halfstep.files.npz import read_frame as read_npz
 from halfstep.files.png import PNG
 from halfstep.files.provenance import Provenance, from_text, provenance
 from halfstep.files.tiff import TIFF
@@ -29,6 +30,7 @@ from halfstep.frames.frame import Frame
 from halfstep.frames.outputs import OUTPUTS, check_outputs
 
 File = str | os.PathLike[str] | IO[bytes]
+Read = TypeVar("Read")
 
 TYPES = (PNG, TIFF, EXR, NPZ)
 ENDINGS = {ending: type_ for type_ in TYPES for ending in type_.endings}
@@ -162,6 +164,30 @@ def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
             such files is missing.
         HalfstepError: the file is not what its ending says, or broken.
     """
+    path, type_ = _readable(path)
+    text = _read(path, type_, type_.read)
+    return None if text is None else from_text(text)
+
+
+def read_frame(path: str | os.PathLike[str]) -> Frame:
+    """The frame that an ``.npz`` file holds, without the time that it took.
+
+    Raises:
+        UsageError: the file is not there, or of another type.
+        HalfstepError: the file is not what its ending says, or broken.
+    """
+    path, type_ = _readable(path)
+    if type_ is not NPZ:
+        raise UsageError(f"{path}: only .npz files tell what a pixel shows")
+    return _read(path, type_, read_npz)
+
+
+def _readable(path: str | os.PathLike[str]) -> tuple[Path, FileType]:
+    """A file that can be read, and its type.
+
+    Raises:
+        UsageError: as `read_provenance`.
+    """
     path = Path(path)
     try:
         ask(path)
@@ -178,13 +204,21 @@ def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
         )
     type_ = READ[_ending(path)]
     type_.check_package(path)
+    return path, type_
+
+
+def _read(path: Path, type_: FileType, read: Callable[[Path], Read]) -> Read:
+    """What ``read`` finds in a file of a type.
+
+    Raises:
+        HalfstepError: the file is not what its ending says, or broken.
+    """
     try:
-        text = type_.read(path)
+        return read(path)
     # Libraries raise what they like.
     except Exception as error:
         reason = getattr(error, "strerror", None) or error
         raise HalfstepError(f"{path}: cannot be read as {type_.name}: {reason}") from error
-    return None if text is None else from_text(text)
 
 
 def _type(file: File, format_: str | None) -> FrameType:

@@ -10,7 +10,7 @@ import numpy as np
 from halfstep.contract.arrays import Array
 from halfstep.errors import UsageError
 from halfstep.frames.outputs import OUTPUTS, Lookup, Output
-from halfstep.frames.paths import Paths
+from halfstep.frames.paths import Paths, Table
 from halfstep.frames.png import png
 
 
@@ -46,7 +46,7 @@ class Frame:
     info: Info
 
     def __init__(
-        self, arrays: Mapping[str, Array | Lookup], info: Info, paths: Paths | None = None
+        self, arrays: Mapping[str, Array | Lookup], info: Info, paths: Paths | Table | None = None
     ) -> None:
         self._arrays = dict(arrays)
         self.info = info
@@ -91,6 +91,15 @@ class Frame:
     def only(self, outputs: Iterable[str]) -> Frame:
         """The frame with some of its arrays."""
         return Frame({name: self._arrays[name] for name in outputs}, self.info, self._paths)
+
+    @property
+    def knows_paths(self) -> bool:
+        """Whether the frame can tell what a pixel shows; one that was pickled or copied cannot."""
+        return self._paths is not None
+
+    def path_table(self) -> Table | None:
+        """What all pixels show, without the scene, as files keep it; None where it is not known."""
+        return self._paths.table() if isinstance(self._paths, Paths) else self._paths
 
     def cell_path(self, row: int, column: int) -> list[str]:
         """What a pixel shows: a line for each level from the scene to the solid or the cell.

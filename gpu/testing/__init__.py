@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from halfstep.testing.inputs import decades, near_ties, special_values
     from halfstep.testing.kit import Kit
     from halfstep.testing.program import Program
-    from halfstep.testing.resources import Sampler
+    from halfstep.testing.textures import Sampler
     from halfstep.testing.values import unwritten
 
 __all__ = [
@@ -44,7 +44,7 @@ _HOME = {
     "Kit": "kit",
     "MismatchError": "census",
     "Program": "program",
-    "Sampler": "resources",
+    "Sampler": "textures",
     "assert_frames_match": "frames",
     "decades": "inputs",
     "near_ties": "inputs",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import methodcaller
 from typing import Any
@@ -41,6 +41,8 @@ class Call:
         parameters: their names, in order.
         returns: names of the answers; None where only the result is asked for.
         values: what each row is given, by name, (lead, …).
+        shared: what all rows are given of the parameters that are bound, by name: arrays, samplers,
+            and tuples and mappings of such.
         lead: the axes of rows, (rows,) or (H, W) or others.
         bound: what is bound, by variable.
         constants: values of overrides, as a pipeline takes them.
@@ -51,6 +53,7 @@ class Call:
     parameters: tuple[str, ...]
     returns: tuple[str, ...] | None
     values: dict[str, Values]
+    shared: dict[str, Any]
     lead: tuple[int, ...]
     bound: dict[str, Given]
     constants: Mapping[str, float]
@@ -69,11 +72,9 @@ class Call:
         """Values (lead, …) as (rows, …)."""
         return values.reshape(self.rows, *values.shape[len(self.lead) :])
 
-    def arguments(self) -> tuple[list[Values], dict[str, Values]]:
+    def arguments(self) -> tuple[list[Any], dict[str, Any]]:
         """Arguments in order, and variables by name; nobody may change them."""
-        views = {name: values.view() for name, values in self.values.items()}
-        for values in views.values():
-            values.flags.writeable = False
+        views = _of_arrays(self.values | self.shared, _fixed)
         arguments = [views.pop(name) for name in self.parameters]
         return arguments, views
 
@@ -109,6 +110,16 @@ class Call:
             else self.bound[name].dtype
             for name in names
         ]
+
+
+def check_callable(name: str, function: Any) -> None:
+    """See that what is to be called can be.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    if not callable(function):
+        raise UsageError(f"{name}: {type(function).__name__} is no function")
 
 
 def called(reference: Any, call: Call) -> Any:
@@ -204,7 +215,26 @@ def check_rtol(tolerance: Tolerance, name: str, types: Iterable[DType]) -> None:
 
 def changed(call: Call, change: Any) -> Call:
     """The call with every array of its values changed."""
-    return replace(call, values={name: change(values) for name, values in call.values.items()})
+    values, shared = (_of_arrays(one, change) for one in (call.values, call.shared))
+    return replace(call, values=values, shared=shared)
+
+
+def _of_arrays(value: Any, change: Callable[[Values], Any]) -> Any:
+    """``value`` with every array in it changed."""
+    if isinstance(value, Mapping):
+        return {name: _of_arrays(part, change) for name, part in value.items()}
+    if isinstance(value, tuple):
+        return tuple(_of_arrays(part, change) for part in value)
+    is_array = isinstance(value, np.ndarray | np.generic)
+    return change(value) if is_array else value
+
+
+def _fixed(values: Values) -> Values:
+    """A view of ``values`` that nobody may change through it."""
+    view = values.view()
+    if isinstance(view, np.ndarray):
+        view.flags.writeable = False
+    return view
 
 
 def doubled(values: Values) -> Values:
@@ -244,7 +274,8 @@ def check_names(name: str, given: Sequence[str] | None) -> tuple[str, ...] | Non
     """The names of a tuple or list, if there is one."""
     if given is None:
         return None
-    if isinstance(given, str) or not all(isinstance(one, str) for one in given) or not given:
+    is_list = isinstance(given, tuple | list)
+    if not is_list or not given or not all(isinstance(one, str) for one in given):
         raise UsageError(f"{name}: {given!r} is not a tuple of names")
     if len(set(given)) < len(given):
         raise UsageError(f"{name}: {given!r} names one twice")

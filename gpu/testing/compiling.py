@@ -15,16 +15,26 @@ __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 @dataclass(frozen=True)
 class Located:
-    """Tells what the compiler says with the files and lines of the source."""
+    """Tells what the compiler says with the files and lines of the source.
+
+    Attributes:
+        module: the source.
+        function: what an ``entry_point`` that is not of the source calls, if there is one.
+    """
 
     module: Module
+    entry_point: str = ""
+    function: str = ""
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         if isinstance(error, UsageError):
-            raise UsageError(self.module.relocated(str(error))) from None
+            told = self.module.relocated(str(error))
+            if self.entry_point:
+                told = told.replace(self.entry_point, self.function)
+            raise UsageError(told) from None
 
 
 @dataclass(frozen=True)

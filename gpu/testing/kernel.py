@@ -12,12 +12,14 @@ from operator import methodcaller
 
 from halfstep.errors import HalfstepError
 from halfstep.testing.loops import watch
-from halfstep.testing.module import RESULT, Module, Signature
+from halfstep.testing.module import RESULT, Binding, Module, Signature
 from halfstep.testing.types import (
     Array,
     Pointer,
+    Sampler,
     Scalar,
     Struct,
+    Texture,
     Type,
     Vector,
     align_of,
@@ -46,7 +48,8 @@ class Kernel:
         row: the arguments of a call, and the variables that are set before it.
         answers: name -> type of what each row gives; `RESULT` is what the function returns.
         given: the type in which a row gives it; None if it gives nothing.
-        first_binding: in group 0 the first number that is free.
+        bound: the parameters that are bound, as all rows have them.
+        first_binding: in group 0 the first number that is free then.
         watched: whether `loops.watch` tells what it saw.
     """
 
@@ -56,6 +59,7 @@ class Kernel:
     row: Struct
     answers: dict[str, Type]
     given: Type | None
+    bound: tuple[Binding, ...]
     first_binding: int
     watched: bool
 
@@ -78,13 +82,6 @@ class Kernel:
         return {name: values[name] for name in self.answers}
 
 
-def first_free(module: Module, *functions: str) -> int:
-    """The first number in group 0 beyond those of what functions use."""
-    used = [binding for function in functions for binding in module.bindings(function)]
-    taken = [binding.number for binding in used if binding.group == 0]
-    return 1 + max(taken, default=-1)
-
-
 def kernel(
     module: Module,
     function: str,
@@ -102,6 +99,7 @@ def kernel(
         UsageError: a name that is not there, or a type that cannot travel.
     """
     signature = module.signature(function, answers)
+    bound = {binding.name: binding for binding in module.bound_parameters(function)}
     types = {
         name: type_.target if isinstance(type_, Pointer) else type_
         for name, type_ in signature.parameters.items()
@@ -117,13 +115,18 @@ def kernel(
         _struct(f"{own}Row", types),
         given,
         _given(f"{own}Answers", given),
-        first_free(module, function),
+        tuple(bound.values()),
+        module.first_free(function) + len(bound),
         watched,
     )
     before, arguments = "", []
     for name in variables:
         before += f"  {name} = {stored.read(types[name], f'{own}rows[{own}ix].{name}')};\n"
-    for name, type_ in signature.parameters.items():
+    for name in (part.name for part in module.declared[function].parts):
+        if name in bound:
+            arguments.append(f"{'&' * isinstance(signature.shared[name], Pointer)}{own}to_{name}")
+            continue
+        type_ = signature.parameters[name]
         argument = stored.read(types[name], f"{own}rows[{own}ix].{name}")
         if isinstance(type_, Pointer):
             let = f"var {own}to_{name}: {text_of(type_.target)}"
@@ -186,6 +189,13 @@ def _declared(kernel_: Kernel, own: str, stored: _Stored, signature: Signature) 
             f"@group(0) @binding({numbers[name]}) var<storage, {access}> {own}{name}:"
             f" array<{element}>;\n"
         )
+    for one in kernel_.bound:
+        match signature.shared[one.name]:
+            case Pointer(space, target, access):
+                var, words = f"var<{space}{', ' * bool(access)}{access}>", text_of(target)
+            case Texture() | Sampler() as opaque:
+                var, words = "var", opaque.written
+        text += f"@group(0) @binding({one.number}) {var} {own}to_{one.name}: {words};\n"
     for name, parameter in signature.parameters.items():
         if isinstance(parameter, Pointer) and parameter.space == "private":
             text += f"var<private> {own}to_{name}: {text_of(parameter.target)};\n"

@@ -20,6 +20,7 @@ from halfstep.testing.call import (
     asked,
     called,
     changed,
+    check_callable,
     check_names,
     check_rtol,
     compared,
@@ -32,7 +33,7 @@ from halfstep.testing.census import Census, MismatchError, Tolerance, within
 from halfstep.testing.compiling import CompilerFirst, Located
 from halfstep.testing.fragment import fragment_of, size_of_picture, triangle
 from halfstep.testing.judge import Judge
-from halfstep.testing.kernel import Kernel, first_free, kernel
+from halfstep.testing.kernel import Kernel, kernel
 from halfstep.testing.module import RESULT, Module
 from halfstep.testing.program import Program, grid_of
 from halfstep.testing.resources import Given, check_bindings, check_features, given, used_by
@@ -101,7 +102,8 @@ class Kit(Judge):
             inputs: parameter -> array (rows, …) or (H, W, …), or one value for all rows. Every
                 parameter is there; a pointer is given what it points to. The name of a
                 ``var<private>`` that the function uses may be there too: it is set before the call.
-                A function without parameters has one row.
+                A parameter that is a texture, a sampler or a pointer into a buffer is given what
+                `bindings` says, the same for all rows. A function without others has one row.
             ulp: as `Tolerance`, as are atol and rtol. By default the results are the same bits,
                 but one NaN is as good as another.
             atol: see ulp.
@@ -111,8 +113,9 @@ class Kit(Judge):
                 less that differs is counted as ambiguous, not as a failure.
             bindings: variable -> what is bound to it, of those with @group and @binding that the
                 function uses; the same for all rows. A buffer is given what `kernel` says, a
-                texture an array (height, width) or (height, width, channels), a sampler a
-                `halfstep.testing.Sampler`.
+                texture an array (height, width) or (height, width, channels), with an axis of
+                samples before the channels if it has several, or a tuple of one for each level; a
+                sampler a `halfstep.testing.Sampler`.
             constants: override -> its value.
             returns: names of what is compared instead of the result alone: "result", parameters
                 that are pointers, ``var<private>`` variables, all as they are after the call, and
@@ -129,6 +132,9 @@ class Kit(Judge):
             DeviceError: the device was lost or the driver failed.
         """
         tolerance = Tolerance(ulp, atol, rtol)
+        check_callable("reference", reference)
+        if margin is not None:
+            check_callable("margin", margin)
         call = self._prepare(
             self._module(source, preprocess),
             function,
@@ -303,7 +309,7 @@ class Kit(Judge):
         watched = self._is_watched(module, entry_point)
         others = [vertex] if vertex else []
         if watched:
-            bound.append(loops.bound(first_free(module, entry_point, *others)))
+            bound.append(loops.bound(module.first_free(entry_point, *others)))
         code = self._shader(module, entry_point, *others)
         with Located(module):
             drawn = draw(
@@ -335,7 +341,8 @@ class Kit(Judge):
             for part in text.parts:
                 check_depth(tokens_of(part.text, part.name), part.name)
             if self._compute.is_naga:
-                check_pointers(tokens_of(text.text, text.name), text.text, text.name)
+                tokens = tokens_of(text.text, text.name)
+                check_pointers(tokens, lambda token: text.place_of(token.at))
             return Module(text.name, text.text, text)
 
         return self._modules.get_or_make((text.parts,), make)
@@ -348,7 +355,7 @@ class Kit(Judge):
             self._compile(module)
             inserted = clearing(module, entry_point)
             if self._is_watched(module, entry_point):
-                number = first_free(module, entry_point, *others)
+                number = module.first_free(entry_point, *others)
                 inserted += loops.calls(module, entry_point)
                 inserted.append((len(module.text), "\n" + loops.watch(module, number)))
             text = module.text
@@ -434,7 +441,7 @@ class Kit(Judge):
     ) -> list[Bytes]:
         """Run an entry point; the bytes of what it may have written to and is not held."""
         code, watched = self._shader(module, entry_point), self._is_watched(module, entry_point)
-        all_ = [*bound, loops.bound(first_free(module, entry_point))] if watched else bound
+        all_ = [*bound, loops.bound(module.first_free(entry_point))] if watched else bound
         with Located(module):
             raws = self._compute.run(
                 code, entry_point, all_, grid, name=module.name, constants=constants
@@ -457,7 +464,8 @@ class Kit(Judge):
         values = self._constants(module, constants)
         with CompilerFirst(self._compile, module):
             answers = module.answers_of_rows(function, returns or (RESULT,))
-            parameters = tuple(module.signature(function, answers).parameters)
+            module.signature(function, answers)  # says what is wrong with it
+            parameters = tuple(part.name for part in module.declared[function].parts)
             variables = tuple(variables_of(module, function, inputs))
             used = used_by(module, function, tuple(bindings), constants)
             check_bindings(module, function, bindings, used)
@@ -472,13 +480,20 @@ class Kit(Judge):
                     f"{module.name}: {function}: a row is larger than a buffer of the device"
                 )
             bound = {name: self._given(module, name, bindings[name]) for name in used}
+            adapter = self._compute.stack["adapter"]
+            parts = {
+                one.name: given(one, inputs[one.name], self.device, adapter, argument="inputs")
+                for one in kernel_.bound
+            }
+            bound |= parts
         rows, lead = rows_of(kernel_.row, inputs)
         for name in set(returns or ()) - set(answers):
             if not bound[name].bound.is_written:
                 raise UsageError(
                     f"{module.name}: {function}: returns: nothing can be written to {name}"
                 )
-        return Call(module, kernel_, parameters, returns, rows, lead, bound, values)
+        shared = {name: one.shown() for name, one in parts.items()}
+        return Call(module, kernel_, parameters, returns, rows, shared, lead, bound, values)
 
     def _given(self, module: Module, name: str, value: Any) -> Given:
         return given(module.binding(name), value, self.device, self._compute.stack["adapter"])

@@ -41,7 +41,9 @@ __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 _VECTOR = re.compile(r"vec([234])([fiuh]?)")
 _MATRIX = re.compile(r"mat([234])x([234])([fh]?)")
-_TEXTURE = re.compile(r"texture_(storage_|depth_)?(1d|2d|2d_array|3d|cube|cube_array)")
+_TEXTURE = re.compile(
+    r"texture_(storage_|depth_)?(1d|2d|2d_array|3d|cube|cube_array|multisampled_2d)"
+)
 _SHORT = {"f": "f32", "i": "i32", "u": "u32", "h": "f16"}
 # Built-in functions in which the invocations of a workgroup, or the pixels of a quad, take part
 # together: what they give for one row is not its own.
@@ -66,9 +68,17 @@ class Binding(NamedTuple):
 
 
 class Signature(NamedTuple):
-    """What a function takes, and what it returns if it does."""
+    """What a function takes, and what it returns if it does.
+
+    Attributes:
+        parameters: those of which each call has its own.
+        shared: those that are bound, so that all calls have the same: textures, samplers, and
+            pointers into uniform buffers and storage.
+        returned: the type of the result; None if there is none.
+    """
 
     parameters: dict[str, Type | Pointer]
+    shared: dict[str, Pointer | Texture | Sampler]
     returned: Type | None
 
     @property
@@ -115,10 +125,7 @@ class Module:
         where = f"{self.name}: {function}"
         self._check_stage(declaration, "")
         signature = Signature(
-            {
-                part.name: self._parameter(part.type, f"{where}: parameter {part.name}")
-                for part in declaration.parts
-            },
+            *self._parameters(declaration),
             self.type(declaration.type, f"{where}: result") if declaration.type else None,
         )
         there = self._answers(function, signature)
@@ -131,10 +138,64 @@ class Module:
                 )
         return signature
 
+    def _parameters(
+        self, declaration: Declaration
+    ) -> tuple[dict[str, Type | Pointer], dict[str, Pointer | Texture | Sampler]]:
+        """The parameters of a function by name: its own ones, and those that are bound."""
+        own: dict[str, Type | Pointer] = {}
+        shared: dict[str, Pointer | Texture | Sampler] = {}
+        for part in declaration.parts:
+            where = f"{self.name}: {declaration.name}: parameter {part.name}"
+            match self._parameter(part.type, where):
+                case Texture() | Sampler() | Pointer("uniform" | "storage") as type_:
+                    shared[part.name] = type_
+                case type_:
+                    own[part.name] = type_
+        return own, shared
+
+    def bound_parameters(self, function: str) -> list[Binding]:
+        """The parameters of a function that are bound; the numbers come after those in use.
+
+        Raises:
+            UsageError: one has the name of a variable that the function uses and that is bound.
+        """
+        first, used = self.first_free(function), {one.name for one in self.bindings(function)}
+        _, shared = self._parameters(self._of_kind("fn", "function", function))
+        found = []
+        for number, (name, type_) in enumerate(shared.items(), first):
+            if name in used:
+                raise self._of_two(function, name)
+            match type_:
+                case Texture():
+                    found.append(Binding(name, 0, number, "texture", type_))
+                case Sampler():
+                    found.append(Binding(name, 0, number, "sampler", type_))
+                case Pointer(space, target, access):
+                    kind = "read-only-storage" if access == "read" else space
+                    found.append(Binding(name, 0, number, kind, target))
+        return found
+
+    def _of_two(self, function: str, name: str) -> UsageError:
+        return UsageError(
+            f"{self.name}: {function} has a parameter {name}, and uses what is declared as {name} "
+            "too; which is meant cannot be told"
+        )
+
+    def first_free(self, *functions: str) -> int:
+        """The first number in group 0 beyond those of the variables that functions use."""
+        used = [binding for function in functions for binding in self.bindings(function)]
+        return 1 + max((one.number for one in used if one.group == 0), default=-1)
+
     def answers_of_rows(self, function: str, returns: Collection[str]) -> list[str]:
         """The answers of a function that each row gives: all but those that are bound."""
         reached, declaration = self.reached(function), self._of_kind("fn", "function", function)
-        bound = [name for name in self.resources() if name in reached]
+        self._check_stage(declaration, "")
+        own, _ = self._parameters(declaration)
+        for name in returns:
+            if isinstance(own.get(name), Pointer) and name in reached and name != RESULT:
+                raise self._of_two(function, name)
+        bound = {name for name in self.resources() if name in reached}
+        bound |= {binding.name for binding in self.bound_parameters(function)}
         is_result = {RESULT} if declaration.type else set()
         return [name for name in returns if name not in bound or name in is_result]
 
@@ -162,8 +223,7 @@ class Module:
         for stage in ("vertex", "fragment"):
             if stage in declaration.attributes and stage != wanted:
                 raise UsageError(
-                    f"{where} the entry point of a {stage} shader; only functions and compute "
-                    "shaders are run"
+                    f"{where} the entry point of a {stage} shader; `image` draws with those"
                 )
 
     def struct(self, name: str) -> Struct:
@@ -218,6 +278,9 @@ class Module:
 
     def _opaque(self, tokens: Tokens, where: str) -> Texture | Sampler:
         """The type of a texture or sampler."""
+        return replace(self._texture_or_sampler(tokens, where), written=written(tokens))
+
+    def _texture_or_sampler(self, tokens: Tokens, where: str) -> Texture | Sampler:
         name, arguments = str(tokens[0]) if tokens else "", split(tokens[2:-1])
         declaration = self.declared.get(name)
         if declaration is not None and declaration.kind == "alias":
@@ -225,14 +288,17 @@ class Module:
         if name in ("sampler", "sampler_comparison"):
             return Sampler(compares=name != "sampler")
         if match := _TEXTURE.fullmatch(name):
-            kind, dimension = match[1], match[2].replace("_", "-")
+            kind, dimension = match[1], match[2].removeprefix("multisampled_").replace("_", "-")
+            several = match[2].startswith("multisampled_")
             words = [written(argument) for argument in arguments]
             if kind == "depth_" and not words:
-                return Texture(dimension, "depth")
+                return Texture(dimension, "depth", is_multisampled=several)
             if kind is None and len(words) == 1:
-                return Texture(dimension, self._scalar(arguments[0], where).name)
+                scalar = self._scalar(arguments[0], where).name
+                return Texture(dimension, scalar, is_multisampled=several)
             if kind == "storage_" and len(words) == 2 and words[0] in FORMATS:
-                return Texture(dimension, FORMATS[words[0]].scalar, *words)
+                format_, access = words
+                return Texture(dimension, FORMATS[format_].scalar, format_, access)
         raise UsageError(f"{where}: a {written(tokens)} is not supported")
 
     def constants(self, given: Mapping[str, Any]) -> dict[str, float]:
@@ -260,6 +326,8 @@ class Module:
         one = conform(value, SCALARS[type_], where)
         if one.ndim:
             raise UsageError(f"{where}: shape {one.shape}, not a number")
+        if not np.isfinite(one):
+            raise UsageError(f"{where}: {one} is not finite, and WebGPU takes no other")
         return float(one)
 
     def _type_of(self, tokens: Tokens) -> str:
@@ -379,18 +447,24 @@ class Module:
     def _no_type(self, tokens: Tokens, where: str) -> UsageError:
         return UsageError(f"{where}: {written(tokens)} is not a type that a buffer can hold")
 
-    def _parameter(self, tokens: Tokens, where: str) -> Type | Pointer:
+    def _parameter(self, tokens: Tokens, where: str) -> Type | Pointer | Texture | Sampler:
         declaration = self.declared.get(tokens[0]) if tokens else None
         if declaration is not None and declaration.kind == "alias":
-            return self._parameter(declaration.type, where)
+            type_ = self._parameter(declaration.type, where)
+            return type_ if isinstance(type_, Pointer) else replace(type_, written=written(tokens))
+        if declaration is None and tokens and tokens[0].startswith(("texture_", "sampler")):
+            return self._opaque(tokens, where)
         if tokens[:1] != ("ptr",):
             return self.type(tokens, where)
-        space, target, *_ = *split(tokens[2:-1]), (), ()
-        if space not in (("function",), ("private",)):
+        words = split(tokens[2:-1])
+        space, _, access, *_ = *map(written, words), "", "", ""
+        if space not in ("function", "private", "uniform", "storage"):
             raise UsageError(
-                f"{where}: a pointer into {written(space)}, not into function or private"
+                f"{where}: a pointer into {space}, which the rows of a function would share; "
+                "`kernel` runs whole compute shaders"
             )
-        return Pointer(written(space), self.type(target, where))
+        type_ = self.type(words[1] if len(words) > 1 else (), where)
+        return Pointer(space, type_, (access or "read") if space == "storage" else "")
 
     def _struct(self, declaration: Declaration) -> Struct:
         members = []

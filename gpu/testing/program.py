@@ -42,7 +42,7 @@ class Program:
     def dispatch(
         self,
         entry_point: str,
-        workgroups: SupportsIndex | Sequence[SupportsIndex] = 1,
+        workgroups: SupportsIndex | Sequence[SupportsIndex] | None = None,
         *,
         indirect: str | None = None,
         offset: int = 0,
@@ -51,7 +51,7 @@ class Program:
 
         Args:
             entry_point: a function with @compute.
-            workgroups: how many along x, y and z.
+            workgroups: how many along x, y and z; 1 if nothing is said.
             indirect: instead of ``workgroups`` the buffer that holds the three numbers, which the
                 entry point must not write to.
             offset: bytes before the numbers.
@@ -62,7 +62,9 @@ class Program:
         used = self._used(entry_point)
         grid: tuple[int, int, int] | Indirect
         if indirect is None:
-            grid = grid_of(workgroups, self._compute.device)
+            grid = grid_of(1 if workgroups is None else workgroups, self._compute.device)
+        elif workgroups is not None:
+            raise UsageError(f"workgroups: {workgroups!r}, and indirect tells how many there are")
         else:
             grid = self._indirect(entry_point, indirect, offset, used)
         self._dispatch(entry_point, [self._held[name] for name in used], grid)
@@ -90,9 +92,10 @@ class Program:
             raise UsageError(
                 f"indirect: {entry_point} may write to {name}, which holds how many workgroups run"
             )
-        if offset < 0 or offset % 4 or offset + 12 > len(bound.raw):
+        whole = isinstance(offset, int | np.integer)
+        if not whole or offset < 0 or offset % 4 or offset + 12 > len(bound.raw):
             raise UsageError(
-                f"offset: {offset} is not a multiple of 4 of 0 to {len(bound.raw) - 12}"
+                f"offset: {offset!r} is not a multiple of 4 of 0 to {len(bound.raw) - 12}"
             )
         return Indirect(self._held[name], offset)
 

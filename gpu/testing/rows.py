@@ -77,7 +77,7 @@ def _run_part(
         bound.append(Bound(0, numbers["results"], "storage", raw))
     if kernel_.watched:
         bound.append(loops.bound(numbers["watched"]))
-    with Located(call.module):
+    with Located(call.module, kernel_.entry_point, kernel_.function):
         raws = compute.run(
             kernel_.code,
             kernel_.entry_point,

@@ -84,6 +84,18 @@ class Text:
         """All of it."""
         return "\n".join(part.text for part in self.parts)
 
+    def place_of(self, at: int) -> str:
+        """The file and line of a place in `text`."""
+        start = 0
+        for part in self.parts:
+            end = start + len(part.text)
+            if at <= end:
+                break
+            start = end + 1
+        lines = part.lines
+        name, number = lines[min(part.text.count("\n", 0, at - start), len(lines) - 1)]
+        return f"{name}: line {number}"
+
     def relocated(self, message: str) -> str:
         """What the compiler says of the whole, with the file and line of each place."""
         if len(self.parts) == 1 and self.parts[0].text == self.parts[0].original:
@@ -123,6 +135,8 @@ def read(source: Source, preprocess: Preprocess | None = None) -> Text:
     sources: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
     if not sources:
         raise UsageError("source: an empty list")
+    if preprocess is not None and not callable(preprocess):
+        raise UsageError(f"preprocess: {type(preprocess).__name__} is no function")
     parts = []
     for k, one in enumerate(sources, 1):
         name, original = named_text(one)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from itertools import pairwise
 from operator import methodcaller
 
@@ -107,15 +108,18 @@ def check_depth(tokens: list[Token], name: str) -> None:
         previous = token
 
 
-def check_pointers(tokens: list[Token], text: str, name: str) -> None:
-    """See that no function is given a pointer to a part of a variable.
+def check_pointers(tokens: list[Token], place_of: Callable[[Token], str]) -> None:
+    """See that no function has pointers that naga does not take.
 
-    WGSL has it as ``unrestricted_pointer_parameters``. naga 29 takes it, and then ends the process.
+    WGSL has them as ``unrestricted_pointer_parameters``: to a part of a variable, for which naga 29
+    ends the process, and into storage, uniform buffers and workgroup memory, of which it says less
+    than is said here.
 
     Raises:
-        UsageError: one is; ``name`` is what the message calls the text.
+        UsageError: one has; ``place_of`` a token tells the file and line.
     """
     functions = {after for token, after in pairwise(tokens) if token == "fn"}
+    _check_spaces(tokens, place_of)
     parts: set[Token] = set()  # names of a function for such pointers
     for place, token in enumerate(tokens):
         if token == "fn":
@@ -129,11 +133,24 @@ def check_pointers(tokens: list[Token], text: str, name: str) -> None:
             arguments = split(tokens[place + 2 : closing(tokens, place + 1)])
             for argument in arguments:
                 if _is_pointer_to_part(argument) or (len(argument) == 1 and argument[0] in parts):
-                    line = 1 + len(_LINE.findall(text, 0, token.at))
                     raise UsageError(
-                        f"{name}: line {line}: {token} is given {written(argument)}, a pointer to "
+                        f"{place_of(token)}: {token} is given {written(argument)}, a pointer to "
                         "a part of a variable; naga, the compiler of wgpu-native, would end the "
                         "process. A pointer to a whole variable can be given"
+                    )
+
+
+def _check_spaces(tokens: list[Token], place_of: Callable[[Token], str]) -> None:
+    for place, token in enumerate(tokens):
+        if token == "fn" and tokens[place + 2 : place + 3] == ["("]:
+            for part in split(tokens[place + 3 : closing(tokens, place + 2)]):
+                at = next((k for k in range(len(part)) if part[k : k + 2] == ("ptr", "<")), -3)
+                space = str(*part[at + 2 : at + 3]) if at >= 0 else ""
+                if space in ("storage", "uniform", "workgroup"):
+                    raise UsageError(
+                        f"{place_of(part[at])}: {tokens[place + 1]} takes a pointer into {space}; "
+                        "naga, the compiler of wgpu-native, knows those into function and private "
+                        "alone"
                     )
 
 

@@ -100,10 +100,17 @@ Type = Scalar | Vector | Matrix | Array | Struct
 
 @dataclass(frozen=True)
 class Pointer:
-    """A parameter through which a function reaches a variable of its caller."""
+    """A parameter through which a function reaches a variable of its caller.
+
+    Attributes:
+        space: that the variable is in.
+        target: its type.
+        access: of a variable in storage: "read" or "read_write".
+    """
 
     space: str
     target: Type
+    access: str = ""
 
 
 @dataclass(frozen=True)
@@ -115,12 +122,15 @@ class Texture:
         scalar: what a shader sees of a channel; "depth" of a texture of depths.
         format: of a storage texture, else "".
         access: of a storage texture: "read", "write" or "read_write".
+        is_multisampled: whether a texel has several samples.
     """
 
     dimension: str
     scalar: str
     format: str = ""
     access: str = ""
+    is_multisampled: bool = False
+    written: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
@@ -128,6 +138,7 @@ class Sampler:
     """What says how a texture is sampled; it may compare depths."""
 
     compares: bool
+    written: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)

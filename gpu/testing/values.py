@@ -50,14 +50,21 @@ def prefilled(size: int) -> Bytes:
 
 
 def conform(
-    value: Any, dtype: DType, where: str, *, rounded: bool = False, any_axes: bool = False
+    value: Any,
+    dtype: DType,
+    where: str,
+    *,
+    rounded: bool = False,
+    any_axes: bool = False,
+    axis: str = "rows",
 ) -> Values:
     """``value`` with exactly ``dtype``: (rows, …), or structured with these fields.
 
     A struct may be a structured array, a mapping of its members, or a tuple of them in order. A
     number stands for the same number in every row, and an array without an axis of rows for the
     same value. Numbers and lists of Python are rounded to floats; other values may not change,
-    unless ``rounded``. If ``any_axes``, rows may have any number of axes: (H, W, …).
+    unless ``rounded``. If ``any_axes``, rows may have any number of axes: (H, W, …). A message
+    calls the first axis ``axis``, and is silent about it if that is "".
 
     Raises:
         UsageError: another shape or other members, or a value that the type does not hold.
@@ -65,14 +72,19 @@ def conform(
     scalar, shape = dtype.base, dtype.shape
     value = unmasked(value, where)
     if scalar.names is None:
-        return _numbers(value, scalar, shape, where, rounded=rounded, any_axes=any_axes)
+        return _numbers(value, scalar, shape, where, rounded=rounded, any_axes=any_axes, axis=axis)
     members = members_of(value, scalar.names, where)
     parts, leads = {}, set()
     for name in scalar.names:
         # An array of structs has its axes before those of the member.
         member = scalar[name]
         full = np.dtype((member.base, (*shape, *member.shape)))
-        part = conform(members[name], full, f"{where}.{name}", rounded=rounded, any_axes=any_axes)
+        part = conform(
+            *(members[name], full, f"{where}.{name}"),
+            rounded=rounded,
+            any_axes=any_axes,
+            axis=axis,
+        )
         parts[name] = part
         leads.add(lead_of(part, full))
     if len(leads - {()}) > 1:
@@ -114,12 +126,14 @@ def paired(found: Any, expected: Any, where: str = "") -> Iterator[tuple[str, Va
     values = array_of(unmasked(found, f"{dot}found"), f"{dot}found")
     if not all(leaf.kind in "biuf" and leaf.itemsize <= 8 for leaf in leaf_types(values.dtype)):
         raise UsageError(f"{dot}found: {values.dtype} is not a type of numbers that a device has")
-    if values.ndim == 0:
+    alone = values.ndim == 0
+    if alone:
         values, expected = values[None], _one_row(expected, values.dtype, f"{dot}expected")
     if values.size == 0:
         raise UsageError(f"{dot}found: nothing to compare")
     dtype = np.dtype((values.dtype, values.shape[1:]))
-    wanted = conform(expected, dtype, f"{dot}expected", rounded=True)
+    axis = "" if alone else "rows"
+    wanted = conform(expected, dtype, f"{dot}expected", rounded=True, axis=axis)
     yield where, values, spread(wanted, len(values), dtype, f"{dot}expected")
 
 
@@ -219,7 +233,7 @@ class Resource:
             assert isinstance(type_, Struct)
             self._bind_members(type_, value, where)
         elif isinstance(type_, Array) and type_.count is None:
-            values = conform(value, dtype_of(type_), where)
+            values = conform(value, dtype_of(type_), where, axis="elements")
             if lead_of(values, dtype_of(type_)) in ((), (0,)):
                 raise UsageError(f"{where}: no elements along a first axis: shape {values.shape}")
             self._rows = len(values)
@@ -233,7 +247,8 @@ class Resource:
             self.raw = pack(type_, values, len(values))
         else:
             dtype = dtype_of(type_)
-            self.raw = pack(type_, conform(_one_row(value, dtype, where), dtype, where), 1)
+            one = conform(_one_row(value, dtype, where), dtype, where, axis="")
+            self.raw = pack(type_, one, 1)
 
     def _bind_members(self, struct: Struct, value: Any, where: str) -> None:
         values = members_of(value, tuple(member.name for member in struct.members), where)
@@ -324,13 +339,22 @@ def members_of(value: Any, names: tuple[str, ...], where: str) -> Mapping[str, A
 
 
 def _numbers(
-    value: Any, dtype: DType, shape: tuple[int, ...], where: str, *, rounded: bool, any_axes: bool
+    value: Any,
+    dtype: DType,
+    shape: tuple[int, ...],
+    where: str,
+    *,
+    rounded: bool,
+    any_axes: bool,
+    axis: str,
 ) -> Values:
     array = array_of(value, where)
     lead = array.ndim - len(shape)
     fits = array.shape[max(lead, 0) :] == shape and (0 <= lead <= 1 or (any_axes and lead > 0))
     if array.ndim and not fits:
-        wanted = ", ".join(["rows", *map(str, shape)])
+        if not axis:
+            raise UsageError(f"{where}: shape {array.shape[1:]}, not {shape or 'one value'}")
+        wanted = ", ".join([axis, *map(str, shape)])
         raise UsageError(f"{where}: shape {array.shape}, not ({wanted})")
     if array.dtype == dtype:
         return array
@@ -348,8 +372,8 @@ def _numbers(
         lost &= ~np.isfinite(result)
     if lost.any() and not (rounded and dtype.kind == "f"):
         first = tuple(np.argwhere(lost)[0].tolist())
-        row = first[: max(lead, 0)]
-        told = f" of row {row[0] if len(row) == 1 else row}" if row else ""
+        row = first[: max(lead, 0)] if axis else ()
+        told = f" of {axis[:-1]} {row[0] if len(row) == 1 else row}" if row else ""
         raise UsageError(
             f"{where}: {dtype} does not hold the {array.dtype} {array[first].item()!r}{told}; "
             "convert it first"

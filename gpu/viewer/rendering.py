@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract.arrays import Floats
+from halfstep.frames import pick
 from halfstep.frames.frame import Frame
 from halfstep.frames.renderer import WARM_UP, Renderer
 from halfstep.host.prepare import Solids
 from halfstep.scene import Camera, Scene, with_overrides
-from halfstep.viewer import pick
 from halfstep.viewer.clip import Clip, Clipped, clipped
 from halfstep.viewer.state import State
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from halfstep.contract.arrays import Array, Bytes
 from halfstep.errors import AdapterError, SceneError, UsageError
+from halfstep.frames import pick
 from halfstep.frames.frame import Frame
 from halfstep.scene import Camera
 from halfstep.viewer import camera as cameras
-from halfstep.viewer import pick
 from halfstep.viewer.events import is_whole
 from halfstep.viewer.picture import picture_of
 from halfstep.viewer.rendering import Kind, Rendering, Shown
