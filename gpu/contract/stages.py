@@ -1,7 +1,7 @@
-"""The stages of a frame: which files they are in, and what of them a frame needs.
+"""The stages of a frame: their files, their order, and which of them a frame needs.
 
-A stage is a file in ``wgsl/``.  Its twin is a module of the same name in ``twin/``.  What shaders,
-twin, check and tests know of the order and the choice of stages stands here.
+A stage is a file in ``wgsl/``. Its twin is a module of the same name in ``twin/``. Shaders, twin,
+check and tests all read the order and the choice of stages from this module.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 
 
 class Kind(Enum):
-    """What the functions of a stage work on."""
+    """The data that the functions of a stage work on."""
 
-    VALUES = "values"  # numbers alone, in each number format
-    NUMBERS = "numbers"  # numbers alone, the same in each number format
-    BLOCK = "block"  # what an invocation holds of its block
-    DEVICE = "device"  # memory of a device: there is no twin
+    VALUES = "values"  # only arguments, whose types depend on the number format
+    NUMBERS = "numbers"  # only arguments, whose types are the same in each number format
+    BLOCK = "block"  # the variables of an invocation for its block
+    DEVICE = "device"  # memory of a device; such a stage has no twin
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage: files that define the same names, of which a shader takes one."""
+    """A stage: files that define the same names. A shader takes one of them."""
 
     kind: Kind
-    file: str  # unless another is chosen
+    file: str  # the file to take unless one of ``others`` is chosen
     others: tuple[str, ...] = ()
 
 
@@ -93,7 +93,7 @@ STAGES = (
 
 @dataclass(frozen=True)
 class Visit:
-    """How a solid of a class is tried on a block: a stage, and what holds of the class."""
+    """How to try a solid of a class on a block: a stage, and the facts that hold for the class."""
 
     file: str
     facts: frozenset[str]
@@ -103,7 +103,7 @@ def _visit(file: str, *facts: str) -> Visit:
     return Visit(file, frozenset(facts))
 
 
-# By method and class. In a shader a visit has the name of its class.
+# Visits by method and class. In a shader a visit is named after its class.
 VISITS = {
     ("visible", Class.ELLIPSOID): _visit("visit_ellipsoid"),
     ("visible", Class.QUADRIC): _visit("visit_cut", "curved"),
@@ -123,7 +123,7 @@ VISITS = {
     },
 }
 
-# What the marks of WGSL files ask for. A twin asks the same.
+# The facts that marks in WGSL files and the twin ask for, with their meaning.
 FACTS = {
     "exit": "it is asked where a ray leaves the solid that it hit",
     "leaving": "the root where a ray leaves a solid is needed, for that or to be seen from inside",
@@ -165,7 +165,10 @@ FACTS = {
 
 
 def files_of(number_format: Format, chosen: Collection[str] = ()) -> list[str]:
-    """The files of the stages but for visits, in order: those of the format and the chosen."""
+    """The files of all stages except visits, in order.
+
+    A stage takes the file that belongs to ``number_format`` or is in ``chosen``, else its default.
+    """
     wanted = {*number_format.stages, *chosen}
     return [
         next((name for name in (stage.file, *stage.others) if name in wanted), stage.file)
