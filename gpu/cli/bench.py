@@ -1,4 +1,4 @@
-"""`halfstep bench`: times of this machine, each against something."""
+"""`halfstep bench`: measures times on this machine, each in comparison."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from halfstep.cli.options import Commands, add_adapter, add_output
 from halfstep.cli.output import print_json, print_text, progress_bar, say
 from halfstep.errors import UsageError
 
-# The parts by name; a test keeps them those of ``bench.parts``.
+# The names of the parts. Importing ``bench.parts`` would slow down every command; a test compares.
 PARTS = (
     "halving",
     "steps",
@@ -40,7 +40,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure; the exit code."""
+    """Measure, and return the exit code."""
     names = _names(arguments.only)
     if arguments.rounds < 1:
         raise UsageError(f"rounds: {arguments.rounds} is not >= 1")
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _names(only: str) -> tuple[str, ...]:
-    """The parts asked for, by default all, in the order of the report."""
+    """The requested parts, by default all, in the order of the report."""
     asked = [name for name in only.split(",") if name]
     unknown = [name for name in asked if name not in PARTS]
     if unknown:

@@ -1,4 +1,4 @@
-"""`halfstep doctor`: adapters and drivers, what is chosen and why, and whether it computes."""
+"""`halfstep doctor`: lists adapters, explains the choice, and tests whether the driver computes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Report; the exit code."""
+    """Report, and return the exit code."""
     import numpy as np
 
     from halfstep.device.adapters import describe
@@ -54,10 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _canary() -> Fingerprint:
-    """What the chosen adapter makes of a kernel with known answers.
+    """The result of a kernel with known answers on the chosen adapter.
 
     Raises:
-        DeviceError: it makes something else of it.
+        DeviceError: the driver gives wrong answers.
     """
     from halfstep.device.adapters import INT64, choose_adapter, close_device, open_device
     from halfstep.device.canary import fingerprint

@@ -1,4 +1,4 @@
-"""`halfstep import`: a file of another program as a scene file."""
+"""`halfstep import`: converts a file of another program to a scene file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write it; the exit code."""
+    """Write the scene file, and return the exit code."""
     from pathlib import Path
 
     from halfstep.files.whole import check_output_path, write_file

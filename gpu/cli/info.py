@@ -1,4 +1,4 @@
-"""`halfstep info`: how a picture was made, as its file tells it; or what a scene holds."""
+"""`halfstep info`: tells from a file how its picture was made, or what a scene contains."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Read the file and report; the exit code."""
+    """Read the file and report; return the exit code."""
     facts = _scene(arguments.file) if _is_scene(arguments.file) else _picture(arguments.file)
     if arguments.json:
         print_json(facts)
@@ -39,7 +39,7 @@ def _is_scene(file: str) -> bool:
     from halfstep.scene import bundled_scenes
 
     suffix = Path(file).suffix
-    # Files of pictures have an ending.
+    # A name without an ending is a bundled scene's: picture files have endings.
     return suffix == ".toml" or is_model(file) or (suffix == "" and file in bundled_scenes())
 
 
@@ -63,7 +63,7 @@ def _scene(file: str) -> dict[str, Any]:
 
 
 def _counts(scene: Scene) -> dict[str, int]:
-    """How many tables there are of each kind, in groups too, and how many copies of groups."""
+    """The number of tables of each kind, also inside groups, and of copies of groups."""
     fragments = [*_fragments(scene)]
     return {
         "lights": len(scene.lights),
@@ -84,6 +84,6 @@ def _fragments(fragment: Fragment) -> Iterator[Fragment]:
 
 
 def _plain(value: Any) -> str:
-    """``value`` on one line, without signs that would steer a terminal."""
+    """``value`` on one line, with control characters escaped, which could steer a terminal."""
     text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
     return text if text.isprintable() else text.encode("unicode_escape").decode()

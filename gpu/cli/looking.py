@@ -1,4 +1,4 @@
-"""Options that say how a model of another program is looked at."""
+"""Options for the view of a model of another program."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def add_look(command: argparse.ArgumentParser) -> None:
-    """The options; `look_of` collects them."""
+    """Add the options, which `look_of` collects."""
     group = command.add_argument_group(
         "files of other programs, as geometry.xml of OpenMC or part.csg of OpenSCAD"
     )
@@ -50,7 +50,7 @@ def add_look(command: argparse.ArgumentParser) -> None:
 
 
 def look_of(arguments: argparse.Namespace) -> Look:
-    """How the model is looked at."""
+    """The view of the model that the options describe."""
     from halfstep.models import Look
 
     return Look(
@@ -68,7 +68,7 @@ def look_of(arguments: argparse.Namespace) -> Look:
 
 
 def _point(text: str) -> tuple[float, float, float]:
-    """Three numbers between commas."""
+    """Three numbers separated by commas."""
     number = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
     match = re.fullmatch(f"{number},{number},{number}", text)
     if match is None:

@@ -1,4 +1,4 @@
-"""`halfstep scenes`: the bundled scenes."""
+"""`halfstep scenes`: lists the bundled scenes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """List them; the exit code."""
+    """List the scenes, and return the exit code."""
     from halfstep.scene import bundled_scenes
 
     titles = bundled_scenes()

@@ -1,4 +1,4 @@
-"""`halfstep tune`: what accuracy costs in a scene."""
+"""`halfstep tune`: measures the cost of accuracy in a scene."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ def add(commands: Commands) -> None:
 
 
 def _steps(text: str) -> range:
-    """Numbers A, A + S, … up to B of ``A:B:S``; whether they are allowed is the scene's to say."""
+    """The numbers A, A + S, … up to B of ``A:B:S``. The scene decides whether they are allowed."""
     match = re.fullmatch(r"(\d+)(?::(\d+)(?::(\d+))?)?", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not A:B or A:B:S, as 8:20:2")
     first, last, stride = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
     if last < first or stride < 1:
         raise argparse.ArgumentTypeError(f"{text!r} has no number from A up to B by S")
-    # Beyond a few thousand none is allowed, and a list of them would fill the memory.
+    # No scene allows such large numbers, and a long list of them would fill the memory.
     return range(first, min(last, first + 9999) + 1, stride)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure; the exit code."""
+    """Measure, and return the exit code."""
     from halfstep.files.whole import check_output_folder
     from halfstep.models import load
     from halfstep.tune.measure import STEPS, tune

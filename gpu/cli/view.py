@@ -1,4 +1,4 @@
-"""`halfstep view`: a scene that is looked at live."""
+"""`halfstep view`: shows a scene live."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def add(commands: Commands) -> None:
 
 
 def _port(text: str) -> int:
-    """A port, of 16 bits."""
+    """The number of a port, 0…65535."""
     if not (text.isascii() and text.isdecimal() and int(text) < 1 << 16):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 to 65535")
     return int(text)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show it until it is closed; the exit code."""
+    """Show the scene until the view is closed, and return the exit code."""
     from halfstep.viewer.show import show
     from halfstep.viewer.watch import Source
 

@@ -1,4 +1,4 @@
-"""NPZ: outputs as they are, for NumPy."""
+"""NPZ: outputs as unchanged arrays, for NumPy."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from halfstep.files.provenance import Provenance, to_text
 from halfstep.frames.frame import Frame
 from halfstep.frames.outputs import OUTPUTS
 
-# The array, of no dimension, that holds the provenance as JSON.
+# Name of the array of shape () that holds the provenance as JSON.
 _ENTRY = "provenance"
 
 
 def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance) -> Provenance:
     entries: dict[str, Any] = {name: getattr(frame, name) for name in outputs}
     entries[_ENTRY] = np.array(to_text(facts))
-    # Given a file and not its name, NumPy appends no ending.
+    # NumPy appends an ending to a name, but not to an open file.
     with path.open("wb") as file:
         np.savez_compressed(file, **entries)
     return facts
