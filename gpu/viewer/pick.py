@@ -1,4 +1,4 @@
-"""What a pixel shows, in words."""
+"""Describes in words what a pixel shows."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import math
 
 from halfstep.frames.frame import Frame
 
-# Arrays that a frame must have for it.
+# The arrays that a frame must have for `told`.
 OUTPUTS = ("solid", "surface", "depth", "position", "error", "place", "cell", "material")
 
 
 def told(frame: Frame, row: int, column: int) -> str:
-    """A line about a pixel: what is there, its surface, depth ± error, and position.
+    """A line about a pixel: the solid or cell, its surface, depth ± error, and position.
 
     Args:
-        frame: with the arrays `OUTPUTS`.
-        row: of the pixel, from the top.
-        column: of the pixel, from the left.
+        frame: a frame with the arrays `OUTPUTS`.
+        row: row of the pixel, from the top.
+        column: column of the pixel, from the left.
     """
     at = row, column
     error = float(frame.error[at])
