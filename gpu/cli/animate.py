@@ -35,16 +35,16 @@ def add(commands: Commands) -> None:
         "FILE|DIR",
         "a file that ends in .gif, .png, .webp or .mp4, or a folder for a PNG of each frame",
     )
-    animate.add_argument("--frames", metavar="N", type=int, help="how many make the animation")
+    animate.add_argument("--frames", metavar="N", type=int, help="number of frames")
     animate.add_argument("--fps", metavar="X", type=float, help="frames in a second")
     animate.add_argument(
         "--frames-range",
         metavar="A:B",
         type=_range,
-        help="render only frames A to B of 0 to N-1, as one of several machines",
+        help="render only frames A to B of 0 to N-1, for example on one of several machines",
     )
     animate.add_argument(
-        "--overwrite", action="store_true", help="render frames again that the folder has"
+        "--overwrite", action="store_true", help="render frames in the folder again"
     )
     add_rendering(animate)
     add_look(animate)

@@ -28,15 +28,15 @@ PARTS = (
 
 def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    bench = commands.add_parser("bench", help="measure this machine's speed, in some minutes")
+    bench = commands.add_parser("bench", help="measure the speed of this machine, in some minutes")
     bench.set_defaults(run=run)
     bench.add_argument(
-        "--only", metavar="PART,…", help=f"some of the parts: {', '.join(PARTS)}", default=""
+        "--only", metavar="PART,…", help=f"only some parts, of {', '.join(PARTS)}", default=""
     )
-    bench.add_argument("--rounds", metavar="N", type=int, default=5, help="frames of each case")
+    bench.add_argument("--rounds", metavar="N", type=int, default=5, help="rounds of all cases")
     add_adapter(bench)
     add_output(bench, "FILE.png", "a plot of the curves", required=False)
-    bench.add_argument("--json", action="store_true", help="the report for machines on stdout")
+    bench.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -38,13 +38,13 @@ def add(commands: Commands) -> None:
     add_output(
         check,
         "DIR",
-        "folder for check.json and a picture of the differences of each scene that has some",
+        "folder for check.json, and for a picture of each scene that differs",
         required=False,
     )
     check.add_argument(
-        "--points", metavar="N", type=int, help="of geometry of OpenMC: points to ask, too"
+        "--points", metavar="N", type=int, help="also test N points, for geometry of OpenMC"
     )
-    check.add_argument("--json", action="store_true", help="the report for machines on stdout")
+    check.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:

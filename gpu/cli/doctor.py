@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    doctor = commands.add_parser("doctor", help="list adapters, drivers, and what is chosen")
+    doctor = commands.add_parser("doctor", help="list adapters and drivers, and test the driver")
     doctor.set_defaults(run=run)
-    doctor.add_argument("--json", action="store_true", help="the same for machines")
+    doctor.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:

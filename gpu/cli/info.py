@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Add the command to a parser's commands."""
-    info = commands.add_parser("info", help="tell how a picture was made, or what a scene holds")
+    info = commands.add_parser("info", help="tell how a picture was made, or what a scene contains")
     info.set_defaults(run=run)
     info.add_argument("file", metavar="FILE", help="a file that Halfstep has written, or a scene")
-    info.add_argument("--json", action="store_true", help="the same for machines")
+    info.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -36,7 +36,7 @@ def add_scene(command: argparse.ArgumentParser) -> None:
         "--backend",
         choices=BACKENDS,
         default="auto",
-        help="auto: a Vulkan adapter if there is one, else NumPy",
+        help="auto takes a Vulkan adapter if there is one, else NumPy",
     )
     add_adapter(command)
 
@@ -49,7 +49,7 @@ def add_rendering(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--shadows",
         action=argparse.BooleanOptionalAction,
-        help="whether all lights have shadows, by default as the scene says",
+        help="give all lights shadows, or none; by default the scene decides",
     )
 
 
@@ -78,7 +78,7 @@ def add_output(
 
 def add_size(command: argparse.ArgumentParser) -> None:
     """Add the option for the picture's size."""
-    command.add_argument("--size", metavar="WxH", type=size, help="pixels, as 640x480")
+    command.add_argument("--size", metavar="WxH", type=size, help="pixels, such as 640x480")
 
 
 def add_adapter(command: argparse.ArgumentParser) -> None:
@@ -101,7 +101,7 @@ def add_conveyor(
     command.add_argument(
         "--method",
         choices=METHODS,
-        help=f"joint logic first, or the paper's own, {otherwise}",
+        help=f"visible: joint logic first; article: the paper's method; {otherwise}",
     )
 
 
@@ -117,7 +117,7 @@ def add_accuracy(command: argparse.ArgumentParser, *, steps: bool) -> None:
     """Add the two options for a tolerance and, with ``steps``, one for a number of halvings."""
     accuracy = command.add_mutually_exclusive_group()
     if steps:
-        accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
+        accuracy.add_argument("--steps", metavar="N", type=int, help="number of halvings")
     accuracy.add_argument(
         "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"
     )

@@ -28,14 +28,14 @@ def add(commands: Commands) -> None:
     add_output(
         render,
         "FILE",
-        "its ending, .png, .tif, .exr or .npz, decides its type; - is a PNG to stdout",
+        "the ending, .png, .tif, .exr or .npz, decides the type; - writes a PNG to stdout",
         stdout=True,
     )
     render.add_argument(
         "--outputs",
         metavar="NAMES",
         type=names,
-        help="what to write, as depth,normal; by default what such a file usually has",
+        help="outputs to write, such as depth,normal; by default the usual ones of the file's type",
     )
     add_rendering(render)
     add_look(render)

@@ -12,7 +12,7 @@ def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     scenes = commands.add_parser("scenes", help="list the bundled scenes")
     scenes.set_defaults(run=run)
-    scenes.add_argument("--json", action="store_true", help="the same for machines")
+    scenes.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:

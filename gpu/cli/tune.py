@@ -12,7 +12,7 @@ from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 
 def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    tune = commands.add_parser("tune", help="measure what accuracy costs, and recommend steps")
+    tune = commands.add_parser("tune", help="measure the cost of accuracy, and recommend steps")
     tune.set_defaults(run=run)
     add_scene(tune)
     add_output(tune, "DIR", "folder for tune.csv, tune.json, tune.png and error.png")
@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
     )
     add_accuracy(tune, steps=False)
     add_conveyor(tune, otherwise="by default both")
-    tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
+    tune.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def _steps(text: str) -> range:
