@@ -138,7 +138,8 @@ def choose_adapter(requested: str | int | None = None) -> Adapter:
             in PREFERENCE.
 
     Raises:
-        AdapterError: the machine has no adapter, or not the requested one.
+        AdapterError: the machine has no adapter or not the requested one, or a variable has a value
+            that Halfstep cannot use.
     """
     adapters = list_adapters()
     summary, reason = select_adapter(adapters, requested, os.environ)
@@ -153,7 +154,7 @@ def select_adapter(
     """The adapter of ``adapters`` that `choose_adapter` takes, and the reason in words.
 
     Raises:
-        AdapterError: ``adapters`` is empty or lacks the requested adapter.
+        AdapterError: see `choose_adapter`.
     """
     backend = environ.get("WGPU_BACKEND_TYPE", "").strip()
     if backend not in ("", "Vulkan"):
