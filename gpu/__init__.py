@@ -1,18 +1,19 @@
 """Halfstep: images of second-order surfaces and polyhedra by halving a step, on any Vulkan device.
 
 A scene file describes solids, lights and a camera. Every ray runs from the camera's centre to the
-far base plane; where it meets a solid is found by exactly n halvings of a step, the sign of the
-surface's function deciding each: no division and no square root per ray and solid. The same
-pipeline exists twice, as WGSL for a device and as NumPy for none, and both give the same bits.
+far base plane. Exactly n halvings of a step locate the point where it meets a solid. The sign of
+the surface's function decides each halving, so a ray and solid take no division and no square root.
+The pipeline exists twice: as WGSL for any Vulkan device, and as a NumPy twin that needs no device
+and gives the same bits.
 
     scene = halfstep.load("figure")
     frame = halfstep.render(scene, size=(1024, 768))
     frame.image                    # (768, 1024, 3) uint8, sRGB
 
-`load` reads and validates a scene (`Scene`), which may also be built of its tables (`Camera`,
-`Sphere`, `Cell` and so on). `render` makes one `Frame` of it, `Renderer` keeps the device, shaders
-and buffers for many, `view` shows it live. Importing this package touches no device; names are
-loaded when they are first used.
+`load` reads and validates a scene (`Scene`). A scene may also be built from its tables (`Camera`,
+`Sphere`, `Cell` and so on). `render` renders one `Frame` of it. `Renderer` keeps the device,
+shaders and buffers for many frames. `view` shows a scene live. Importing this package touches no
+device, and loads names when they are first used.
 """
 
 from typing import TYPE_CHECKING
@@ -155,7 +156,7 @@ _HOME = {
     "write": "files",
 }
 
-# Hidden from type checkers, which would take every misspelt name for a public one.
+# Hidden from type checkers, which would otherwise accept every misspelt name.
 if not TYPE_CHECKING:
     __getattr__ = lazily(__name__, _HOME)
 

@@ -1,19 +1,19 @@
-"""Every exception a user of Halfstep meets, each with the exit code of its command."""
+"""Every exception that a user of Halfstep meets, with the exit code of the command."""
 
 from typing import ClassVar
 
 
 class HalfstepError(Exception):
-    """Base of all Halfstep errors; a failed render or a conformance mismatch."""
+    """The base of all Halfstep errors, also raised itself for failures of no other kind."""
 
     exit_code: ClassVar[int] = 1
 
 
 class SceneError(HalfstepError):
-    """A scene, or an option overriding part of it, breaks the rules.
+    """A scene, or an option that replaces a part of it, breaks a rule.
 
     Attributes:
-        faults: every fault found, one line each: ``figure.toml: solid[2].radius: -1 is not > 0``.
+        faults: every fault, one line each: ``figure.toml: solid[2].radius: -1 is not > 0``.
     """
 
     exit_code: ClassVar[int] = 2
@@ -27,7 +27,7 @@ class SceneError(HalfstepError):
 
 
 class UsageError(HalfstepError):
-    """An argument of a function or of the command line that cannot be used."""
+    """An argument of a function or of the command line cannot be used."""
 
     exit_code: ClassVar[int] = 2
 

@@ -1,4 +1,4 @@
-"""Public names of a package, each imported when it is first used."""
+"""Imports each public name of a package when it is first used."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from importlib import import_module
 
 
 def lazily(package: str, home: Mapping[str, str]) -> Callable[[str], object]:
-    """A ``__getattr__`` of ``package``; ``home`` names the module that defines each name."""
+    """A ``__getattr__`` for ``package``; ``home`` names the module that defines each name."""
 
     def load(name: str) -> object:
-        """The public name, kept for the next use."""
+        """Import the public name ``name``, and keep it for the next use."""
         if name not in home:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         value = getattr(import_module(f"{package}.{home[name]}"), name)

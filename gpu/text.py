@@ -1,4 +1,4 @@
-"""Text files that people write: UTF-8, and where in them something is."""
+"""Text files that people write: decodes UTF-8, and names lines and columns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import codecs
 
 
 def decoded(content: bytes) -> str:
-    """The text of a UTF-8 file, without the byte order mark that some editors begin one with.
+    """The text of a UTF-8 file, without the byte order mark with which some editors begin a file.
 
     Raises:
         ValueError: ``line 2, column 10: not UTF-8 text``.
@@ -20,6 +20,6 @@ def decoded(content: bytes) -> str:
 
 
 def place(before: str) -> str:
-    """Line and column, from 1, of the character after a text."""
+    """Line and column, counted from 1, of the character that follows the text ``before``."""
     last = before.rsplit("\n", 1)[-1]
     return f"line {before.count(chr(10)) + 1}, column {len(last) + 1}"

@@ -394,8 +394,8 @@ def test_the_command_knows_all_parts() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--only", "steps,stpes"], f'only: "stpes": the parts are {", ".join(parts.PARTS)}'),
-        (["--only", ""], f'only: "": the parts are {", ".join(parts.PARTS)}'),
+        (["--only", "steps,stpes"], f"only: 'stpes': the parts are {', '.join(parts.PARTS)}"),
+        (["--only", ""], f"only: '': the parts are {', '.join(parts.PARTS)}"),
         (["--rounds", "0"], "rounds: 0 is not >= 1"),
         (["-o", "bench.gif"], "bench.gif: the ending '.gif' is not one of those written: .png"),
     ],

@@ -1,1 +1,1 @@
-"""What `halfstep bench` measures, on what scenes, and against what."""
+"""`halfstep bench`: its measurements, its scenes, and the programs that it compares with."""

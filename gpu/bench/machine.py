@@ -1,4 +1,4 @@
-"""What times depend on: versions, adapter, driver, processor, threads."""
+"""The facts that times depend on: versions, adapter, driver, processor, threads."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from halfstep.version import __version__
 
 
 def facts(adapter: Adapter) -> dict[str, str | int]:
-    """Names and values, in the order in which to print them."""
+    """Names and values of the facts, in the order in which to print them."""
     import wgpu
 
     return {
@@ -32,10 +32,10 @@ def facts(adapter: Adapter) -> dict[str, str | int]:
 
 
 def commit() -> str:
-    """The commit that the package is run from, and whether files differ from it; else a dash."""
+    """The commit of the package, and whether its files differ; a dash outside a checkout."""
     folder = Path(__file__).parent
     try:
-        # An installed package may lie in a checkout of something else.
+        # An installed package may lie inside the checkout of another project.
         _git(folder, "ls-files", "--error-unmatch", Path(__file__).name)
         return _git(folder, "describe", "--always", "--dirty=, changed", "--exclude=*")
     except (OSError, subprocess.CalledProcessError):
@@ -50,7 +50,7 @@ def _git(folder: Path, *arguments: str) -> str:
 
 
 def processor() -> str:
-    """The model of the processor, as Linux tells it where it does."""
+    """The model of the processor if Linux reports it, else its architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -60,11 +60,11 @@ def processor() -> str:
 
 
 def cores() -> int:
-    """Processors that this process may use."""
+    """The number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 def threads() -> int:
-    """Threads of a driver that runs on the processor: LP_NUM_THREADS, or all there are."""
+    """Threads of a software driver: LP_NUM_THREADS, or one for each core."""
     told = os.environ.get("LP_NUM_THREADS", "")
     return int(told) if told.isdecimal() and int(told) else cores()

@@ -1,4 +1,4 @@
-"""All that a benchmark measures, part by part."""
+"""Runs a benchmark part by part."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ def measure(
     rounds: int = 5,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Report:
-    """The parts ``names`` of the benchmark on ``adapter``, median times of ``rounds`` rounds.
+    """Run the parts ``names`` of the benchmark on ``adapter``; times are medians of ``rounds``.
+
+    ``progress`` is called with the finished part of the work, 0…1.
 
     Raises:
         DeviceError: the device was lost or the driver failed.

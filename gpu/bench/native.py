@@ -1,4 +1,4 @@
-"""The halvings in C, compiled on the spot for this very processor: what a loop by hand costs."""
+"""The halvings in C, compiled for this processor when they run: the cost of a handwritten loop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from halfstep.host.prepare import frame_setup
 from halfstep.scene import Scene, with_overrides
 
 FLAGS = ("-O3", "-march=native", "-pthread", "-shared", "-fPIC")
-# The width of a picture is a multiple of this, LANES in native.c.
+# The width of a picture must be a multiple of this, LANES in native.c.
 LANES = 128
 
 _SOLID = np.dtype(
@@ -34,17 +34,17 @@ _SOLID = np.dtype(
 
 
 class NoCompilerError(Exception):
-    """There is no C compiler, or it refuses; the message says which."""
+    """No C compiler was found, or it or the system refuses; the message tells the reason."""
 
 
 class Native:
-    """Frames of uncut ellipsoids in C, each with as many halvings as asked for."""
+    """Renders frames of uncut ellipsoids in C, with any number of halvings."""
 
     def __init__(self, scene: Scene, size: tuple[int, int], threads: int) -> None:
         """Compile the code and set ``scene`` up.
 
         Raises:
-            NoCompilerError: there is nothing to compile with.
+            NoCompilerError: no C compiler was found, or it cannot compile the code.
         """
         self.compiler = _compiler()
         self._render = _library(self.compiler).render
@@ -53,14 +53,14 @@ class Native:
         self._nearest = np.empty(size[::-1], np.int32)
 
     def run(self, steps: int) -> None:
-        """A case of `timing.interleaved`: a frame."""
+        """Render a frame, as a case of `timing.interleaved`."""
         self.render(steps)
 
     def render(self, steps: int) -> I32:
         """Index of the nearest solid of each pixel, (H, W), -1 for none.
 
         Raises:
-            NoCompilerError: the system gives no thread.
+            NoCompilerError: the system refuses to start threads.
         """
         height, width = self._nearest.shape
         failed = self._render(
@@ -78,7 +78,7 @@ class Native:
 
 
 def _solids(scene: Scene, size: tuple[int, int]) -> Records:
-    """What native.c reads of the solids of ``scene``."""
+    """The records of the solids of ``scene`` that native.c reads."""
     constants = frame_setup(with_overrides(scene, size=size))
     solids = np.zeros(constants.count, _SOLID)
     for name in ("a", "g", "c", "depth_middle", "depth_half"):
@@ -109,5 +109,5 @@ def _library(compiler: str) -> ctypes.CDLL:
         if done.returncode:
             reason = (done.stderr.splitlines() or ["no message"])[0]
             raise NoCompilerError(f"{compiler} cannot compile native.c: {reason}")
-        # What is mapped stays when its file goes.
+        # A loaded library stays in memory when its file is deleted.
         return ctypes.CDLL(os.fspath(library))

@@ -1,4 +1,4 @@
-"""The comparisons: each a function from what they share to a table."""
+"""The parts of the benchmark: each is a function that measures and returns a table."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _LACKING = "64-bit integers in shaders, which this adapter lacks."
 
 @dataclass(frozen=True)
 class Bench:
-    """What the parts share."""
+    """The adapter and options that all parts share."""
 
     adapter: Adapter
     rounds: int
@@ -65,7 +65,7 @@ class Bench:
         times: int = 1,
         turn: float = 0.0,
     ) -> dict[Case, Times]:
-        """Median times of ``cases``, in turns of ``turn`` ms, of ``times`` times the rounds."""
+        """Median times of ``cases`` over ``times`` times the rounds, in turns of ``turn`` ms."""
         return interleaved(cases, times * self.rounds, self.progress, turn=turn)
 
     @property
@@ -75,7 +75,7 @@ class Bench:
 
 
 def _frame(renderer: Renderer, scene: Scene) -> float | None:
-    """Render a frame; the device's time, ms."""
+    """Render a frame, and return its device time in ms if measured."""
     return renderer.render(scene).info.get("device_ms")
 
 
@@ -110,7 +110,7 @@ def halving(bench: Bench) -> Part:
         else:
             cases |= {("C", n): partial(native.run, n) for n in _HALVINGS}
             notes.append(f"C: {native.compiler} {' '.join(FLAGS)}, {threads} threads.")
-        # What counts is the difference of times that are nearly the same.
+        # The result is a difference of nearly equal times, so it needs more rounds.
         times = bench.times(cases, times=4, turn=20.0)
     unit = 1e6 / (size[0] * size[1] * len(scene.solids))
     fits = {
@@ -139,12 +139,12 @@ def halving(bench: Bench) -> Part:
 
 
 def steps(bench: Bench) -> Part:
-    """Frame time against n."""
+    """Frame time against n, the number of halvings."""
     scene = with_overrides(scenes.overlapping(), size=_SIZE)
     with bench.renderer(scene) as renderer:
         counts = [n for n in _STEPS if n <= (renderer.most_steps or n)]
         cases = {n: partial(_frame, renderer, with_overrides(scene, steps=n)) for n in counts}
-        # A halving is a hundredth of a frame.
+        # A halving takes a hundredth of a frame, so the fit needs more rounds.
         times = bench.times(cases, times=8)
     rows: list[dict[str, Value]] = [{"n": n, **_row(times[n])} for n in counts]
     direct = [n for n in counts if n <= FLOAT_STEPS]
@@ -167,7 +167,7 @@ def closed(bench: Bench) -> Part:
         cases: dict[tuple[int, str], Callable[[], float | None]] = {}
         for scene in (scenes.overlapping(), scenes.equal_coverage(1000)):
             for roots in ("halvings", "closed form"):
-                # The yardstick: the product's own pipeline, and positions of the halvings.
+                # The stage `closed` runs in the product's own pipeline, with the same positions.
                 conveyor = "conveyor" if roots == "halvings" else "closed"
                 device = Device(bench.adapter, conveyor=conveyor)
                 renderer = stack.enter_context(bench.renderer(scene, backend=device))
@@ -197,7 +197,7 @@ def closed(bench: Bench) -> Part:
 
 
 def twin(bench: Bench) -> Part:
-    """The device against NumPy."""
+    """Frame time on the device against the twin in NumPy."""
     scene = with_overrides(scenes.overlapping(), size=_SMALL)
     with ExitStack() as stack:
         cases: dict[str, Callable[[], float | None]] = {
@@ -216,7 +216,7 @@ def twin(bench: Bench) -> Part:
 
 
 def pov(bench: Bench) -> Part:
-    """The same picture by POV-Ray."""
+    """Frame time against POV-Ray's for the same picture."""
     scene = with_overrides(scenes.overlapping(), size=_SIZE)
     title = f"POV-Ray, the same picture, {_scene_and_size(scene)}"
     try:
@@ -229,7 +229,7 @@ def pov(bench: Bench) -> Part:
                 "halfstep": partial(_frame, renderer, scene),
                 "povray": lambda: povray.trace_time(scene, _SIZE, machine.threads()),
             },
-            # POV-Ray takes as long for one picture, and is another process.
+            # POV-Ray takes about this long for one picture, and runs in another process.
             turn=200.0,
         )
     own, traced = times["halfstep"].wall, times["povray"].best
@@ -242,7 +242,7 @@ def pov(bench: Bench) -> Part:
 
 
 def regions(bench: Bench) -> Part:
-    """Cells and copies of groups, beside POV-Ray on the same solid geometry."""
+    """Frames of cells and copies of groups, against POV-Ray on the same solid geometry."""
     chosen = {
         name: with_overrides(load(name), size=_SIZE, steps=_REGION_STEPS) for name in _REGIONS
     }
@@ -286,7 +286,7 @@ def regions(bench: Bench) -> Part:
 
 
 def formulas(bench: Bench) -> Part:
-    """Tori and formulas, beside POV-Ray's own."""
+    """Frames of tori and formulas, against POV-Ray's own shapes."""
     size = 640, 480
     given = {
         "torus": (scenes.torus(), "torus"),
@@ -327,7 +327,7 @@ def formulas(bench: Bench) -> Part:
 
 
 def solids(bench: Bench) -> Part:
-    """Frame time against the number of solids, which together cover the same area."""
+    """Frame time against the number of solids, whose total area stays the same."""
     with ExitStack() as stack:
         cases: dict[int, Callable[[], float | None]] = {}
         for count in _LATTICES:
@@ -350,7 +350,7 @@ def solids(bench: Bench) -> Part:
 
 
 def setup(bench: Bench) -> Part:
-    """What the host computes of a frame, from the camera to the records that the device reads."""
+    """The host's time for a frame, from the camera to the records that the device reads."""
     with ExitStack() as stack:
         cases: dict[int, Callable[[], float | None]] = {}
         for count in _SET_UP:
@@ -390,7 +390,7 @@ def pixels(bench: Bench) -> Part:
 
 
 def frames(bench: Bench) -> Part:
-    """Bundled scenes, from the request to the image on the host."""
+    """Frame time of bundled scenes, from the request to the image on the host."""
     with ExitStack() as stack:
         cases: dict[str, Callable[[], float | None]] = {}
         for name in ("figure", "gallery", "crowd"):
@@ -408,7 +408,7 @@ def frames(bench: Bench) -> Part:
 
 
 def shadows(bench: Bench) -> Part:
-    """Bundled scenes with shadows of all their lights, against none; and POV-Ray, likewise."""
+    """Frame time of bundled scenes with and without shadows, and POV-Ray's with shadows."""
     title = "Shadows, 640×480, n = 16"
     if INT64 not in bench.adapter.handle.features:
         return Part("shadows", title, [], notes=[f"Left out: shadows need {_LACKING}"])
@@ -418,7 +418,7 @@ def shadows(bench: Bench) -> Part:
         cases: dict[tuple[str, str], Callable[[], float | None]] = {}
         for name in _SHADOWED:
             for what in ("without", "with"):
-                # As many halvings as shadows ask for.
+                # Both frames use the number of halvings that shadows use.
                 drawn = with_overrides(
                     load(name), size=(640, 480), steps=FLOAT_STEPS, shadows=what == "with"
                 )
@@ -451,7 +451,7 @@ def shadows(bench: Bench) -> Part:
 
 
 def threads(bench: Bench) -> Part:
-    """Frame time against the threads of a driver on the processor."""
+    """Frame time against the threads of a software driver."""
     title = "A frame against threads"
     if not bench.on_processor:
         return Part("threads", title, [], notes=["Left out: the device is not the processor."])
@@ -472,9 +472,9 @@ def threads(bench: Bench) -> Part:
 
 
 def _own_process(bench: Bench, count: int) -> float:
-    """The device's time of the largest picture of ``pixels`` with ``count`` threads, ms.
+    """Device time in ms of the largest picture of ``pixels`` with ``count`` threads.
 
-    Mesa reads the number of threads once, when it is loaded.
+    Another process measures it, because Mesa reads the number of threads only when it is loaded.
     """
     command = [sys.executable, "-m", "halfstep", "bench", "--only", "pixels", "--json"]
     command += ["--rounds", str(bench.rounds), "--adapter", str(bench.adapter.summary.index)]
@@ -498,7 +498,7 @@ def _named(size: tuple[int, int]) -> str:
     return f"{size[0]}×{size[1]}"
 
 
-# By the name that asks for them, in the order of the report.
+# The parts by the name of the option `--only`, in the order of the report.
 PARTS: dict[str, Callable[[Bench], Part]] = {
     "halving": halving,
     "steps": steps,

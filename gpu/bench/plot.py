@@ -1,4 +1,4 @@
-"""The curves of a benchmark, by Matplotlib."""
+"""Draws the curves of a benchmark by Matplotlib."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from halfstep.files.whole import check_output_path, write_file
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Part, column across, column upwards, logarithmic axes.
+# Part, column of the x axis, column of the y axis, whether the axes are logarithmic.
 _CURVES = (
     ("steps", "n", "device ms", False),
     ("pixels", "megapixels", "device ms", False),
@@ -24,14 +24,14 @@ _COLOR = "#0b5fa5"
 
 
 def check(path: str | os.PathLike[str]) -> None:
-    """See before measuring whether a plot can be written to ``path``.
+    """Check before measuring that a plot can be written to ``path``.
 
     Raises:
-        UsageError: it cannot, or there is no Matplotlib.
+        UsageError: the path cannot be written, or Matplotlib is not installed.
     """
     check_output_path(path, (".png",))
     try:
-        import matplotlib  # noqa: F401 - only to see that it is there
+        import matplotlib  # noqa: F401 - only to check that it is installed
     except ImportError:
         raise UsageError(f"{path}: needs Matplotlib: pip install 'halfstep[plot]'") from None
 
@@ -67,7 +67,7 @@ def write(report: Report, path: str | os.PathLike[str]) -> None:
 
 
 def _draw(axes: Axes, part: Part, across: str, upwards: str) -> None:
-    """A part's points and the lines fitted to them."""
+    """Draw the points of a part, and the lines fitted to them."""
     column = upwards if part.rows[0][upwards] is not None else "wall ms"
     x: list[Any] = [row[across] for row in part.rows]
     y: list[Any] = [row[column] for row in part.rows]

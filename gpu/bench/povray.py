@@ -1,4 +1,4 @@
-"""The same picture by POV-Ray, where it is installed."""
+"""Renders the same picture by POV-Ray, if it is installed."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from halfstep.bench.povray_cells import finish, objects, vector
 from halfstep.scene import Ellipsoid, Implicit, Scene, Solid, Sphere, Torus
 from halfstep.scene.expression import Node
 
-# No formula of the benchmark changes faster; POV-Ray wants to know.
+# POV-Ray needs a bound of the gradient. No formula of the benchmark is steeper than this.
 STEEPEST = 8.0
 _TRACE = re.compile(r"Trace Time:.*\((\d+\.\d+) seconds\)")
 
 
 class NoPovrayError(Exception):
-    """POV-Ray is not there, or does not render; the message says which."""
+    """POV-Ray is not installed, or does not render; the message tells which."""
 
 
 def version() -> str:
-    """What POV-Ray calls itself.
+    """The name and version that POV-Ray reports.
 
     Raises:
-        NoPovrayError: it is not installed.
+        NoPovrayError: POV-Ray is not installed.
     """
     if shutil.which("povray") is None:
         raise NoPovrayError("POV-Ray is not installed")
@@ -38,16 +38,16 @@ def version() -> str:
 def trace_time(
     scene: Scene, size: tuple[int, int], threads: int, picture: Path | None = None
 ) -> float:
-    """Milliseconds that POV-Ray says it traced ``scene``, without parsing and without a file.
+    """The time in ms that POV-Ray reports for tracing ``scene``, without parsing and writing.
 
     Args:
-        scene: as `text`.
+        scene: the scene; `text` says which kinds of solids it may have.
         size: (width, height) in pixels.
-        threads: how many it may use.
-        picture: where to write a PNG file, if one is wanted.
+        threads: the most threads that POV-Ray may use.
+        picture: path for a PNG file; None writes none.
 
     Raises:
-        NoPovrayError: it is not installed, or it fails.
+        NoPovrayError: POV-Ray is not installed or fails.
     """
     version()
     width, height = size
@@ -72,11 +72,12 @@ def trace_time(
 
 
 def text(scene: Scene, aspect: float) -> str:
-    """A scene of solids of some kinds, none turned, and of cells, as POV-Ray reads it.
+    """The text of a scene in POV-Ray's language.
 
-    Lights are far away, and have shadows where the scene has them, so that both compute the
-    same picture. The kinds are spheres, ellipsoids, tori and formulas in a ball: polynomials as
-    ``poly``, by Sturm's theorem, others as ``isosurface``.
+    The scene may have cells, and solids without rotation: spheres, ellipsoids, tori and formulas in
+    a ball. Polynomials become ``poly``, solved by Sturm's theorem, and other formulas
+    ``isosurface``. Lights must be far away. They have shadows where the scene's have, so that both
+    programs compute the same picture.
     """
     camera = scene.camera
     assert camera.fov_degrees is not None
@@ -84,7 +85,7 @@ def text(scene: Scene, aspect: float) -> str:
         "#version 3.7;",
         "global_settings { assumed_gamma 1 max_trace_level 1 ambient_light rgb 1 }",
         f"background {{ rgb {vector(scene.image.background)} }}",
-        # Right-handed: POV-Ray's axes are not, unless its right points the other way.
+        # POV-Ray's axes are left-handed. A negative right vector makes them right-handed.
         f"camera {{ perspective location {vector(camera.center)} sky {vector(camera.up)}"
         f" up y right {-aspect:.17g}*x angle {_horizontal(camera.fov_degrees, aspect):.17g}"
         f" look_at {vector(camera.look_at)} }}",
@@ -105,14 +106,14 @@ def text(scene: Scene, aspect: float) -> str:
 
 
 def _shape(solid: Solid) -> str:
-    """The beginning of a solid, up to where it is placed."""
+    """The beginning of a solid's text, up to its placement."""
     match solid:
         case Sphere():
             return f"sphere {{ 0, {solid.radius:.17g}"
         case Ellipsoid():
             return f"sphere {{ 0, 1 scale {vector(solid.semi_axes)}"
         case Torus():
-            # POV-Ray's has the axis y.
+            # The axis of POV-Ray's torus is y, and must become z.
             return f"torus {{ {solid.major:.17g}, {solid.minor[0]:.17g} rotate 90*x"
     assert isinstance(solid, Implicit)
     ball = f"sphere {{ 0, {solid.bounds.radius:.17g} }}"
@@ -131,7 +132,7 @@ def _shape(solid: Solid) -> str:
 
 
 def _function(node: Node) -> str:
-    """A formula as POV-Ray reads it."""
+    """A formula in POV-Ray's language."""
     if node.kind == "number":
         return f"({float(node.value):.17g})"
     if node.kind == "coordinate":
@@ -145,6 +146,6 @@ def _function(node: Node) -> str:
 
 
 def _horizontal(vertical_degrees: float, aspect: float) -> float:
-    """The angle of view across, degrees."""
+    """The horizontal angle of view in degrees."""
     half = math.tan(math.radians(vertical_degrees) / 2) * aspect
     return 2 * math.degrees(math.atan(half))

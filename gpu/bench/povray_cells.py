@@ -1,6 +1,6 @@
-"""Cells and copies of groups as POV-Ray reads them: its own shapes, joined as the formulas say.
+"""Cells and copies of groups in POV-Ray's language: its own shapes, joined by the cells' formulas.
 
-It reads the kinds of surfaces and parts that the scenes of the benchmark have.
+Only the kinds of surfaces and parts that the benchmark's scenes have are supported.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from halfstep.scene.shapes import Placed
 from halfstep.scene.solids import AnyPart
 from halfstep.scene.surfaces import AnySurface
 
-# A cylinder without ends is so many times as long as its cell's box.
+# A cylinder without ends extends this many times as far as its cell's bounding box.
 LONG = 4.0
 
 
@@ -51,7 +51,7 @@ def _cells(scene: Scene, group: Fragment) -> Iterator[str]:
 
 
 class _Writer:
-    """Formulas of a group as POV-Ray's solid geometry; nothing of them is outside of a box."""
+    """Writes formulas of a group, which lie inside ``box`` (2, 3), as POV-Ray's solid geometry."""
 
     def __init__(self, scene: Scene, group: Fragment, box: Floats) -> None:
         self._scene, self._box = scene, box
@@ -60,7 +60,7 @@ class _Writer:
         self._cells = {cell.name: cell for cell in group.cells}
 
     def text(self, formula: Formula) -> str:
-        """An object, or what an `object` may be made of."""
+        """The text of a formula, which can stand inside an `object`."""
         match formula:
             case Sense(surface, positive):
                 assert isinstance(surface, int)
@@ -127,13 +127,13 @@ class _Writer:
 
 
 def placed(thing: Placed) -> str:
-    """Where something is, and which way it is turned."""
+    """The text of a rotation and a translation."""
     rotation, origin = thing.world_from_local(), np.array(thing.origin)
     return _matrix(np.column_stack([rotation, origin]))
 
 
 def _matrix(map_: Floats) -> str:
-    """A rigid map (3, 4)."""
+    """The text of a rigid map (3, 4)."""
     if np.array_equal(map_[:, :3], np.eye(3)):
         return f"translate {vector(map_[:, 3])}"
     return f"matrix <{', '.join(f'{value:.17g}' for value in map_.T.ravel())}>"
@@ -144,7 +144,7 @@ def _bounds(box: Floats) -> str:
 
 
 def finish(material: Material, scene: Scene) -> str:
-    """How a material looks: POV-Ray gives no highlights of lights without shadows."""
+    """The text of a material without highlights: POV-Ray gives none for lights without shadows."""
     return (
         f"pigment {{ rgb {vector(material.color)} }} finish {{ ambient rgb"
         f" {vector(scene.ambient.color)} diffuse 1 }}"
@@ -152,5 +152,5 @@ def finish(material: Material, scene: Scene) -> str:
 
 
 def vector(values: object) -> str:
-    """Three numbers."""
+    """The text of a vector."""
     return f"<{', '.join(f'{value:.17g}' for value in np.asarray(values).tolist())}>"

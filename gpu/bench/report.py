@@ -1,4 +1,4 @@
-"""What a benchmark found: for people as Markdown, for machines as plain values."""
+"""The results of a benchmark: as Markdown for people, as plain values for machines."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from typing import Any
 
 from halfstep.bench.timing import Line
 
-# A value of a table: a number with its unit in the heading, a name, or None where there is none.
+# A cell of a table: a number whose unit stands in the heading, a name, or None for no value.
 Value = float | int | str | None
 
 
 @dataclass(frozen=True)
 class Part:
-    """One comparison.
+    """One part of the benchmark.
 
     Attributes:
-        name: of the option that asks for it.
-        title: what was measured, on what.
-        rows: the same headings in each; units are in the headings.
-        summary: what it comes to, in words.
-        fits: lines through columns, by what they say.
-        notes: what else is to know, and what was left out and why.
+        name: its name for the option `--only`.
+        title: the measurement and its scene.
+        rows: values by heading, the same headings in each row; headings give units.
+        summary: the main results in words, by what was measured.
+        fits: lines fitted to columns, by description.
+        notes: other facts, and what was left out and why.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Part:
     notes: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
-        """The same for JSON."""
+        """The part for JSON."""
         fits = {
             name: {"slope": fit.slope, "intercept": fit.intercept, "r_squared": fit.r_squared}
             for name, fit in self.fits.items()
@@ -46,7 +46,7 @@ class Part:
         }
 
     def as_text(self) -> str:
-        """A Markdown table under its title."""
+        """The part as Markdown: a table under its title."""
         lines = [f"**{self.title}**", ""]
         if self.rows:
             heads = list(self.rows[0])
@@ -64,14 +64,14 @@ class Part:
 
 @dataclass(frozen=True)
 class Report:
-    """All parts, and where they were measured."""
+    """All parts, and the facts of the machine that measured them."""
 
     machine: dict[str, str | int]
     rounds: int
     parts: tuple[Part, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """The same for JSON."""
+        """The report for JSON."""
         return {
             "machine": self.machine,
             "rounds": self.rounds,
@@ -79,7 +79,7 @@ class Report:
         }
 
     def as_text(self) -> str:
-        """Markdown."""
+        """The report as Markdown."""
         facts = ", ".join(f"{name} {value}" for name, value in self.machine.items())
         lines = [
             f"{facts}; medians of {self.rounds} rounds",

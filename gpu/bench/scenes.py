@@ -1,4 +1,4 @@
-"""The scenes of the benchmark, made by formula so that they come in any size."""
+"""The scenes of the benchmark, generated so that they can have any size."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import Any
 from halfstep.scene import Scene
 
 _COLORS = ((0.8, 0.5, 0.2), (0.2, 0.5, 0.8), (0.6, 0.7, 0.3), (0.7, 0.3, 0.4))
-# Of the square in which the lattices of `equal_coverage` are; its area is that of their spheres.
+# Side of the square that holds the lattices of `equal_coverage`. Its area is the total area of
+# their spheres.
 _SIDE = 8.0
 
 
 def overlapping() -> Scene:
-    """Sixteen spheres and ellipsoids, each of which hides a part of its neighbours."""
+    """Sixteen spheres and ellipsoids. Each hides a part of its neighbours."""
     solids: list[dict[str, Any]] = []
     for k in range(16):
         x, z = 1.5 * (k % 4) - 2.25, 1.5 * (k // 4) - 2.25
@@ -36,7 +37,7 @@ def covering(count: int = 16) -> Scene:
 
 
 def equal_coverage(count: int) -> Scene:
-    """``count`` spheres in a lattice, as large together at any number; neighbours overlap."""
+    """``count`` spheres in a lattice with the same total area at any number. Neighbours overlap."""
     columns = math.ceil(math.sqrt(count))
     across, down = _SIDE / columns, _SIDE / math.ceil(count / columns)
     radius = _SIDE / math.sqrt(math.pi * count)
@@ -57,7 +58,7 @@ def equal_coverage(count: int) -> Scene:
 
 
 def mixed(count: int) -> Scene:
-    """``count`` solids of eleven sorts in turn, in a lattice and turned each its own way."""
+    """``count`` solids of eleven sorts in turn, in a lattice, with different rotations."""
     ends = {"z_min": -0.4, "z_max": 0.4}
     sorts: list[dict[str, Any]] = [
         {"kind": "sphere", "radius": 0.4},
@@ -89,7 +90,7 @@ def mixed(count: int) -> Scene:
 
 
 def pins(side: int) -> Scene:
-    """``side`` x ``side`` fuel rods in tubes, copies of a group of five surfaces."""
+    """``side`` x ``side`` fuel rods in tubes: copies of a group with five surfaces."""
     group: dict[str, Any] = {
         "name": "pin",
         "surface": [
@@ -129,7 +130,7 @@ def torus() -> Scene:
 
 
 def torus_of_roots() -> Scene:
-    """The same by a formula that is no polynomial."""
+    """The torus of `torus` by a formula that is not a polynomial."""
     formula = "(sqrt(x^2 + y^2) - 1)^2 + z^2 - 0.16"
     return _tilted([_in_ball(formula, 1.5)])
 
@@ -155,7 +156,7 @@ def _in_ball(formula: str, radius: float) -> dict[str, Any]:
 
 
 def _tilted(solids: list[dict[str, Any]]) -> Scene:
-    """Solids about the origin from aside and above."""
+    """A scene of solids around the origin, seen from the side and from above."""
     camera = {"center": (1.6, -3.6, 2.6), "look_at": (0.0, 0.0, 0.0), "fov_degrees": 36.0}
     light = {"direction": (1.0, -1.0, 2.0)}
     return Scene.from_dict({"format": 1, "camera": camera, "light": [light], "solid": solids})

@@ -1,4 +1,4 @@
-"""Times of cases taken in turn, and lines through them."""
+"""Measures times of cases in turn, and fits lines to them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Times:
     """Median times of one case, ms."""
 
     wall: float
-    device: float | None  # by the device's own timestamps, where it has them
+    device: float | None  # by the device's own timestamps; None if it has none
 
     @property
     def best(self) -> float:
-        """The device's time if there is one: it holds nothing of the host's work."""
+        """The device time, which excludes the host's work, or the wall time if there is none."""
         return self.wall if self.device is None else self.device
 
 
@@ -35,11 +35,12 @@ def interleaved(
     *,
     turn: float = 0.0,
 ) -> dict[Case, Times]:
-    """Median times of ``cases``, each run once in every round, and ``WARM_UP`` times before.
+    """Median times of ``cases``, after ``WARM_UP`` rounds that do not count.
 
-    A machine that slows down so does it for all of them. A case returns the device's time in ms,
-    or None if it has none; its wall time is taken here. With ``turn``, in ms, a case is run again
-    until it has taken so long, so that what others leave in the caches is of no account.
+    Every round runs each case once, so that a machine that slows down affects all of them. A case
+    returns its device time in ms, or None; its wall time is measured here. With ``turn``, in ms, a
+    round repeats each case until it has run that long. The state in which other cases leave the
+    caches then hardly matters.
     """
     times: dict[Case, list[tuple[float, float | None]]] = {case: [] for case in cases}
     for done in range(-WARM_UP, rounds):
@@ -54,7 +55,7 @@ def interleaved(
 
 
 def _timed(run: Callable[[], float | None]) -> tuple[float, float | None]:
-    """Wall time of a run, ms, and the device's."""
+    """Wall time and device time of a run in ms."""
     begin = time.perf_counter()
     device = run()
     return (time.perf_counter() - begin) * 1e3, device
@@ -78,7 +79,7 @@ class Line:
 
 
 def line(x: Sequence[float], y: Sequence[float]) -> Line:
-    """The least-squares line through points (x, y), at least two with different x."""
+    """The least-squares line through points (x, y). At least two must have different x."""
     slope, intercept = np.polyfit(x, y, 1)
     rest = np.asarray(y) - (slope * np.asarray(x) + intercept)
     spread = np.asarray(y) - np.mean(y)

@@ -1,1 +1,1 @@
-"""A device against the twin."""
+"""Compares a device with the twin: whole frames, and every stage function alone."""

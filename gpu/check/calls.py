@@ -1,7 +1,8 @@
-"""What the twin's functions are given and return, as rows that the shader's functions take.
+"""Records arguments and results of the twin's functions, as rows for the shader's functions.
 
-The twin works on an array of pixels, the shader on four neighbours of a row at a time: a row here
-is such a group. What both have has the same names in both; where they differ, `_absent` knows.
+The twin works on arrays of pixels, the shader on four neighbours in a row of pixels at a time. A
+row of this module is such a group of four. Parameters have the same names in both; `_absent` knows
+the exceptions.
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ from halfstep.testing.types import Array as ArrayType
 from halfstep.testing.types import Pointer, Scalar, Struct, Type, Vector
 
 _PREFIX = f"{twin.__name__}."
-# Groups of pixels that are noted of one call, and of all calls of a function.
+# The most groups of pixels that are recorded of one call, and of all calls of a function.
 CALL_ROWS = 256
 ROWS = 4096
 
 
 @dataclass
 class Calls:
-    """The calls of one function.
+    """The recorded calls of one function.
 
     Attributes:
-        given: the arguments of each by name; arrays of pixels are (rows, 4).
-        returned: the results of each.
-        rows: of each.
+        given: the arguments of each call by name; arrays of pixels are (rows, 4).
+        returned: the result of each call.
+        rows: the number of rows of each call.
     """
 
     given: list[dict[str, Any]] = field(default_factory=list)
@@ -45,7 +46,7 @@ class Calls:
     rows: list[int] = field(default_factory=list)
 
     def note(self, given: dict[str, Any], returned: Any) -> None:
-        """Note a call, or some of its pixels; nothing once there are enough."""
+        """Record a call or some of its pixels, unless there are enough rows already."""
         shape = _picture((given, returned))
         room = min(CALL_ROWS, ROWS - sum(self.rows))
         if shape is None or room <= 0:
@@ -57,12 +58,12 @@ class Calls:
         self.rows.append(len(picked))
 
     def argument(self, name: str, type_: Type | Pointer) -> Any:
-        """A parameter of the shader's function for every row."""
+        """The argument ``name`` of the shader's function for every row."""
         values = (_value(_absent(name, given), type_, rows) for given, rows in self._each())
         return _joined(list(values))
 
     def result(self, type_: Type) -> Any:
-        """What the shader's function must return for every row."""
+        """The result that the shader's function must return for every row."""
         pairs = zip(self.returned, self.rows, strict=True)
         return _joined([_value(value, type_, rows) for value, rows in pairs])
 
@@ -72,10 +73,10 @@ class Calls:
 
 @contextmanager
 def noted() -> Iterator[dict[tuple[str, str], Calls]]:
-    """The calls, by file and name, of the twin's functions that are made in here.
+    """Record all calls of the twin's functions in this context, by file and name.
 
-    Every function is replaced by one that notes its calls, wherever the twin has it, for all
-    threads of this process.
+    In every module of the twin, a recording function replaces each function, for all threads of
+    this process.
     """
     calls: dict[tuple[str, str], Calls] = {}
     noting: dict[Callable[..., Any], Callable[..., Any]] = {}
@@ -112,7 +113,7 @@ def _noting(function: Callable[..., Any], calls: Calls) -> Callable[..., Any]:
     @functools.wraps(function)
     def noting(*arguments: Any, **named: Any) -> Any:
         returned = function(*arguments, **named)
-        if sum(calls.rows) >= ROWS:  # enough are noted, and naming arguments takes time
+        if sum(calls.rows) >= ROWS:  # enough rows are recorded, and naming arguments takes time
             return returned
         calls.note(dict(signature.bind(*arguments, **named).arguments), returned)
         return returned
@@ -121,7 +122,7 @@ def _noting(function: Callable[..., Any], calls: Calls) -> Callable[..., Any]:
 
 
 def _picture(value: Any) -> tuple[int, int] | None:
-    """Rows and columns of the pixels that arrays in ``value`` are of; None if there is none."""
+    """Rows and columns of the arrays of pixels in ``value``; None if it has no such array."""
     if isinstance(value, np.ndarray):
         return (value.shape[0], value.shape[1]) if value.ndim == 2 else None
     shapes = [shape for shape in map(_picture, _parts(value)) if shape is not None]
@@ -138,27 +139,27 @@ def _groups(value: Any, shape: tuple[int, int], picked: Array) -> Any:
     """``value`` with the picked groups (rows, 4) in place of every array of pixels."""
     if isinstance(value, np.ndarray) and value.ndim == 2:
         pixels = np.broadcast_to(value, shape)
-        # A picture may end within a group: its last pixel stands for those beyond.
+        # A picture may end within a group. Its last pixel then fills the group.
         columns = np.minimum(np.arange(-(-shape[1] // LANES) * LANES), shape[1] - 1)
         return pixels[:, columns].reshape(-1, LANES)[picked]
     if isinstance(value, Mapping):
         return {name: _groups(part, shape, picked) for name, part in value.items()}
     if isinstance(value, list):
         return [_groups(part, shape, picked) for part in value]
-    if hasattr(value, "_fields"):  # as all structs of the twin
+    if hasattr(value, "_fields"):  # a named tuple, the form of the twin's structs
         return type(value)(*(_groups(part, shape, picked) for part in value))
     return value
 
 
 def _absent(name: str, given: Mapping[str, Any]) -> Any:
-    """The argument ``name`` of a shader's function, from what the twin's was given."""
+    """The argument ``name`` of a shader's function, from the arguments of the twin's function."""
     if name in given:
         return given[name]
     stem, _, word = name.rpartition("_")
-    if word in ("high", "low"):  # one key in the twin
+    if word in ("high", "low"):  # a key is one argument in the twin
         return getattr(given[stem], word)
     match name:
-        case "count":  # a list knows its length
+        case "count":  # the twin takes the length of its list
             return len(given["lines"])
         case "last_step":
             return np.float32(0.5 ** given["steps"])
@@ -167,40 +168,40 @@ def _absent(name: str, given: Mapping[str, Any]) -> Any:
 
 
 def _value(value: Any, type_: Type | Pointer, rows: int) -> Any:
-    """``value`` for every row, as `halfstep.testing.Kit` takes a ``type_``."""
+    """``value`` for every row, in the form in which `halfstep.testing.Kit` takes a ``type_``."""
     match type_:
         case Pointer(_, target):
             return _value(value, target, rows)
         case Struct(_, members):
             return {m.name: _value(_member(value, m.name), m.type, rows) for m in members}
         case ArrayType(element, int(count)) if isinstance(value, list):
-            # The shader has room for more than there are.
+            # The shader's array has a fixed length, and is filled up.
             filled = [*value, *[None] * (count - len(value))]
             return _stacked([_value(part, element, rows) for part in filled])
         case ArrayType(_, int(count)):
             return np.broadcast_to(value, (rows, count))
         case Vector(_, count):
             return np.broadcast_to(value, (rows, count))
-        case Scalar() if np.ndim(value) == 2:  # the same in a group
+        case Scalar() if np.ndim(value) == 2:  # all pixels of a group have the same value
             return value[:, 0]
         case _:
             return np.broadcast_to(value, rows)
 
 
 def _member(value: Any, name: str) -> Any:
-    """A member of a struct of the twin: a record of the layout, or a named tuple."""
+    """A member of a struct of the twin, which is a record of the layout or a named tuple."""
     return value[name] if isinstance(value, np.void) else getattr(value, name, 0)
 
 
 def _stacked(parts: list[Any]) -> Any:
-    """Values of the elements of an array as one value, with the axis of elements after the rows."""
+    """One value (rows, elements, …) from the values of the elements of an array."""
     if isinstance(parts[0], Mapping):
         return {name: _stacked([part[name] for part in parts]) for name in parts[0]}
     return np.stack(parts, axis=1)
 
 
 def _joined(parts: list[Any]) -> Any:
-    """Values of some rows after another."""
+    """One value from values of consecutive rows."""
     if isinstance(parts[0], Mapping):
         return {name: _joined([part[name] for part in parts]) for name in parts[0]}
     return np.concatenate(parts)

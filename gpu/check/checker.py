@@ -1,11 +1,11 @@
-"""A scene on a device against the twin: whole frames, and every stage function alone.
+"""Compares a scene on a device with the twin: whole frames, and every stage function alone.
 
-Frames say whether something is wrong, the stages what. A shader holds what its outputs need, and
-the second frame of a renderer may get other shaders than the first: so a frame with all outputs is
-compared, and the first three of an image alone. While the twin renders the scene, the
-arguments and results of its functions are noted; the shader's function of the same name is then
-given the same arguments and must return the same results. If all of them agree and a frame does
-not, the fault lies in the kernel that joins them, or in what the driver makes of it.
+Frames show whether something is wrong, stages show what. A shader holds only the code that its
+outputs need, and the second frame of a renderer may get other shaders than the first. So one frame
+with all outputs is compared, and the first three frames of an image alone. While the twin renders
+the scene, the arguments and results of its functions are recorded. The shader's function of the
+same name then gets the same arguments and must return the same results. If all functions agree and
+a frame does not, the fault lies in the kernel that joins them, or in how the driver compiles it.
 """
 
 from __future__ import annotations
@@ -35,22 +35,23 @@ from halfstep.testing.frames import FrameCensus, Replay, compare_frames, picture
 from halfstep.testing.kit import Kit
 from halfstep.testing.module import Module
 
-# Frames of an image alone: the first has one shader, the second may get more, the third leaves out
-# what has not changed.
+# Frames of an image alone: the first has one shader, the second may get more, and the third skips
+# tiles that have not changed.
 IMAGES = 3
 
 
 @dataclass(frozen=True)
 class SceneReport:
-    """How a scene on the device agrees with the twin.
+    """How well a scene on the device agrees with the twin.
 
     Attributes:
-        scene: as it was rendered.
-        frame: the frame with all outputs.
-        images: of an image alone, one after another by one renderer.
-        stages: stage function -> its census; those that the scene does not use are left out.
-        exact: whether the device promises every bit; otherwise the stages are for information.
-        picture: a PNG file of where the first frame that differs does, None where none does.
+        scene: the scene as it was rendered.
+        frame: the census of the frame with all outputs.
+        images: the censuses of frames of an image alone, in the order in which one renderer gave
+            them.
+        stages: the census of each stage function that the scene uses, by name.
+        exact: whether the device promises every bit; if not, stages are only for information.
+        picture: a PNG file that shows where the first differing frame differs; None if all agree.
     """
 
     scene: Scene
@@ -67,7 +68,7 @@ class SceneReport:
 
     @property
     def agrees(self) -> bool:
-        """Whether nothing differs that must not."""
+        """Whether everything agrees that must agree."""
         frames_fail = any(census.failed.any() for census in (self.frame, *self.images))
         return not (frames_fail or (self.exact and self.faulty))
 
@@ -110,18 +111,18 @@ class SceneReport:
 
 
 class Checker:
-    """Checks scenes on one device, whose pipelines are kept; close it or use it in a ``with``.
+    """Checks scenes on one device, and keeps its pipelines. Close it or use it in a ``with``.
 
     Attributes:
-        fingerprint: what the canary found.
+        fingerprint: the choices of the driver that the canary found.
     """
 
     def __init__(self, adapter: str | int | None = None) -> None:
-        """``adapter`` is as for ``render``.
+        """Open the device; `render` describes ``adapter``.
 
         Raises:
-            AdapterError: there is no such adapter.
-            DeviceError: the driver gives wrong answers to what is known.
+            AdapterError: the adapter is not found.
+            DeviceError: the driver fails, or the canary finds wrong answers.
         """
         self._adapter = adapter
         chosen = choose_adapter(adapter)
@@ -141,29 +142,30 @@ class Checker:
         close_device(self._device)
 
     def check(self, scene: Scene) -> SceneReport:
-        """Compare ``scene`` on the device with the twin; one sample in each pixel.
+        """Compare ``scene`` on the device with the twin, with one sample in each pixel.
 
         Raises:
-            AdapterError, DeviceError: as ``render``.
+            AdapterError: the adapter cannot render the scene.
+            DeviceError: the device was lost or the driver failed.
         """
         scene = with_overrides(scene, samples=1)
         with self._renderer(scene, OUTPUTS) as renderer:
             prepared = renderer.prepare()
             found = renderer.render_prepared(prepared)
         with warnings.catch_warnings(), noted() as calls:
-            warnings.simplefilter("ignore")  # they say what has just been said
+            warnings.simplefilter("ignore")  # the first renderer has given these warnings already
             with self._renderer(scene, ("image",)) as of_images:
                 images = [of_images.render() for _ in range(IMAGES)]
             with Renderer(scene, backend="numpy", outputs=OUTPUTS) as twin:
                 expected = twin.render_prepared(prepared)
         is_fixed = scene.accuracy.number_format == FIXED32.name
         replayed = None
-        # What no device may decide otherwise; in integers all is known without.
+        # The replay knows which decisions every device must make. With integers, all must agree.
         if not self._exact and not is_fixed and scene.accuracy.method == "visible":
             replayed = replay(scene, prepared.packed)
         frame = compare_frames(found, expected, exact=self._exact, replay=replayed)
         if not self._exact and replayed is None and not is_fixed:
-            # What bounds a frame with all outputs bounds an image as well.
+            # The error bounds of the frame with all outputs hold for its image as well.
             replayed = Replay(expected.depth, np.maximum(found.error, expected.error))
         pairs = [(image, expected.only(image.outputs)) for image in images]
         censuses = [compare_frames(*pair, exact=self._exact, replay=replayed) for pair in pairs]
@@ -184,7 +186,7 @@ class Checker:
     def _stages(
         self, prepared: Prepared, calls: Mapping[tuple[str, str], Calls]
     ) -> Iterator[tuple[str, Census]]:
-        """The stage functions of the shader that were called, each with its census."""
+        """The census of each of the shader's stage functions that the twin called, by name."""
         scene, packed = prepared.scene, prepared.packed
         needs = needs_of_frame(packed, scene.accuracy.method, device_outputs(OUTPUTS))
         shader = Module("the shader", compose_stages(needs))
@@ -205,7 +207,7 @@ class Checker:
     def _stage(
         self, shader: Module, name: str, calls: Calls, bindings: Mapping[str, Any]
     ) -> Census:
-        """The census of one function."""
+        """The census of one stage function."""
         signature = shader.signature(name)
         inputs = {other: calls.argument(other, t) for other, t in signature.parameters.items()}
         expected = calls.result(signature.result)

@@ -1,10 +1,10 @@
-"""A frame replayed in float64: what no device may decide otherwise.
+"""Replays a frame in float64, which tells the decisions that every device must make.
 
-WGSL lets a device contract a·b + c, so that in float32 a decision may go either way where its value
-is within rounding. The twin's functions take numbers of any width: here they are given the same
-coefficients and the same bounds of rounding, but the values of the forms in float64. A sign that
-exceeds its bound then is the sign that every device computes, and a root lies where every device
-finds it, within the bound of its error.
+WGSL lets a device contract a·b + c. So in float32 a decision may go either way if its value is
+within rounding of zero. The twin's functions take numbers of any width. The replay gives them the
+same coefficients and the same bounds of rounding, but the values of the forms in float64. If a
+value exceeds its bound, every device computes its sign. A root then lies where every device finds
+it, within its error bound.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from halfstep.twin.lanes import Form
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial import linear, quadratic
 
-# Pixels of a band, as of the twin's.
+# About as many pixels as in a band of the twin.
 PIXELS = 1 << 20
 
 
 def replay(scene: Scene, packed: Packed) -> Replay:
-    """Replay a frame in the number format float32 by the method ``visible``."""
+    """Replay a frame, which must use the number format float32 and the method ``visible``."""
     view = packed.setup.view
     outputs = ("depth", "error")
     chosen = chosen_for(packed.format, scene.accuracy.method)
@@ -49,23 +49,23 @@ def replay(scene: Scene, packed: Packed) -> Replay:
 
 
 class _WideForms:
-    """Forms with values in float64 and the errors that they have in float32."""
+    """Forms whose values are float64, with the error bounds of float32."""
 
     def __init__(self, forms: Forms) -> None:
         self.line_errors, self.form_errors = forms.line_errors, forms.form_errors
 
     def line_at(self, c: Coefficients, b: Coefficients, at: Offset) -> Line:
-        """A half-space along the ray."""
+        """A half-space along the rays."""
         return Line(*(_wide(linear, k, at) for k in (c, b)))
 
     def form_at(self, a: Coefficients, g: Coefficients, c: Coefficients, at: Offset) -> Form:
-        """F along the ray."""
+        """F along the rays."""
         return Form(*(_wide(quadratic, k, at) for k in (a, g, c)))
 
 
 def _wide(value: Callable[..., Any], k: Coefficients, at: Offset) -> Floats:
-    """The value of a polynomial in float64."""
-    if k.dtype.kind == "i":  # it is exact, and rounded once
+    """The value of the polynomial ``value`` with coefficients ``k``, in float64."""
+    if k.dtype.kind == "i":  # integer values are exact and rounded once
         return np.asarray(value(k, at) * 2.0**-FRACTION_BITS)
     wide = polynomial.Offset(at.x.astype(np.float64), at.y.astype(np.float64))
     return np.asarray(value(k.astype(np.float64), wide))

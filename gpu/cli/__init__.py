@@ -1,4 +1,4 @@
-"""The command `halfstep`: arguments in, files and exit codes out.
+"""The command `halfstep`: it takes arguments, and gives files and exit codes.
 
 Results for machines go to stdout, messages for people to stderr. Exit codes: 0 done, 1 failed,
 2 usage or scene error, 3 no suitable adapter, 4 device lost or driver failure, 130 interrupted.
@@ -29,8 +29,8 @@ from halfstep.cli.output import open_closed_streams, say, writing_stdout
 from halfstep.errors import HalfstepError
 from halfstep.version import __version__
 
-EXIT_INTERRUPTED = 130  # as a shell reports SIGINT
-# In the order of the help; each module adds its command to a parser.
+EXIT_INTERRUPTED = 130  # the code by which a shell reports SIGINT
+# The commands in the order of the help. Each module adds its command to a parser.
 COMMANDS = (
     render,
     animate,
@@ -48,7 +48,7 @@ COMMANDS = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command with ``argv``, by default the process's arguments; the exit code."""
+    """Run the command with ``argv``, by default the process's arguments; return the exit code."""
     open_closed_streams()
     try:
         code = _run(argv)
@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None) -> int:
-    """Parse the arguments and run the command; the exit code."""
+    """Parse the arguments and run the command; return the exit code."""
     try:
         arguments = _parser().parse_args(argv)
     except SystemExit as exit_:

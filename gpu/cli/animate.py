@@ -1,4 +1,4 @@
-"""`halfstep animate`: a scene to an animated file, or to a folder of frames."""
+"""`halfstep animate`: renders a scene to an animated file or a folder of frames."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from halfstep.frames.frame import Frame, Info
     from halfstep.scene import Scene
 
-# How many frames were rendered, and info of the first.
+# The number of rendered frames, and the info of the first one.
 Result = tuple[int, "Info | None"]
 
 
@@ -35,16 +35,16 @@ def add(commands: Commands) -> None:
         "FILE|DIR",
         "a file that ends in .gif, .png, .webp or .mp4, or a folder for a PNG of each frame",
     )
-    animate.add_argument("--frames", metavar="N", type=int, help="how many make the animation")
+    animate.add_argument("--frames", metavar="N", type=int, help="number of frames")
     animate.add_argument("--fps", metavar="X", type=float, help="frames in a second")
     animate.add_argument(
         "--frames-range",
         metavar="A:B",
         type=_range,
-        help="render only frames A to B of 0 to N-1, as one of several machines",
+        help="render only frames A to B of 0 to N-1, for example on one of several machines",
     )
     animate.add_argument(
-        "--overwrite", action="store_true", help="render frames again that the folder has"
+        "--overwrite", action="store_true", help="render frames in the folder again"
     )
     add_rendering(animate)
     add_look(animate)
@@ -52,7 +52,7 @@ def add(commands: Commands) -> None:
 
 
 def _range(text: str) -> range:
-    """Frames A, A + 1, … B of ``A:B``; the scene decides whether they exist."""
+    """The numbers A, A + 1, … B of ``A:B``. The scene decides whether such frames exist."""
     match = re.fullmatch(r"(\d+):(\d+)", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not A:B, as 0:29")
@@ -63,14 +63,14 @@ def _range(text: str) -> range:
 
 
 def _is_folder(path: Path) -> bool:
-    """Whether ``path`` is a folder; what is wrong with it is said where a file is checked."""
-    with suppress(OSError):  # as of too long a name, up to Python 3.13
+    """Whether ``path`` is a folder. `check_movie` reports a faulty path."""
+    with suppress(OSError):  # up to Python 3.13, for example for too long a name
         return path.is_dir()
     return False
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Render; the exit code."""
+    """Render, and return the exit code."""
     from halfstep.models import load
     from halfstep.scene import with_animation, with_overrides
 
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     numbers = _numbers(scene, arguments.frames_range)
     path = Path(arguments.output)
     begin = time.monotonic()
-    # Without an ending it is a folder, whether that is there already or not.
+    # A path without an ending is a folder, whether it exists or not.
     if arguments.output.endswith(os.sep) or not path.suffix or _is_folder(path):
         rendered, info = _to_folder(arguments, scene, numbers)
     else:
@@ -110,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _numbers(scene: Scene, asked: range | None) -> range:
-    """Numbers of the frames asked for, by default all."""
+    """The numbers of the requested frames, by default all."""
     count = scene.effective_animation().frames
     if asked is None:
         return range(count)
@@ -143,7 +143,7 @@ def _to_file(arguments: argparse.Namespace, scene: Scene, numbers: range) -> Res
     fps = scene.effective_animation().fps
     check_movie(arguments.output, (scene.image.width, scene.image.height), fps)
     with _rendering(arguments, scene, numbers) as (first, frames):
-        # Of the first frame, but for the scene, which is the one that moves.
+        # The facts are those of the first frame, except the hash, which is the animated scene's.
         facts: Provenance = {
             **provenance(first.info),
             "scene_sha256": scene.sha256,
@@ -158,9 +158,9 @@ def _to_file(arguments: argparse.Namespace, scene: Scene, numbers: range) -> Res
 def _rendering(
     arguments: argparse.Namespace, scene: Scene, numbers: Sequence[int]
 ) -> Iterator[tuple[Frame, Iterator[Frame]]]:
-    """The first of some frames and an iterator over all of them, while a bar shows how far it is.
+    """The first frame, and an iterator over all frames that moves a progress bar.
 
-    When the first is there, all that is likely to fail has not; until then no file is touched.
+    The first frame shows most faults, so it is rendered before any file is touched.
     """
     from halfstep.frames.sequence import render_frames
 

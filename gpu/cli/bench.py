@@ -1,4 +1,4 @@
-"""`halfstep bench`: times of this machine, each against something."""
+"""`halfstep bench`: measures times on this machine, each in comparison."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ import argparse
 from halfstep.cli.options import Commands, add_adapter, add_output
 from halfstep.cli.output import print_json, print_text, progress_bar, say
 from halfstep.errors import UsageError
-from halfstep.scene.faults import show
 
-# The parts by name; a test keeps them those of ``bench.parts``.
+# The names of the parts. Importing ``bench.parts`` would slow down every command; a test compares.
 PARTS = (
     "halving",
     "steps",
@@ -29,7 +28,7 @@ PARTS = (
 
 def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    bench = commands.add_parser("bench", help="measure this machine's speed, in some minutes")
+    bench = commands.add_parser("bench", help="measure the speed of this machine, in some minutes")
     bench.set_defaults(run=run)
     bench.add_argument(
         "--only",
@@ -37,14 +36,14 @@ def add(commands: Commands) -> None:
         help=f"some of the parts: {', '.join(PARTS)}",
         default=",".join(PARTS),
     )
-    bench.add_argument("--rounds", metavar="N", type=int, default=5, help="frames of each case")
+    bench.add_argument("--rounds", metavar="N", type=int, default=5, help="rounds of all cases")
     add_adapter(bench)
     add_output(bench, "FILE.png", "a plot of the curves", required=False)
-    bench.add_argument("--json", action="store_true", help="the report for machines on stdout")
+    bench.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure; the exit code."""
+    """Measure, and return the exit code."""
     names = _names(arguments.only)
     if arguments.rounds < 1:
         raise UsageError(f"rounds: {arguments.rounds} is not >= 1")
@@ -74,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _names(only: str) -> tuple[str, ...]:
     """The parts asked for, in the order of the report."""
     asked = only.split(",")
-    unknown = [show(name) for name in asked if name not in PARTS]
+    unknown = [repr(name) for name in asked if name not in PARTS]
     if unknown:
         raise UsageError(f"only: {', '.join(unknown)}: the parts are {', '.join(PARTS)}")
     return tuple(name for name in PARTS if name in asked)

@@ -1,4 +1,4 @@
-"""`halfstep check`: scenes on the device against NumPy, and overlaps of others' files."""
+"""`halfstep check`: compares scenes on the device with NumPy; finds overlaps in OpenMC geometry."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ def add(commands: Commands) -> None:
     add_output(
         check,
         "DIR",
-        "folder for check.json and a picture of the differences of each scene that has some",
+        "folder for check.json, and for a picture of each scene that differs",
         required=False,
     )
     check.add_argument(
-        "--points", metavar="N", type=int, help="of geometry of OpenMC: points to ask, too"
+        "--points", metavar="N", type=int, help="also test N points, for geometry of OpenMC"
     )
-    check.add_argument("--json", action="store_true", help="the report for machines on stdout")
+    check.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Check; the exit code."""
+    """Check, and return the exit code."""
     from halfstep.check.checker import Checker
     from halfstep.files.whole import check_output_folder
     from halfstep.models import is_geometry, load
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     names = bundled_scenes() if arguments.all else [arguments.scene]
     scenes = [with_overrides(load(name), **overrides(arguments)) for name in names]
     reports: list[SceneReport] = []
-    # Scenes that could not be rendered: the others are checked all the same.
+    # Scenes that cannot be rendered. They do not keep the others from being checked.
     refused: dict[str, HalfstepError] = {}
     with Checker(arguments.adapter) as checker:
         fingerprint = checker.fingerprint
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_model(arguments: argparse.Namespace) -> int:
-    """Look for overlaps and gaps in a file of another program; the exit code."""
+    """Look for overlaps and gaps in a file of OpenMC, and return the exit code."""
     from halfstep.models import check
 
     points = arguments.points or 0
@@ -123,11 +123,11 @@ def _check_model(arguments: argparse.Namespace) -> int:
 
 
 def _write(folder: Path, result: dict[str, Any], reports: list[SceneReport]) -> None:
-    """Write the report, and the pictures there are.
+    """Write the report, and a picture for each scene that differs.
 
     Raises:
         UsageError: the folder cannot be made.
-        HalfstepError: the system refuses to write, as on a full disk.
+        HalfstepError: the system refuses to write, for example on a full disk.
     """
     from halfstep.files.whole import write_file
 

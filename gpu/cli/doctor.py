@@ -1,4 +1,4 @@
-"""`halfstep doctor`: adapters and drivers, what is chosen and why, and whether it computes."""
+"""`halfstep doctor`: lists adapters, explains the choice, and tests whether the driver computes."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    doctor = commands.add_parser("doctor", help="list adapters, drivers, and what is chosen")
+    doctor = commands.add_parser("doctor", help="list adapters and drivers, and test the driver")
     doctor.set_defaults(run=run)
-    doctor.add_argument("--json", action="store_true", help="the same for machines")
+    doctor.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Report; the exit code."""
+    """Report, and return the exit code."""
     import numpy as np
 
     from halfstep.device.adapters import describe
@@ -54,10 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _canary() -> Fingerprint:
-    """What the chosen adapter makes of a kernel with known answers.
+    """The result of a kernel with known answers on the chosen adapter.
 
     Raises:
-        DeviceError: it makes something else of it.
+        DeviceError: the driver gives wrong answers.
     """
     from halfstep.device.adapters import INT64, choose_adapter, close_device, open_device
     from halfstep.device.canary import fingerprint

@@ -1,4 +1,4 @@
-"""`halfstep import`: a file of another program as a scene file."""
+"""`halfstep import`: converts a file of another program to a scene file."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from halfstep.errors import UsageError
 
 def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    command = commands.add_parser("import", help="write a file of another program as a scene")
+    command = commands.add_parser("import", help="convert a file of another program to a scene")
     command.set_defaults(run=run)
     command.add_argument(
         "file",
         metavar="FILE",
         help="geometry.xml or model.xml of OpenMC, .csg of OpenSCAD, or .jsurf of SURFER",
     )
-    add_output(command, "SCENE", "a scene file, which ends in .toml")
+    add_output(command, "SCENE", "the scene file, whose name ends in .toml")
     add_look(command)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write it; the exit code."""
+    """Write the scene file, and return the exit code."""
     from pathlib import Path
 
     from halfstep.files.whole import check_output_path, write_file

@@ -1,4 +1,4 @@
-"""`halfstep info`: how a picture was made, as its file tells it; or what a scene holds."""
+"""`halfstep info`: tells from a file how its picture was made, or what a scene contains."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Add the command to a parser's commands."""
-    info = commands.add_parser("info", help="tell how a picture was made, or what a scene holds")
+    info = commands.add_parser("info", help="tell how a picture was made, or what a scene contains")
     info.set_defaults(run=run)
     info.add_argument("file", metavar="FILE", help="a file that Halfstep has written, or a scene")
     info.add_argument(
@@ -78,7 +78,7 @@ def _is_scene(file: str) -> bool:
     from halfstep.scene import bundled_scenes
 
     suffix = Path(file).suffix
-    # Files of pictures have an ending.
+    # A name without an ending is a bundled scene's: picture files have endings.
     return suffix == ".toml" or is_model(file) or (suffix == "" and file in bundled_scenes())
 
 
@@ -102,7 +102,7 @@ def _scene(file: str) -> dict[str, Any]:
 
 
 def _counts(scene: Scene) -> dict[str, int]:
-    """How many tables there are of each kind, in groups too, and how many copies of groups."""
+    """The number of tables of each kind, also inside groups, and of copies of groups."""
     fragments = [*_fragments(scene)]
     return {
         "lights": len(scene.lights),
@@ -123,6 +123,6 @@ def _fragments(fragment: Fragment) -> Iterator[Fragment]:
 
 
 def _plain(value: Any) -> str:
-    """``value`` on one line, without signs that would steer a terminal."""
+    """``value`` on one line, with control characters escaped, which could steer a terminal."""
     text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
     return text if text.isprintable() else text.encode("unicode_escape").decode()

@@ -1,4 +1,4 @@
-"""Options that say how a model of another program is looked at."""
+"""Options for the view of a model of another program."""
 
 from __future__ import annotations
 
@@ -13,44 +13,46 @@ if TYPE_CHECKING:
 
 
 def add_look(command: argparse.ArgumentParser) -> None:
-    """The options; `look_of` collects them."""
+    """Add the options, which `look_of` collects."""
     group = command.add_argument_group(
-        "files of other programs, as geometry.xml of OpenMC or part.csg of OpenSCAD"
+        "files of other programs, such as geometry.xml of OpenMC or part.csg of OpenSCAD"
     )
     group.add_argument(
-        "--color-by", metavar="WHAT", help="what has a colour of its own: material, cell, group"
+        "--color-by", metavar="WHAT", help="give each material, cell or group its own colour"
     )
-    shown = "as void, material:4, cell:7, or names of the file"
+    shown = "such as void, material:4, cell:7, or names of the file"
     group.add_argument(
-        "--hide", metavar="NAMES", type=names, default=[], help=f"what is not shown, {shown}"
+        "--hide", metavar="NAMES", type=names, default=[], help=f"hide these, {shown}"
     )
     group.add_argument(
-        "--only", metavar="NAMES", type=names, default=[], help=f"what alone is shown, {shown}"
+        "--only", metavar="NAMES", type=names, default=[], help=f"show only these, {shown}"
     )
     group.add_argument(
         "--clip",
         metavar="WHERE",
         action="append",
         default=[],
-        help='what is left, as "x > 0" or "x > 0 | y < 2"; several leave what is in all',
+        help='keep only this part, such as "x > 0" or "x > 0 | y < 2"; several are combined by and',
     )
     group.add_argument(
-        "--view", metavar="VIEW", help="iso, from three quarters, or across two axes: xy, xz, yz"
+        "--view", metavar="VIEW", help="iso, from three quarters, or a plane: xy, xz, yz"
     )
-    group.add_argument("--eye", metavar="X,Y,Z", type=_point, help="where the camera is")
-    group.add_argument("--look-at", metavar="X,Y,Z", type=_point, help="what it looks at")
+    group.add_argument("--eye", metavar="X,Y,Z", type=_point, help="position of the camera")
+    group.add_argument(
+        "--look-at", metavar="X,Y,Z", type=_point, help="point in the middle of the picture"
+    )
     group.add_argument("--fov", metavar="DEGREES", type=float, help="vertical angle of view")
     group.add_argument(
         "--orthographic",
         metavar="HEIGHT",
         type=float,
-        help="parallel rays; the height of what the picture shows",
+        help="parallel rays, and the height of the picture in model units",
     )
-    group.add_argument("--plot", metavar="N", type=int, help="as plot N of the file shows it")
+    group.add_argument("--plot", metavar="N", type=int, help="show the model as plot N of the file")
 
 
 def look_of(arguments: argparse.Namespace) -> Look:
-    """How the model is looked at."""
+    """The view of the model that the options describe."""
     from halfstep.models import Look
 
     return Look(
@@ -68,7 +70,7 @@ def look_of(arguments: argparse.Namespace) -> Look:
 
 
 def _point(text: str) -> tuple[float, float, float]:
-    """Three numbers between commas."""
+    """Three numbers separated by commas."""
     number = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
     match = re.fullmatch(f"{number},{number},{number}", text)
     if match is None:

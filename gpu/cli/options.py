@@ -1,4 +1,4 @@
-"""Options that several commands take."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -11,45 +11,45 @@ from halfstep.contract.choices import BACKENDS, METHODS, NUMBER_FORMATS
 if TYPE_CHECKING:
     from halfstep.scene import Overrides
 
-# As the path of a file.
+# The path that means stdout.
 STDOUT = "-"
 
 
 class Commands(Protocol):
-    """Where a command adds itself."""
+    """The parser's collection of commands, to which a command adds itself."""
 
     def add_parser(
         self,
         name: str,
         *,
-        help: str,  # noqa: A002 - theirs
+        help: str,  # noqa: A002 - argparse's name
         description: str | None = None,
     ) -> argparse.ArgumentParser:
-        """The parser of a new command."""
+        """Add a command, and return its parser."""
 
 
 def add_scene(command: argparse.ArgumentParser) -> None:
-    """What every command that renders a scene takes."""
+    """Add the options of every command that renders a scene."""
     command.add_argument("scene", metavar="SCENE", help="a scene file, or a name `scenes` lists")
     add_size(command)
     command.add_argument(
         "--backend",
         choices=BACKENDS,
         default="auto",
-        help="auto: a Vulkan adapter if there is one, else NumPy",
+        help="auto takes a Vulkan adapter if there is one, else NumPy",
     )
     add_adapter(command)
 
 
 def add_rendering(command: argparse.ArgumentParser) -> None:
-    """How a command renders, in place of what the scene says; `overrides` collects it."""
+    """Add the options that replace the scene's render settings; `overrides` collects them."""
     add_accuracy(command, steps=True)
     add_conveyor(command)
     command.add_argument("--samples", metavar="K", type=int, help="KxK samples in each pixel")
     command.add_argument(
         "--shadows",
         action=argparse.BooleanOptionalAction,
-        help="whether all lights have shadows, by default as the scene says",
+        help="give all lights shadows, or none; by default the scene decides",
     )
 
 
@@ -61,10 +61,10 @@ def add_output(
     stdout: bool = False,
     required: bool = True,
 ) -> None:
-    """Where a command writes to; ``stdout`` says whether that may be ``-``."""
+    """Add the option for the path to write; with ``stdout`` it may be ``-``."""
 
     def path(text: str) -> str:
-        # The empty one, as of a variable that is not set, would be the current folder.
+        # An empty path, for example from an unset variable, would mean the current folder.
         if not text:
             raise argparse.ArgumentTypeError("is empty")
         if text == STDOUT and not stdout:
@@ -77,12 +77,12 @@ def add_output(
 
 
 def add_size(command: argparse.ArgumentParser) -> None:
-    """The size of a picture, in place of what the scene says."""
-    command.add_argument("--size", metavar="WxH", type=size, help="pixels, as 640x480")
+    """Add the option for the picture's size."""
+    command.add_argument("--size", metavar="WxH", type=size, help="pixels, such as 640x480")
 
 
 def add_adapter(command: argparse.ArgumentParser) -> None:
-    """Which adapter to work on."""
+    """Add the option for the adapter."""
     command.add_argument(
         "--adapter", metavar="NAME|INDEX", help="part of an adapter's name, or its number"
     )
@@ -91,7 +91,7 @@ def add_adapter(command: argparse.ArgumentParser) -> None:
 def add_conveyor(
     command: argparse.ArgumentParser, otherwise: str = "by default the scene's"
 ) -> None:
-    """Number format and method; ``otherwise`` says what there is without."""
+    """Add the options for number format and method; ``otherwise`` describes their default."""
     command.add_argument(
         "--format",
         choices=NUMBER_FORMATS,
@@ -101,12 +101,12 @@ def add_conveyor(
     command.add_argument(
         "--method",
         choices=METHODS,
-        help=f"joint logic first, or the paper's own, {otherwise}",
+        help=f"visible: joint logic first; article: the paper's method; {otherwise}",
     )
 
 
 def overrides(arguments: argparse.Namespace) -> Overrides:
-    """What replaces the scene's own, of what the command takes."""
+    """The options that replace settings of the scene; None for those that are not given."""
     from halfstep.scene import Overrides
 
     names = Overrides.__annotations__
@@ -114,10 +114,10 @@ def overrides(arguments: argparse.Namespace) -> Overrides:
 
 
 def add_accuracy(command: argparse.ArgumentParser, *, steps: bool) -> None:
-    """The two ways to state a tolerance, or else, with ``steps``, a number of halvings."""
+    """Add the two options for a tolerance and, with ``steps``, one for a number of halvings."""
     accuracy = command.add_mutually_exclusive_group()
     if steps:
-        accuracy.add_argument("--steps", metavar="N", type=int, help="halvings of every ray")
+        accuracy.add_argument("--steps", metavar="N", type=int, help="number of halvings")
     accuracy.add_argument(
         "--tolerance-pixels", metavar="X", type=float, help="depth error allowed, in pixel widths"
     )
@@ -127,7 +127,7 @@ def add_accuracy(command: argparse.ArgumentParser, *, steps: bool) -> None:
 
 
 def size(text: str) -> tuple[int, int]:
-    """Width and height of ``WxH``; whether they are allowed is the scene's to say."""
+    """Width and height of ``WxH``. The scene decides whether they are allowed."""
     match = re.fullmatch(r"(\d+)x(\d+)", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not WxH, as 640x480")
@@ -135,5 +135,5 @@ def size(text: str) -> tuple[int, int]:
 
 
 def names(text: str) -> list[str]:
-    """Names between commas; whether they are outputs is the file's or the frame's to say."""
+    """Names separated by commas. The file or the frame decides whether they are outputs."""
     return [name.strip() for name in text.split(",")]

@@ -1,8 +1,7 @@
-"""What commands say: results for machines on stdout, messages and progress on stderr.
+"""The output of commands: results for machines on stdout, messages and progress on stderr.
 
-Who closes stdout, or stops to read it, wants no more of it: the work goes on, and the exit code is
-that of the work. A result that the system refuses to write, as on a full disk, is a failure; a
-message is not.
+If the reader closes stdout or stops reading, the work goes on and decides the exit code. A result
+that the system refuses to write, for example on a full disk, is a failure. A message is not.
 """
 
 from __future__ import annotations
@@ -22,16 +21,16 @@ _CLEAR = "\r\x1b[K"
 
 
 def open_closed_streams() -> None:
-    """Let stdin, stdout and stderr be open, those that are closed, as by ``>&-``, to nowhere.
+    """Open stdin, stdout and stderr to nowhere if they are closed, for example by ``>&-``.
 
-    Else the next file that is opened takes the number of one, and is written to by whatever writes
-    there, as drivers do to stderr.
+    Otherwise the next opened file takes the number of a closed stream, and receives text that
+    drivers write to stderr.
     """
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            # The least number that is free: this one.
+            # The system gives the least free number, which is this one.
             os.open(os.devnull, os.O_RDWR)
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -39,19 +38,19 @@ def open_closed_streams() -> None:
 
 
 def print_json(value: object) -> None:
-    """Print ``value`` for machines; it may hold NumPy numbers and arrays, as ``Frame.info``.
+    """Print ``value`` as JSON. It may contain NumPy numbers and arrays.
 
     Raises:
-        HalfstepError: as `print_text`.
+        HalfstepError: the system refuses to write to stdout, for example on a full disk.
     """
     print_text(json.dumps(value, indent=2, default=lambda array: array.tolist()))
 
 
 def print_text(text: str) -> None:
-    """Print a result.
+    """Print a result. Characters that stdout cannot encode are escaped.
 
     Raises:
-        HalfstepError: the system refuses to write to stdout, as on a full disk.
+        HalfstepError: the system refuses to write to stdout, for example on a full disk.
     """
     encoding = sys.stdout.encoding or "utf-8"
     with writing_stdout():
@@ -59,14 +58,14 @@ def print_text(text: str) -> None:
 
 
 def print_bytes(data: bytes) -> None:
-    """Print a result that is no text.
+    """Print a result that is not text.
 
     Raises:
-        HalfstepError: as `print_text`.
+        HalfstepError: the system refuses to write to stdout, for example on a full disk.
     """
     rest = memoryview(data)
     with writing_stdout():
-        # Where Python does not buffer, a write may be of a part.
+        # Without Python's buffer, a call may write only a part.
         while rest:
             rest = rest[sys.stdout.buffer.write(rest) :]
         sys.stdout.buffer.flush()
@@ -74,10 +73,10 @@ def print_bytes(data: bytes) -> None:
 
 @contextmanager
 def writing_stdout() -> Iterator[None]:
-    """A block that writes to stdout, where it does not matter whether someone reads that.
+    """A block that writes to stdout. It does not fail if nobody reads stdout.
 
     Raises:
-        HalfstepError: the system refuses to write to stdout, as on a full disk.
+        HalfstepError: the system refuses to write to stdout, for example on a full disk.
     """
     try:
         yield
@@ -89,13 +88,13 @@ def writing_stdout() -> Iterator[None]:
 
 
 def say(message: str) -> None:
-    """Print ``message`` for people."""
-    # A progress bar may be in the line; its next report draws it again, below.
+    """Print ``message`` for people, on stderr."""
+    # The line may have a progress bar, which its next report draws again, below.
     _tell(_CLEAR * sys.stderr.isatty() + message + "\n")
 
 
 def _tell(text: str) -> None:
-    """Write to stderr if that can be."""
+    """Write to stderr if possible."""
     try:
         sys.stderr.write(text)
         sys.stderr.flush()
@@ -104,10 +103,10 @@ def _tell(text: str) -> None:
 
 
 def let_go(stream: TextIO) -> None:
-    """Let the stream of a process lead to nowhere.
+    """Redirect a stream of the process to nowhere.
 
-    What is left in its buffer would fail again when the interpreter ends, which then has an exit
-    code of its own.
+    Otherwise the rest of its buffer fails again when the interpreter ends, and changes the exit
+    code.
     """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
@@ -116,16 +115,16 @@ def let_go(stream: TextIO) -> None:
 
 @contextmanager
 def progress_bar(label: str, frames: int | None = None) -> Iterator[Callable[[float], None]]:
-    """A function that shows a part done, 0…1, on a terminal; elsewhere it is silent.
+    """A function that shows the finished part, 0…1, on a terminal. Elsewhere it does nothing.
 
     Args:
-        label: what is done.
-        frames: how many make the whole; of these the bar also tells how many are done in a second.
+        label: name of the work.
+        frames: the number of frames in the whole work; the bar then also shows frames in a second.
     """
     if not sys.stderr.isatty():
         yield lambda _: None
         return
-    # The time before the first report is that of preparations, as shaders that are compiled.
+    # Time before the first report goes to preparations, such as compiling shaders, and is ignored.
     first: tuple[float, float] | None = None
 
     def show(part: float) -> None:

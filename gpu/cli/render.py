@@ -1,4 +1,4 @@
-"""`halfstep render`: a scene to a picture."""
+"""`halfstep render`: renders a scene to a picture."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def add(commands: Commands) -> None:
     add_output(
         render,
         "FILE",
-        "its ending, .png, .tif, .exr or .npz, decides its type; - is a PNG to stdout",
+        "the ending, .png, .tif, .exr or .npz, decides the type; - writes a PNG to stdout",
         stdout=True,
     )
     render.add_argument(
         "--outputs",
         metavar="NAMES",
         type=names,
-        help="what to write, as depth,normal; by default what such a file usually has",
+        help="outputs to write, such as depth,normal; by default the usual ones of the file's type",
     )
     add_rendering(render)
     add_look(render)
@@ -43,10 +43,10 @@ def add(commands: Commands) -> None:
 
 
 def _check_stdout(arguments: argparse.Namespace) -> None:
-    """See before rendering whether a picture can go to stdout.
+    """Check before rendering that a picture can go to stdout.
 
     Raises:
-        UsageError: something else goes there, or somebody looks at it.
+        UsageError: JSON goes to stdout, or stdout is a terminal.
     """
     if arguments.json:
         raise UsageError("--json: stdout is the picture where -o is -")
@@ -55,7 +55,7 @@ def _check_stdout(arguments: argparse.Namespace) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Render; the exit code."""
+    """Render, and return the exit code."""
     from halfstep.files import File, plan, write
     from halfstep.frames.renderer import render
     from halfstep.models import load

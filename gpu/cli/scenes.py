@@ -1,4 +1,4 @@
-"""`halfstep scenes`: the bundled scenes."""
+"""`halfstep scenes`: lists the bundled scenes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     scenes = commands.add_parser("scenes", help="list the bundled scenes")
     scenes.set_defaults(run=run)
-    scenes.add_argument("--json", action="store_true", help="the same for machines")
+    scenes.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """List them; the exit code."""
+    """List the scenes, and return the exit code."""
     from halfstep.scene import bundled_scenes
 
     titles = bundled_scenes()

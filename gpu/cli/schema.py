@@ -1,4 +1,4 @@
-"""`halfstep schema`: the JSON Schema of scene files."""
+"""`halfstep schema`: prints the JSON Schema of scene files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:  # noqa: ARG001 - every command takes them
-    """Print it; the exit code."""
+    """Print the schema, and return the exit code."""
     from halfstep.scene import json_schema
 
     print_json(json_schema())

@@ -1,4 +1,4 @@
-"""`halfstep shader`: the text of the shader that renders a scene."""
+"""`halfstep shader`: prints the shader that renders a scene."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print it; the exit code."""
+    """Print the shader, and return the exit code."""
     from halfstep.frames.outputs import check_outputs, device_outputs
     from halfstep.host.prepare import prepare
     from halfstep.models import load

@@ -1,4 +1,4 @@
-"""`halfstep tune`: what accuracy costs in a scene."""
+"""`halfstep tune`: measures the cost of accuracy in a scene."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 
 def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
-    tune = commands.add_parser("tune", help="measure what accuracy costs, and recommend steps")
+    tune = commands.add_parser("tune", help="measure the cost of accuracy, and recommend steps")
     tune.set_defaults(run=run)
     add_scene(tune)
     add_output(tune, "DIR", "folder for tune.csv, tune.json, tune.png and error.png")
@@ -21,23 +21,23 @@ def add(commands: Commands) -> None:
     )
     add_accuracy(tune, steps=False)
     add_conveyor(tune, otherwise="by default both")
-    tune.add_argument("--json", action="store_true", help="the report for machines on stdout")
+    tune.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def _steps(text: str) -> range:
-    """Numbers A, A + S, … up to B of ``A:B:S``; whether they are allowed is the scene's to say."""
+    """The numbers A, A + S, … up to B of ``A:B:S``. The scene decides whether they are allowed."""
     match = re.fullmatch(r"(\d+)(?::(\d+)(?::(\d+))?)?", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not A:B or A:B:S, as 8:20:2")
     first, last, stride = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
     if last < first or stride < 1:
         raise argparse.ArgumentTypeError(f"{text!r} has no number from A up to B by S")
-    # Beyond a few thousand none is allowed, and a list of them would fill the memory.
+    # No scene allows such large numbers, and a long list of them would fill the memory.
     return range(first, min(last, first + 9999) + 1, stride)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure; the exit code."""
+    """Measure, and return the exit code."""
     from halfstep.files.whole import check_output_folder
     from halfstep.models import load
     from halfstep.tune.measure import STEPS, tune

@@ -1,4 +1,4 @@
-"""`halfstep view`: a scene that is looked at live."""
+"""`halfstep view`: shows a scene live."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ def add(commands: Commands) -> None:
     """Add the command to a parser's commands."""
     view = commands.add_parser(
         "view",
-        help="look at a scene live",
-        description="Drag to turn the scene, with the right button or Shift to move it; the wheel "
-        "zooms, a click tells what is there, h lists all keys. The file is read anew when it "
+        help="show a scene live",
+        description="Drag to turn the scene, with the right button or Shift to move it. The wheel "
+        "zooms, a click describes the pixel, h lists all keys. The file is read again when it "
         "changes.",
     )
     view.set_defaults(run=run)
@@ -32,7 +32,7 @@ def add(commands: Commands) -> None:
         "--host",
         metavar="ADDRESS",
         default="127.0.0.1",
-        help="where a page is served; by default for this machine alone, 127.0.0.1",
+        help="address at which a page is served; by default 127.0.0.1, for this machine only",
     )
     view.add_argument("--port", metavar="N", type=_port, default=0, help="by default a free one")
     add_rendering(view)
@@ -40,14 +40,14 @@ def add(commands: Commands) -> None:
 
 
 def _port(text: str) -> int:
-    """A port, of 16 bits."""
+    """The number of a port, 0…65535."""
     if not (text.isascii() and text.isdecimal() and int(text) < 1 << 16):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 to 65535")
     return int(text)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show it until it is closed; the exit code."""
+    """Show the scene until the view is closed, and return the exit code."""
     from halfstep.viewer.show import show
     from halfstep.viewer.watch import Source
 

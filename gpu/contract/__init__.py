@@ -1,1 +1,1 @@
-"""What host, shaders and twin agree on: number formats, and the records they share."""
+"""The agreement of host, shaders and twin: number formats, stages, and the records they share."""

@@ -1,4 +1,4 @@
-"""Types of arrays, by one name each."""
+"""Names for types of arrays."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Bools = NDArray[np.bool_]
 U32 = NDArray[np.uint32]
 U64 = NDArray[np.uint64]
 Bytes = NDArray[np.uint8]  # also pixels of 8 bits
-Records = NDArray[np.void]  # of `layout`
-Array = NDArray[Any]  # of a type that depends on what it holds
+Records = NDArray[np.void]  # with a dtype of `layout`
+Array = NDArray[Any]  # of any dtype
 
 # Device outputs of a band by name, (rows, width, …).
 Planes = dict[str, Array]

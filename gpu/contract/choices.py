@@ -1,4 +1,4 @@
-"""Names that a user chooses from."""
+"""The names that a user can choose from."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Literal, get_args
 
 NumberFormat = Literal["float32", "fixed32"]
 Method = Literal["visible", "article"]
-# "auto" is a device if there is one, else NumPy.
+# "auto" takes a device if there is one, else NumPy.
 BackendName = Literal["auto", "gpu", "numpy"]
-# What a view is seen on. "auto" is a window if there is a display, else a page for a browser.
+# Where a view is shown. "auto" takes a window if there is a display, else a page for a browser.
 Canvas = Literal["auto", "glfw", "http", "terminal"]
 
 NUMBER_FORMATS: tuple[NumberFormat, ...] = get_args(NumberFormat)

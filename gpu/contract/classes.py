@@ -1,4 +1,4 @@
-"""Classes of solids: those that run the same code."""
+"""Classes of solids: solids of one class run the same code."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from enum import IntEnum
 
 
 class Class(IntEnum):
-    """Solids that run the same code; a shader has one loop for each class of its frame."""
+    """The class of a solid. A shader has one loop for each class in its frame."""
 
-    ELLIPSOID = 0  # uncut, between the base planes, seen from outside
+    ELLIPSOID = 0  # whole, between the base planes, seen from outside
     QUADRIC = 1
     QUADRIC_INSIDE = 2  # some rays start inside
     POLYHEDRON = 3
@@ -16,5 +16,5 @@ class Class(IntEnum):
     PATCH = 5
     REGION = 6
     REGION_INSIDE = 7
-    POLYNOMIAL = 8  # of any degree, also cut, or seen from inside
+    POLYNOMIAL = 8  # any degree, whole or cut, seen from outside or inside
     FORMULA = 9  # any other formula, likewise

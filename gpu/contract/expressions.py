@@ -1,8 +1,8 @@
-"""Formulas that are no polynomials, as shaders and the twin take them: operations in order.
+"""Formulas that are not polynomials: the operations in order, for shaders and the twin.
 
-Operands are the numbers of earlier operations; 0, 1 and 2 are x, y and z.  Numbers of a formula and
-of its parameters are not part of it but of the record of a solid, so formulas that differ in them
-alone share their code.
+Operands are indices of earlier operations; 0, 1 and 2 are x, y and z. The values of constants and
+parameters stand in the record of a solid, not in the program. Formulas that differ only in such
+values share their code.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ NO_NUMBER = -1
 
 @dataclass(frozen=True)
 class Operation:
-    """One operation of a formula; the stage ``jets`` has a function ``<name>_jet`` of it."""
+    """One operation of a formula. The stage ``jets`` has a function ``<name>_jet`` for it."""
 
     name: str
     operands: tuple[int, ...]
-    number: int = NO_NUMBER  # place of the number that it takes
+    number: int = NO_NUMBER  # index of its constant in the solid's record
 
 
 Program = tuple[Operation, ...]
@@ -29,10 +29,10 @@ Program = tuple[Operation, ...]
 
 @dataclass(frozen=True)
 class PackedExpressions:
-    """E visible solids that formulas bound."""
+    """E visible solids whose surface is a formula."""
 
     records: Records  # (E,)
     half_spaces: Records  # of all solids
-    programs: tuple[Program, ...]  # of the scene, each once
-    numbers: int  # room of a record for them
-    has_balls: bool  # a ball bounds some solid of the scene
+    programs: tuple[Program, ...]  # the scene's programs, each once
+    numbers: int  # how many constants a record has room for
+    has_balls: bool  # whether some solid of the scene is cut by its bounding ball

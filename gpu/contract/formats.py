@@ -1,7 +1,8 @@
-"""Number formats: what differs between them, in one place.
+"""Number formats, and everything that differs between them.
 
-A form's coefficients are those of polynomials in the pixel offset; its values, at a pixel, are what
-the joint logic and the halvings work on.  Stage files with an ending exist once for each format.
+The coefficients of a form are those of polynomials in the pixel offset. Its values are those of the
+polynomials at a pixel, on which the joint logic and the halvings work. A stage that depends on the
+format has one file for each, told apart by the ending of the name.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from halfstep.contract.choices import NumberFormat
 
-# In float32, above this many steps, coefficients are integers and values are rounded once.
+# With more steps than this, float32 uses integer coefficients and rounds each value only once.
 FLOAT_STEPS = 16
 # Fraction bits of integer coefficients.
 FRACTION_BITS = 60
@@ -20,20 +21,20 @@ FRACTION_BITS = 60
 
 @dataclass(frozen=True)
 class Format:
-    """Types of numbers and the stages that work on them."""
+    """The types of a number format's numbers, and the stages that work on them."""
 
     name: NumberFormat
     coefficient: type[np.float32] | type[np.float64] | type[np.int64]
     value: type[np.float32] | type[np.float64] | type[np.int32]
-    one: int  # u = 1 as a value
-    useful_steps: int  # halvings beyond this no longer pay: rounding is as large as the cell
-    arithmetic: str  # stage files
+    one: int  # the value that stands for u = 1
+    useful_steps: int  # more halvings gain nothing: rounding is as large as the cell
+    arithmetic: str  # this and the next four are stage files
     polynomial: str
     forms: str
     halve: str
     beam: str
-    run: str  # roundings of the halvings, in certify.wgsl
-    article_run: str  # and of the article's sequences
+    run: str  # the roundings of the halvings, by their name in certify.wgsl
+    article_run: str  # likewise for the article's sequences
 
     @property
     def integer(self) -> bool:
@@ -42,7 +43,7 @@ class Format:
 
     @property
     def length(self) -> type[np.float32] | type[np.int64]:
-        """What parts of places on the grid of the world are."""
+        """The type of the record fields ``Length``: parts of positions on the grid of the world."""
         return np.int64 if self.value is np.int32 else np.float32
 
     @property

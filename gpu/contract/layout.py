@@ -1,8 +1,7 @@
 """Records and constants shared by the host and the shaders, declared once.
 
-``layout.wgsl`` is generated from this module (``python -m halfstep.contract.layout``); a test
-regenerates it.  NumPy dtypes follow WGSL's rules for size and alignment in the storage address
-space.
+``python -m halfstep.contract.layout`` writes ``layout.wgsl`` from this module; a test regenerates
+it. NumPy dtypes follow WGSL's rules for size and alignment in the storage address space.
 """
 
 from __future__ import annotations
@@ -15,11 +14,11 @@ import numpy as np
 
 from halfstep.contract.formats import FLOAT32, Format
 
-# A workgroup renders one tile, an invocation one block of it: quads side by side, each of so many
-# pixels of a row.
+# A workgroup renders a tile of TILE x TILE pixels. An invocation renders a block of it: some quads
+# side by side, each of LANES pixels in a row.
 TILE = 16
 LANES = 4
-# Of a tile's record: its place, then where the list of each class begins, and where the last ends.
+# Words of a tile's record: its place, the start of the list of each class, the end of the last.
 TILE_WORDS = 8
 
 
@@ -30,14 +29,14 @@ class Flag(IntFlag):
     STARTS_AT_EYE = 2  # u = -1 is the eye
     EYE_OUTSIDE_QUADRIC = 4  # F(h) > 0, the indicator (9)
     NEAR_CUT = 8  # the near base plane, not the eye, cuts the solid
-    EYE_SURE = 16  # rounding did not decide the facts about the eye
+    EYE_SURE = 16  # the facts about the eye hold whatever the rounding
 
 
 class Shade(IntFlag):
-    """Facts about a solid before a light."""
+    """Facts about a solid that a ray to a light or from a mirror may meet."""
 
     CASTS = 1  # it hides the light
-    AT_LAMP = 2  # rays count from the lamp, which is near the solid or in it
+    AT_LAMP = 2  # distances along rays count from the lamp, which is near the solid or inside it
     ENCLOSES = 4  # the light may be inside the solid
     FLAT = 8  # a bounded plane, without an inside
 
@@ -46,7 +45,7 @@ class Shade(IntFlag):
 class Field:
     """A member of a record: a scalar or vector type, repeated ``count`` times if above 1.
 
-    The count may be the name of a constant, which depends on the scene: see `Record.counted`.
+    The count may be the name of a constant that depends on the scene; see `Record.counted`.
     """
 
     name: str
@@ -55,12 +54,13 @@ class Field:
     meaning: str
 
 
-# The surfaces of a slab count from 1 after that of F. If the second is 0, there is the first alone.
+# A slab's two surface numbers count from 1 after the surface of F. The second is 0 if the slab has
+# only one half-space.
 SLAB_BITS = 15
 SLAB_LIT = 1 << 2 * SLAB_BITS
 
 
-# Records begin at multiples of this many bytes, so that they can be fetched as vec4<u64>.
+# Records begin at multiples of this many bytes, so that shaders can load them as vec4<u64>.
 ALIGNMENT = 32
 
 
@@ -73,7 +73,7 @@ class Record:
     fields: tuple[Field, ...]
 
     def counted(self, **constants: int) -> Record:
-        """The record with numbers in place of the names of constants."""
+        """The record with the values of ``constants`` in place of their names."""
         fields = (
             replace(field, count=constants.get(str(field.count), field.count))
             for field in self.fields
@@ -81,7 +81,7 @@ class Record:
         return replace(self, fields=tuple(fields))
 
     def dtype(self, number_format: Format = FLOAT32) -> np.dtype[np.void]:
-        """The dtype of the record in a number format; all counts are numbers."""
+        """The dtype of the record in a number format. All counts must be numbers."""
         numbers: dict[str, type[np.generic]] = {
             "Coefficient": number_format.coefficient,
             "Value": number_format.value,
@@ -120,7 +120,7 @@ class Record:
         return "\n".join([*lines, "}"])
 
 
-# WGSL type -> (NumPy scalar, components); Coefficient, Value and Length depend on the format.
+# NumPy scalar and components of each WGSL type. Coefficient, Value and Length depend on the format.
 _TYPES: dict[str, tuple[type[np.generic], int]] = {
     "f32": (np.float32, 1),
     "i32": (np.int32, 1),

@@ -1,4 +1,4 @@
-"""What mirrors show, as shaders and the twin read it."""
+"""The solids that mirrors show, in the records that shaders and the twin read."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 from halfstep.contract.arrays import Records
 
-# Halvings of what a ray from a mirror meets: as many as shadows ask for.
+# Halvings for a ray from a mirror, as many as for shadows.
 MIRROR_STEPS = 16
 
 
 @dataclass(frozen=True)
 class PackedMirrors:
-    """Solids as rays from mirrors meet them."""
+    """K solids in the form in which rays from mirrors meet them."""
 
-    frame: Records  # (1,), where the grid is from the eye
+    frame: Records  # (1,), the grid of the world relative to the eye
     bodies: Records  # (K,)
     faces: Records
-    balls: Records  # (K,) around the bodies, and some more that nothing meets
-    bounces: int  # how often a ray may go on, at least 1
+    balls: Records  # (K,) around the bodies, and padding that no ray meets
+    bounces: int  # how often a ray is reflected at most; at least 1
 
     @property
     def arrays(self) -> tuple[Records, ...]:
-        """What devices have in buffers, in the order of the bindings."""
+        """The content of the device's buffers, in the order of the bindings."""
         return self.frame, self.bodies, self.faces, self.balls

@@ -1,7 +1,7 @@
-"""What a device computes of pixels: one row for each of its outputs.
+"""The device outputs: one row for each.
 
-A shader writes an output to planes of 32-bit words of the frame buffer.  What shaders, frame buffer
-and twin know of outputs stands here.
+A shader writes an output to planes of 32-bit words in the frame buffer. Shaders, frame buffer and
+twin all read these rows.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from halfstep.contract.keys import joined_key
 
 
 class Kept(Enum):
-    """How an array is kept in words."""
+    """How the words of the frame buffer hold an array."""
 
     NUMBER = "a word"
     FLOAT = "the bits of a float32"
@@ -25,11 +25,11 @@ class Kept(Enum):
 
     @property
     def words(self) -> int:
-        """How many a pixel has."""
+        """Words of a pixel."""
         return {Kept.KEY: 2, Kept.VECTOR: 3}.get(self, 1)
 
     def array(self, words: U32) -> Array:
-        """The array (rows, W, …) of planes of words (n, rows, W)."""
+        """The array (rows, W, …) that the planes of words (n, rows, W) hold."""
         match self:
             case Kept.KEY:
                 return joined_key(*words)
@@ -46,10 +46,11 @@ class Plane:
     """An array of an output.
 
     Attributes:
-        name: of the array.
-        kept: how it is kept in words.
-        member: what the twin's `Nearest` or `Shown` calls it, where that is another name.
-        is_least: it is the least of all solids that are tried, not that of the visible one.
+        name: name of the array.
+        kept: how words hold it.
+        member: its name in the twin's `Nearest` or `Shown`, if that differs.
+        is_least: True for the least value of all solids that were tried, False for the value of the
+            visible solid.
     """
 
     name: str
@@ -60,14 +61,14 @@ class Plane:
 
 @dataclass(frozen=True)
 class DeviceOutput:
-    """An output of a device: its planes, and the facts that hold where it is asked for."""
+    """An output of a device: its planes, and the facts that hold when it is requested."""
 
     planes: tuple[Plane, ...]
     facts: frozenset[str] = frozenset()
 
     @property
     def words(self) -> int:
-        """How many a pixel has."""
+        """Words of a pixel."""
         return sum(plane.kept.words for plane in self.planes)
 
 
@@ -75,7 +76,7 @@ def _output(*planes: Plane, facts: str = "") -> DeviceOutput:
     return DeviceOutput(planes, frozenset(facts.split()))
 
 
-# In the order in which they lie in the frame buffer.
+# In the order of the frame buffer.
 DEVICE_OUTPUTS = {
     "surface": _output(Plane("surface", Kept.NUMBER)),
     "key": _output(Plane("key", Kept.KEY)),
@@ -92,6 +93,6 @@ DEVICE_OUTPUTS = {
     "overlap": _output(Plane("overlap", Kept.KEY, is_least=True)),
     "gap": _output(Plane("gap", Kept.KEY, is_least=True)),
 }
-# Outputs that are kept in bytes, with how many a pixel has.
+# Outputs that are held in bytes, with the bytes of a pixel.
 OUTPUT_BYTES = {"image": 3, "tag": 1}
 PLANES = {plane.name: plane for output in DEVICE_OUTPUTS.values() for plane in output.planes}

@@ -1,4 +1,4 @@
-"""Polynomials as shaders and the twin read them."""
+"""Polynomials, in the records that shaders and the twin read."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from halfstep.contract.arrays import Records
 
 @dataclass(frozen=True)
 class PackedPolynomials:
-    """P visible solids that polynomials bound."""
+    """P visible solids whose surface is a polynomial."""
 
     records: Records  # (P,)
     half_spaces: Records  # of all solids
-    degree: int  # the highest of the scene
-    has_balls: bool  # a ball bounds some solid of the scene
+    degree: int  # the highest degree in the scene
+    has_balls: bool  # whether some solid of the scene is cut by its bounding ball

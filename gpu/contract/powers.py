@@ -1,7 +1,8 @@
-"""Polynomials along rays as shaders and the twin take them: the order of terms, and the budget.
+"""Polynomials along rays: the order of their terms, and the budget of the search for a root.
 
-A polynomial of degree d has, for each power of u from 0 to d, the powers of x from d to 0, and with
-each the powers of y that keep the degree, the highest first: as Horner's rule takes them.
+Horner's rule sets the order of the terms of a polynomial of degree d. The power of u rises from 0
+to d. For each, the power of x falls from d to 0. For each power of x, the power of y falls from the
+highest that keeps the degree in (x, y) at most d.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Ints
 
-# Cells that a pixel may try, and bounds of its error.
+# The most cells that a pixel may try, and the most error bounds that it may try.
 CLOCKS = 64
 BOUNDS = 8
 
@@ -23,7 +24,7 @@ def term_count(degree: int) -> int:
 
 
 def row_terms(degree: int) -> int:
-    """Those with one power of u."""
+    """Terms with the same power of u."""
     return (degree + 1) * (degree + 2) // 2
 
 

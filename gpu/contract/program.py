@@ -1,20 +1,20 @@
-"""Words of the program that a region's formula is; ``walk`` reads them one after another.
+"""The words of a region's program; ``walk`` reads them one after another.
 
-A word does, in this order, what its bits say: open a level, take a literal, close a level, end a
-cell. Levels alternate between OR, the outermost, and AND.
+A program is the region's formula. The bits of a word act in this order: open a level, take a
+literal, close a level, end a cell. Levels alternate between OR and AND; the outermost is OR.
 """
 
 from __future__ import annotations
 
-PLACE = 0x3FF  # of a literal's surface among those that are crossed
-LEAF = 1 << 10  # there is a literal
-TURN = 1 << 11  # its truth is complemented: by its sign, by its level, or by neither or both
+PLACE = 0x3FF  # index of the literal's surface among those that are crossed
+LEAF = 1 << 10  # the word has a literal
+TURN = 1 << 11  # the literal is negated: either its sign or its level negates it, not both
 OPENS = 1 << 12
 CLOSES = 1 << 13
 CELL_ENDS = 1 << 14
 HIDDEN = 1 << 15  # the cell that ends is not shown
-SIDE = 16  # bits from here on: the side of the literal's surface
+SIDE = 16  # first bit of the side of the literal's surface
 POSITIVE = 1 << SIDE  # the literal is F > 0, not F <= 0
-NUMBER = SIDE + 1  # bits from here on: the number of its surface in its group
-# Programs are read so many words at once; a word that is 0 says nothing.
+NUMBER = SIDE + 1  # first bit of the number of the literal's surface in its group
+# Words that are read at once. A word that is 0 does nothing.
 GROUP = 2

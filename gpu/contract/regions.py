@@ -1,4 +1,4 @@
-"""Copies of groups of cells as shaders and the twin read them."""
+"""Copies of groups of cells, in the records that shaders and the twin read."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from halfstep.contract.arrays import U32, Records
 
 @dataclass(frozen=True)
 class PackedRegions:
-    """Visible copies of groups, or what tiles see of them."""
+    """Visible copies of groups, or their excerpts: the parts that single tiles see."""
 
     records: Records  # of R copies, in the order of ``Setup.copies``, or of their excerpts
     flat: Records
     curved: Records
     appearances: Records
-    words: U32  # what excerpts list, and their programs
-    most_surfaces: int  # of an excerpt
-    levels: int  # that a program opens at once
-    has_hidden: bool  # programs have cells that are not shown
+    words: U32  # the lists of excerpts, and their programs
+    most_surfaces: int  # the most surfaces of an excerpt
+    levels: int  # the most levels that a program opens at once
+    has_hidden: bool  # whether programs have cells that are not shown
 
     @property
     def arrays(self) -> tuple[Records | U32, ...]:
-        """What devices have in buffers, in the order of the bindings."""
+        """The content of the device's buffers, in the order of the bindings."""
         return self.records, self.flat, self.curved, self.appearances, self.words

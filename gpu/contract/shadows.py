@@ -1,4 +1,4 @@
-"""What hides lights, as shaders and the twin read it."""
+"""The solids that hide lights, in the records that shaders and the twin read."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ from dataclasses import dataclass
 
 from halfstep.contract.arrays import Records
 
-# Occluders side by side whose boxes have a box around them.
+# Neighbouring occluders in a group. A group has a bounding box around their bounding boxes.
 GROUP = 8
-# Of fewer occluders all boxes are looked at.
+# If no light has more occluders than this, shaders test all boxes and use no groups.
 MANY = 64
 
 
 @dataclass(frozen=True)
 class PackedShadows:
-    """Lights with shadows, first those far away, then lamps; and what may hide them."""
+    """L lights with shadows, far lights before lamps, and the solids that may hide them."""
 
     views: Records  # (L,)
-    occluders: Records  # of one light after another, each light's from a multiple of GROUP^2 on
+    occluders: Records  # one light after another; each light begins at a multiple of GROUP^2
     slabs: Records
-    boxes: Records  # of each occluder, of GROUPs, of GROUPs of these; the last is never touched
-    far_lights: int  # of the L
-    curves: bool  # an occluder has a quadric
-    many: bool  # a light has more than MANY of them
-    encloses: bool  # a light may be inside an occluder
+    boxes: Records  # of occluders, of groups, of groups of groups; no ray meets the last box
+    far_lights: int  # how many of the L lights are far away
+    curves: bool  # whether an occluder has a quadric
+    many: bool  # whether a light has more than MANY occluders
+    encloses: bool  # whether a light may be inside an occluder
 
     @property
     def arrays(self) -> tuple[Records, ...]:
-        """What devices have in buffers, in the order of the bindings."""
+        """The content of the device's buffers, in the order of the bindings."""
         return self.views, self.occluders, self.slabs, self.boxes

@@ -1,4 +1,4 @@
-"""The table by which linear light becomes 8 bits of sRGB, the same on every device."""
+"""The table that converts linear light to 8 bits of sRGB, with the same result on every device."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SRGB_ENTRIES = 13 * 128 + 1
 
 @functools.cache
 def srgb_table() -> U32:
-    """Table of ``encode.wgsl``, an entry for every 2^16 consecutive float32 from 2^-13 to 1."""
+    """The table (SRGB_ENTRIES,) of ``encode.wgsl``: an entry per 2^16 float32 from 2^-13 to 1."""
     edges = (np.arange(1, 256) - 0.5) / 255
     linear = np.where(edges <= 0.04045, edges / 12.92, ((edges + 0.055) / 1.055) ** 2.4)
     # The least float32 of each level.
@@ -26,13 +26,13 @@ def srgb_table() -> U32:
     following = np.append(first, 0xFFFFFFFF)[level] - cells.astype(np.int64)
     table = level | np.minimum(following, 1 << 16) << 8
     table = table.astype(np.uint32)
-    table.setflags(write=False)  # every caller has this one
+    table.setflags(write=False)  # all callers share this array
     return table
 
 
 @functools.cache
 def srgb_quads() -> U32:
-    """The table (SRGB_ENTRIES, 4) as shaders read it: uniform arrays have no smaller stride."""
+    """The table (SRGB_ENTRIES, 4) for shaders: elements of uniform arrays take 16 bytes or more."""
     quads = np.repeat(srgb_table()[:, None], 4, axis=1)
     quads.setflags(write=False)
     return quads

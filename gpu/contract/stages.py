@@ -1,7 +1,7 @@
-"""The stages of a frame: which files they are in, and what of them a frame needs.
+"""The stages of a frame: their files, their order, and which of them a frame needs.
 
-A stage is a file in ``wgsl/``.  Its twin is a module of the same name in ``twin/``.  What shaders,
-twin, check and tests know of the order and the choice of stages stands here.
+A stage is a file in ``wgsl/``. Its twin is a module of the same name in ``twin/``. Shaders, twin,
+check and tests all read the order and the choice of stages from this module.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 
 
 class Kind(Enum):
-    """What the functions of a stage work on."""
+    """The data that the functions of a stage work on."""
 
-    VALUES = "values"  # numbers alone, in each number format
-    NUMBERS = "numbers"  # numbers alone, the same in each number format
-    BLOCK = "block"  # what an invocation holds of its block
-    DEVICE = "device"  # memory of a device: there is no twin
+    VALUES = "values"  # only arguments, whose types depend on the number format
+    NUMBERS = "numbers"  # only arguments, whose types are the same in each number format
+    BLOCK = "block"  # the variables of an invocation for its block
+    DEVICE = "device"  # memory of a device; such a stage has no twin
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage: files that define the same names, of which a shader takes one."""
+    """A stage: files that define the same names. A shader takes one of them."""
 
     kind: Kind
-    file: str  # unless another is chosen
+    file: str  # the file to take unless one of ``others`` is chosen
     others: tuple[str, ...] = ()
 
 
@@ -93,7 +93,7 @@ STAGES = (
 
 @dataclass(frozen=True)
 class Visit:
-    """How a solid of a class is tried on a block: a stage, and what holds of the class."""
+    """How to try a solid of a class on a block: a stage, and the facts that hold for the class."""
 
     file: str
     facts: frozenset[str]
@@ -103,7 +103,7 @@ def _visit(file: str, *facts: str) -> Visit:
     return Visit(file, frozenset(facts))
 
 
-# By method and class. In a shader a visit has the name of its class.
+# Visits by method and class. In a shader a visit is named after its class.
 VISITS = {
     ("visible", Class.ELLIPSOID): _visit("visit_ellipsoid"),
     ("visible", Class.QUADRIC): _visit("visit_cut", "curved"),
@@ -123,38 +123,38 @@ VISITS = {
     },
 }
 
-# What the marks of WGSL files ask for. A twin asks the same.
+# The facts that marks in WGSL files and the twin ask for, with their meaning.
 FACTS = {
-    "exit": "it is asked where a ray leaves the solid that it hit",
-    "leaving": "the root where a ray leaves a solid is needed, for that or to be seen from inside",
+    "exit": "the exit from the solid that a ray hit is requested",
+    "leaving": "the root where a ray leaves a solid is needed, for the exit or a view from inside",
     "normal": "normals are needed, for themselves or for colours",
     "color": "colours are needed, for themselves or for an image",
-    "position": "it is asked where on its ray a point is, for shadows or normals of regions",
-    "gloss": "colours are needed, and a material shines",
-    "point_lights": "colours are needed, and a light has a place",
-    "parallel": "colours are needed, and rays are parallel",
-    "error": "it is asked how far a depth may be off",
-    "overlap": "it is asked where two cells of a copy overlap, and there are copies",
-    "gap": "the same of gaps between cells",
-    "claims": "one of the two is asked",
+    "position": "the position of a point on its ray is needed, for shadows or normals of regions",
+    "gloss": "colours are needed, and a material has highlights",
+    "point_lights": "colours are needed, and a light has a position",
+    "parallel": "normals are needed, and the camera's rays are parallel",
+    "error": "error bounds of depths are requested",
+    "overlap": "overlaps of cells in copies are requested, and there are copies",
+    "gap": "gaps between cells of copies are requested, and there are copies",
+    "claims": "overlaps or gaps are requested, and there are copies",
     "hidden": "programs have cells that are not shown",
     "curved": "the solid has a quadric",
     "flat": "the solid is a polyhedron",
     "patch": "the solid is a bounded plane",
-    "ball": "a ball bounds a solid that has a polynomial or a formula",
-    "formula": "the solid has a formula that is no polynomial",
+    "ball": "a bounding ball cuts a solid that has a polynomial or a formula",
+    "formula": "the solid has a formula that is not a polynomial",
     "regions": "tiles may see a copy of a group of cells",
     "opened": "rays may start inside the solid",
-    "surfaces_5": "a tile may see five surfaces of a copy or more",
-    **{f"levels_{k}": f"programs open {k} levels at once or more" for k in range(2, 7)},
+    "surfaces_5": "a tile may see five or more surfaces of a copy",
+    **{f"levels_{k}": f"programs open {k} or more levels at once" for k in range(2, 7)},
     "broadcast": "invocations of a subgroup fetch records together",
-    "places": "the places of points are needed, for shadows or mirrors",
+    "places": "positions of points on the grid of the world are needed, for shadows or mirrors",
     "mirrors": "colours are needed, and a material reflects",
-    "shadows": "lights have shadows, and these are needed, for themselves or for colours",
-    "lamps": "the same, and some of these lights have a place",
-    "curves": "a solid before a light with shadows has a quadric",
-    "encloses": "a light with shadows may be inside a solid",
-    "many_shadows": "solids before a light are many, and invocations look at boxes together",
+    "shadows": "lights have shadows, which are needed, for themselves or for colours",
+    "lamps": "shadows are needed, and some of their lights have a position",
+    "curves": "shadows are needed, and an occluder has a quadric",
+    "encloses": "shadows are needed, and a light may be inside an occluder",
+    "many_shadows": "shadows are needed, a light has many occluders, and invocations share loads",
     **{f"list_{klass.name.lower()}": f"tiles may see a solid of {klass.name}" for klass in Class},
     "store_words": "the device writes outputs of words",
     **{
@@ -165,7 +165,10 @@ FACTS = {
 
 
 def files_of(number_format: Format, chosen: Collection[str] = ()) -> list[str]:
-    """The files of the stages but for visits, in order: those of the format and the chosen."""
+    """The files of all stages except visits, in order.
+
+    A stage takes the file that belongs to ``number_format`` or is in ``chosen``, else its default.
+    """
     wanted = {*number_format.stages, *chosen}
     return [
         next((name for name in (stage.file, *stage.others) if name in wanted), stage.file)

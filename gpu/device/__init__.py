@@ -1,1 +1,1 @@
-"""wgpu: adapters, a device, and kernels that tell what a driver does."""
+"""Uses wgpu: lists adapters, opens a device, and runs kernels that test the driver."""

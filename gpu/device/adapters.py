@@ -1,6 +1,6 @@
-"""The graphics device: which Vulkan adapters there are, which one is taken and why.
+"""The Vulkan adapters of this machine, the choice of one with its reason, and its open device.
 
-wgpu is imported inside functions: importing this module touches no device and loads no driver.
+Functions import wgpu: importing this module touches no device and loads no driver.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from halfstep.device import loader as wgpu_loader
 from halfstep.device.handles import GpuAdapter, GpuDevice, Info
 from halfstep.errors import AdapterError, DeviceError
 
-# How lavapipe, Mesa's Vulkan driver for the processor, names its adapter.
+# lavapipe, Mesa's Vulkan driver for the processor, names its adapter after its rasteriser.
 LAVAPIPE = "llvmpipe"
 SWIFTSHADER = "SwiftShader"
 SOFTWARE = (LAVAPIPE, SWIFTSHADER)
@@ -37,7 +37,7 @@ SWIFTSHADER_FILES = (
 PREFERENCE = ("discrete", "integrated", "virtual", "unknown", "cpu")
 _KIND = {"DiscreteGPU": "discrete", "IntegratedGPU": "integrated", "CPU": "virtual"}
 
-# Variables that decide which drivers and adapters are seen and taken.
+# Environment variables that decide which drivers and adapters are listed and chosen.
 VARIABLES = (
     "HALFSTEP_ADAPTER",
     "HALFSTEP_EXPECT_LAVAPIPE",
@@ -49,7 +49,7 @@ VARIABLES = (
     "LP_NUM_THREADS",
 )
 
-# What HALFSTEP_EXPECT_LAVAPIPE may be, in any case.
+# The values of HALFSTEP_EXPECT_LAVAPIPE, in upper or lower case.
 _YES = ("1", "true", "yes")
 _NO = ("", "0", "false", "no")
 
@@ -65,7 +65,7 @@ A graphics card needs its maker's driver; Mesa's needs no card:
 Without a driver, the backend "numpy" renders the same picture slowly."""
 
 INT64 = "shader-int64"
-# wgpu's names of the features Halfstep uses where it can, with what they are.
+# Optional features that Halfstep uses, by wgpu's name, with their meaning.
 FEATURES = {
     INT64: "64-bit integers in shaders",
     "shader-f16": "16-bit floats in shaders",
@@ -75,15 +75,15 @@ FEATURES = {
     "timestamp-query": "device times",
 }
 
-# The process that loads the drivers.
+# The id of the process that loaded the drivers.
 _process: int | None = None
 _loading = threading.Lock()
-# Every wgpu.GPUDevice of `open_device` that is in use.
+# Every wgpu.GPUDevice that `open_device` gave and that is still in use.
 _devices: weakref.WeakSet[GpuDevice] = weakref.WeakSet()
 
 
 class Facts(TypedDict):
-    """What a frame says of what rendered it."""
+    """The adapter and driver that rendered a frame, by name."""
 
     adapter: str
     driver: str  # with its version
@@ -91,18 +91,18 @@ class Facts(TypedDict):
 
 @dataclass(frozen=True)
 class AdapterSummary:
-    """What is known of an adapter without opening it."""
+    """Facts about an adapter that need no open device."""
 
     index: int  # in the order wgpu lists Vulkan adapters
     name: str
     kind: str  # one of PREFERENCE
-    driver: str  # name and version, as the driver tells them; may be empty
-    vendor: str  # name, or PCI id where the driver gives none
+    driver: str  # name and version that the driver reports; may be empty
+    vendor: str  # name, or the PCI id if the driver reports no name
     backend: str
 
     @property
     def facts(self) -> Facts:
-        """Its name and its driver's."""
+        """The names of the adapter and of its driver."""
         return {"adapter": self.name, "driver": self.driver}
 
     def __str__(self) -> str:
@@ -115,12 +115,12 @@ class Adapter:
     """A chosen adapter."""
 
     summary: AdapterSummary
-    reason: str  # why this one, in words
+    reason: str  # why this adapter was chosen, in words
     handle: GpuAdapter
 
 
 def list_adapters() -> list[AdapterSummary]:
-    """The Vulkan adapters of this machine, in wgpu's order; empty where there is none.
+    """The Vulkan adapters of this machine, in wgpu's order; an empty list if it has none.
 
     Raises:
         AdapterError: wgpu itself cannot be loaded.
@@ -129,15 +129,17 @@ def list_adapters() -> list[AdapterSummary]:
 
 
 def choose_adapter(requested: str | int | None = None) -> Adapter:
-    """The adapter to render on.
+    """Choose the adapter to render on.
 
     Args:
-        requested: an index of `list_adapters`, as a number or in digits, or a part of a name in
-            any case. None leaves it to HALFSTEP_ADAPTER (the same), to WGPUPY_WGPU_ADAPTER_NAME
-            (a part of the name in its case), else to the best kind present.
+        requested: an index of `list_adapters`, as a number or in digits, or a part of a name,
+            whose case does not matter. If None, HALFSTEP_ADAPTER decides in the same way, then
+            WGPUPY_WGPU_ADAPTER_NAME (a part of a name, in the right case), then the order of kinds
+            in PREFERENCE.
 
     Raises:
-        AdapterError: there is no adapter, or none that was asked for.
+        AdapterError: the machine has no adapter or not the requested one, or a variable has a value
+            that Halfstep cannot use.
     """
     adapters = list_adapters()
     summary, reason = select_adapter(adapters, requested, os.environ)
@@ -149,10 +151,10 @@ def select_adapter(
     requested: str | int | None,
     environ: Mapping[str, str],
 ) -> tuple[AdapterSummary, str]:
-    """The choice of `choose_adapter` among ``adapters``, with its reason.
+    """The adapter of ``adapters`` that `choose_adapter` takes, and the reason in words.
 
     Raises:
-        AdapterError: as `choose_adapter`.
+        AdapterError: see `choose_adapter`.
     """
     backend = environ.get("WGPU_BACKEND_TYPE", "").strip()
     if backend not in ("", "Vulkan"):
@@ -186,20 +188,20 @@ def select_adapter(
 
 
 def is_requested(requested: str | int | None = None) -> bool:
-    """Whether a certain adapter is asked for: `choose_adapter` then gives that one or none."""
+    """Whether a certain adapter is requested, so that `choose_adapter` gives that one or fails."""
     is_named = _request(requested, os.environ)[0] is not None
     return is_named or _expected(os.environ) not in _NO
 
 
 def is_lavapipe(adapter: AdapterSummary) -> bool:
-    """Whether ``adapter`` is lavapipe's."""
+    """Whether lavapipe drives ``adapter``."""
     return adapter.kind == "cpu" and adapter.name.startswith(LAVAPIPE)
 
 
 def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> GpuDevice:
-    """A wgpu.GPUDevice on ``adapter`` with ``features``, and timestamps where the adapter has them.
+    """Open a wgpu.GPUDevice on ``adapter`` with ``features``, and timestamps if it has them.
 
-    Buffers and bindings may be as large as the adapter allows: ``limits`` of the device.
+    The device's ``limits`` are the adapter's, so buffers and bindings may be as large as it allows.
 
     Raises:
         AdapterError: the adapter lacks one of ``features``.
@@ -211,7 +213,7 @@ def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> GpuDevic
         lacks = ", ".join(f"{name} ({FEATURES[name]})" for name in missing)
         raise AdapterError(f"adapter {adapter.summary} has no {lacks}" + _seen(list_adapters()))
     with device_errors(adapter):
-        # With no limits named, wgpu-py asks for the adapter's own.
+        # If no limits are named, wgpu-py requests the adapter's own.
         device = adapter.handle.request_device_sync(
             label="halfstep",
             required_features=sorted({*features, *({"timestamp-query"} & offered)}),
@@ -221,24 +223,24 @@ def open_device(adapter: Adapter, *, features: Collection[str] = ()) -> GpuDevic
 
 
 def close_device(device: GpuDevice) -> None:
-    """Give back the memory and the threads of a wgpu.GPUDevice; nothing may use it any more.
+    """Give back the memory and the threads of a wgpu.GPUDevice. Nothing may use it afterwards.
 
-    What was made on it is to be let go of before: each such object keeps the device.
+    Release the device's buffers and pipelines first: each of them keeps the device.
     """
     handle: Any = device
     queue = handle.queue
     device.destroy()
-    # In wgpu-py the device refers to itself, and its queue to it. Until Python looks for such
-    # cycles, which may be hundreds of devices later, the driver would keep all that it has.
-    handle._device = queue._device = None  # noqa: SLF001 - wgpu has no way to say it
+    # In wgpu-py the device refers to itself, and its queue to the device. The driver would keep
+    # memory and threads until Python collects such cycles, maybe hundreds of devices later.
+    handle._device = queue._device = None  # noqa: SLF001 - wgpu has no public way to do this
 
 
 @contextmanager
 def device_errors(adapter: Adapter) -> Iterator[None]:
-    """Turn what wgpu raises into DeviceError; only calls of wgpu belong inside.
+    """Turn every error of wgpu into a DeviceError. Only calls of wgpu belong inside.
 
     wgpu reports a lost device as a validation error and a failed mapping as a RuntimeError, so
-    every error of it means that this device did not do its work.
+    every error of wgpu means that the device did not do its work.
 
     Raises:
         DeviceError: any error of wgpu, with its message.
@@ -249,7 +251,7 @@ def device_errors(adapter: Adapter) -> Iterator[None]:
 
 @contextmanager
 def wgpu_errors(label: str) -> Iterator[None]:
-    """`device_errors` where there is a device, but no `Adapter`; ``label`` begins the message.
+    """`device_errors` for code that has no `Adapter`; ``label`` begins the message.
 
     Raises:
         DeviceError: any error of wgpu, with its message.
@@ -263,14 +265,14 @@ def wgpu_errors(label: str) -> Iterator[None]:
 
 
 def stack_of(device: GpuDevice) -> dict[str, str]:
-    """What a wgpu.GPUDevice stands on: adapter and driver by name, and versions of the parts.
+    """The stack below a wgpu.GPUDevice: names of adapter and driver, versions of the libraries.
 
-    Keys: ``adapter``, ``driver``, ``mesa`` and ``llvm`` (where the driver tells them), ``wgpu``,
+    Keys: ``adapter``, ``driver``, ``mesa`` and ``llvm`` (if the driver reports them), ``wgpu``,
     ``wgpu_native``.
     """
     info = device.adapter_info
     told = f"{info['description']} {info['device']}"
-    # A package may stand in for wgpu, as wgpudawn does.
+    # Another package may replace wgpu, as wgpudawn does.
     package = type(device).__module__.partition(".")[0]
     parts = versions()
     if package != "wgpu":
@@ -287,10 +289,10 @@ def stack_of(device: GpuDevice) -> dict[str, str]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of ``wgpu`` and of ``wgpu_native``, the library beneath it."""
+    """Versions of ``wgpu`` and of ``wgpu_native``, the library below it."""
     import wgpu
 
-    # A module that stands in for wgpu has no such attribute of the package.
+    # Import by name: a package that replaces wgpu may not have ``backends`` as an attribute.
     native = import_module("wgpu.backends.wgpu_native")
     return {
         "wgpu": wgpu.__version__,
@@ -299,12 +301,12 @@ def versions() -> dict[str, str]:
 
 
 def describe() -> dict[str, Any]:
-    """Adapters, the choice and its reason, and the variables that decide: `halfstep doctor`.
+    """The report of `halfstep doctor`: adapters, the choice and its reason, and the variables.
 
     Keys: ``adapters`` (list of dicts), ``chosen`` (index or None), ``reason``, ``features`` of
-    the chosen adapter (list), ``environment`` (dict), ``swiftshader`` (the file of a driver that
-    lies here and is not among the adapters, or None), ``wgpu`` and ``wgpu_native`` (versions).
-    With no choice ``reason`` is the message of the AdapterError.
+    the chosen adapter (list), ``environment`` (dict), ``swiftshader`` (the file of an installed
+    SwiftShader that is not among the adapters, or None), ``wgpu`` and ``wgpu_native`` (versions).
+    If no adapter is chosen, ``reason`` is the message of the AdapterError.
 
     Raises:
         AdapterError: wgpu itself cannot be loaded.
@@ -331,18 +333,19 @@ def describe() -> dict[str, Any]:
 
 
 def is_forked() -> bool:
-    """Whether this process was forked from one that had loaded the drivers.
+    """Whether this process was forked from a process that had loaded the drivers.
 
-    Their threads are not here, and the first call of one would wait for them for ever.
+    A fork does not copy the drivers' threads. The first call of a driver would wait for them
+    forever.
     """
     return _process not in (None, os.getpid())
 
 
 def check_process() -> None:
-    """See that the drivers can be used in this process.
+    """Check that this process can use the drivers.
 
     Raises:
-        DeviceError: `is_forked`.
+        DeviceError: `is_forked` is true.
     """
     if is_forked():
         raise DeviceError(
@@ -356,7 +359,7 @@ def _expected(environ: Mapping[str, str]) -> str:
 
 
 def _expects_lavapipe(environ: Mapping[str, str]) -> bool:
-    """Whether only lavapipe will do.
+    """Whether HALFSTEP_EXPECT_LAVAPIPE allows only lavapipe.
 
     Raises:
         AdapterError: the variable is neither a yes nor a no.
@@ -370,14 +373,14 @@ def _expects_lavapipe(environ: Mapping[str, str]) -> bool:
 
 
 def _swiftshader_file(adapters: Sequence[AdapterSummary]) -> str | None:
-    """The file of a SwiftShader that is here and none of ``adapters``."""
+    """The driver file of an installed SwiftShader that is not among ``adapters``."""
     if any(adapter.name.startswith(SWIFTSHADER) for adapter in adapters):
         return None
     return next(filter(os.path.exists, SWIFTSHADER_FILES), None)
 
 
 def _request(requested: str | int | None, environ: Mapping[str, str]) -> tuple[str | None, str]:
-    """What adapter is asked for, and by what."""
+    """The requested adapter or None, and the name of the argument or variable that requests it."""
     if requested is not None:
         return str(requested), "adapter"
     for name in ("HALFSTEP_ADAPTER", "WGPUPY_WGPU_ADAPTER_NAME"):
@@ -389,10 +392,10 @@ def _request(requested: str | int | None, environ: Mapping[str, str]) -> tuple[s
 def _matching(
     adapters: Sequence[AdapterSummary], request: str, *, ignore_case: bool
 ) -> list[AdapterSummary]:
-    """Adapters with the index ``request``, where it is a number, else with it in their name.
+    """The adapters with the index ``request`` if it is a number, else those with it in the name.
 
-    Two identical cards differ only by index. A number is never looked for in names, where it
-    would be found in version numbers.
+    Two identical cards differ only by index. A number never matches a name, because names contain
+    version numbers.
     """
     if re.fullmatch(r"-?\d+", request):
         return [adapter for adapter in adapters if adapter.index == int(request)]
@@ -402,7 +405,7 @@ def _matching(
 
 
 def _seen(adapters: Sequence[AdapterSummary]) -> str:
-    """The end of a message: the adapters there are."""
+    """The end of a message: a list of ``adapters``."""
     return "; the adapters are" + "".join(f"\n  {adapter}" for adapter in adapters)
 
 
@@ -418,22 +421,21 @@ def _summary(index: int, info: Info) -> AdapterSummary:
         driver=_driver(info),
         vendor=info["vendor"] or f"0x{info['vendor_id']:04x}",
         backend=info["backend_type"],
-        # wgpu-py 0.32 spells the name so.
     )
 
 
 def _driver(info: Info) -> str:
-    """Name and version of a driver; SwiftShader tells its name alone, as Vulkan's driverName."""
+    """Name and version of a driver. SwiftShader reports only a name, in Vulkan's driverName."""
     driver: str = info["description"] or info["vendor"]
     return driver
 
 
 def _handles() -> tuple[GpuAdapter, ...]:
-    """wgpu.GPUAdapter of every Vulkan adapter.
+    """The wgpu.GPUAdapter of every Vulkan adapter.
 
     Raises:
         AdapterError: wgpu itself cannot be loaded.
-        DeviceError: as `check_process`.
+        DeviceError: `is_forked` is true.
     """
     check_process()
     with _loading:
@@ -442,7 +444,7 @@ def _handles() -> tuple[GpuAdapter, ...]:
 
 @functools.cache
 def _loaded() -> tuple[GpuAdapter, ...]:
-    """`_handles`, once; loads the drivers."""
+    """Load the drivers, once, and list the adapters for `_handles`."""
     global _process
     _process = os.getpid()
     try:
@@ -452,8 +454,8 @@ def _loaded() -> tuple[GpuAdapter, ...]:
         _process = None
         raise AdapterError(f"wgpu cannot be loaded: {error}") from error
     with _runtime_directory():
-        # Otherwise wgpu loads OpenGL's drivers as well and lists lavapipe twice. A program that has
-        # used wgpu before keeps its own settings.
+        # Without this, wgpu also loads OpenGL's drivers and lists lavapipe twice. wgpu refuses new
+        # settings in a program that has used it before; such a program keeps its own.
         with suppress(RuntimeError):
             extras.set_instance_extras(backends=["Vulkan"])
         handles = wgpu.gpu.enumerate_adapters_sync()
@@ -461,13 +463,13 @@ def _loaded() -> tuple[GpuAdapter, ...]:
 
 
 def _leave_to_parent() -> None:
-    """In a forked child, let the devices be those of its parent.
+    """In a forked child, leave the devices to the parent.
 
-    To destroy one, which Python would do with an object that nobody refers to, is to wait for
-    threads of the driver that are not here.
+    Python destroys a device that nobody refers to. In the child this would wait forever for the
+    driver's threads, which a fork does not copy. One more reference keeps each device alive.
     """
     global _loading
-    _loading = threading.Lock()  # a thread that is not here may have it
+    _loading = threading.Lock()  # a thread of the parent may hold the old one
     for device in _devices:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(device))
     if is_forked():
@@ -475,13 +477,14 @@ def _leave_to_parent() -> None:
 
 
 def _leave_out_exit_handlers() -> None:
-    """Let this process, a forked child, end without the exit handlers of its parent's drivers.
+    """Let this forked child end without running the exit handlers of its parent's drivers.
 
-    That of Mesa 26 waits for threads of the driver that are not here. Handlers run in reverse
-    order: those that the child registers still run, and then these, of which the second ends it.
+    The exit handler of Mesa 26 waits for the driver's threads, which a fork does not copy. Handlers
+    run in reverse order: first those that the child registers later, then `fcloseall`, then
+    `_exit`, which ends the process before the parent's handlers run.
     """
     libc = ctypes.CDLL(None)
-    if hasattr(libc, "on_exit"):  # of glibc alone; it hands on the exit code
+    if hasattr(libc, "on_exit"):  # glibc only; it passes on the exit code
         libc.on_exit(libc["_exit"], None)
         libc.on_exit(libc.fcloseall, None)
 
@@ -491,10 +494,10 @@ os.register_at_fork(after_in_child=_leave_to_parent)
 
 @contextmanager
 def _runtime_directory() -> Iterator[None]:
-    """Let XDG_RUNTIME_DIR be set.
+    """Set XDG_RUNTIME_DIR to an empty folder if it is not set.
 
-    Listing adapters asks for a Wayland display, which complains on stderr where it is not set, as
-    in containers and on servers.
+    Listing adapters looks for a Wayland display. Without the variable, as in containers and on
+    servers, Wayland writes an error to stderr.
     """
     if os.environ.get("XDG_RUNTIME_DIR"):
         yield

@@ -1,10 +1,10 @@
-"""A kernel with known answers: whether a driver computes at all, and which liberties it takes.
+"""A kernel with known answers shows whether a driver computes rightly, and which choices it makes.
 
 WGSL lets a device contract a·b + c, change the order of sums, flush subnormal numbers and round a
-division within 2.5 units in the last place. Such choices are told apart here, not judged; so is
-whether workgroup memory begins as zeros, which wgpu-native leaves to the driver.
-Everything else has one right answer, and a driver that gives another compiles shaders wrongly:
-nothing that it renders means anything.
+division within 2.5 units in the last place. wgpu-native leaves to the driver whether workgroup
+memory begins as zeros. This module reports such choices and does not judge them. Everything else
+has one right answer. A driver that gives another compiles shaders wrongly, and no picture of it can
+be trusted.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from halfstep.device.probe import loop_limit
 from halfstep.errors import DeviceError
 
 ROWS = 256
-# Words of the buffers that are filled and read back: one word, a workgroup, just over a page, and
-# more than a driver copies at once.
+# Sizes in words of the buffers that are filled and read back: one word, a workgroup, just over a
+# page, and more than a driver copies at once.
 SIZES = (1, 64, 1025, 1 << 18)
-# Units in the last place by which a quotient and a square root may be off: WGSL, "Accuracy".
+# Largest errors of a quotient and a square root, in units in the last place: WGSL, "Accuracy".
 _QUOTIENT_ULP = 2.5
 _ROOT_ULP = 5.0
 
 
 def _record(*members: tuple[str, str]) -> np.dtype[np.void]:
-    """A record of members, given by their type and their names, one after another."""
+    """A dtype with members in order; each pair is a type and the names that have it."""
     return np.dtype([(name, type_) for type_, names in members for name in names.split()])
 
 
-# As in canary.wgsl and canary_int64.wgsl.
+# The records of canary.wgsl and canary_int64.wgsl.
 _OPERANDS = _record(("4f4", "v w"), ("f4", "a b c tiny"), ("i4", "i j"), ("u4", "shift count"))
 _ANSWERS = _record(
     ("f4", "dot product sum product_sum sum_of_three quotient root subnormal"),
@@ -57,19 +57,20 @@ class Fingerprint:
     """The choices of a driver that computes rightly, in words.
 
     Attributes:
-        contraction: of a·b + c: "separate", "fused" or "mixed".
+        contraction: how a·b + c is computed: "separate", "fused" or "mixed".
         sums: the order of (a·b + c·d) + e: "as written", or which product is added last.
         subnormals: "kept", "flushed" or "mixed".
-        dot: order of the sum of a dot product of four: "left to right", "pairwise", … or "other".
-        division: "correctly rounded", or by how many units in the last place it is off.
-        square_root: the same.
+        dot: the order of the sum in a dot product of four: "left to right", "pairwise", … or
+            "other".
+        division: "correctly rounded", or the largest error in units in the last place.
+        square_root: likewise.
         int64: "right" or "absent".
         widening: i64(u32): "right", or "extends the sign", a fault that Halfstep's shaders avoid.
         loop_limit: rounds after which the driver ends all loops of an invocation, a fault that
-            Halfstep's frames avoid; None where it was not seen to.
-        workgroup_memory: "zero" at the start, or "not cleared"; Halfstep's shaders have none, and
-            `testing.Kit` clears it.
-        stack: adapter, driver and versions.
+            Halfstep's frames avoid; None if the driver showed no limit.
+        workgroup_memory: its content at the start, "zero" or "not cleared". Halfstep's shaders use
+            no workgroup memory, and `testing.Kit` clears it.
+        stack: adapter, driver and versions; see `stack_of`.
     """
 
     contraction: str
@@ -108,17 +109,20 @@ class Fingerprint:
 
 
 class _Judge:
-    """Collects the answers that are wrong."""
+    """Collects wrong answers as messages in ``faults``."""
 
     def __init__(self) -> None:
         self.faults: list[str] = []
 
     def exactly(self, name: str, found: Array, expected: Array) -> None:
-        """Demand equal bits."""
+        """Record a fault unless ``found`` equals ``expected`` everywhere."""
         self.allow(name, found, {"": expected})
 
     def allow(self, name: str, found: Array, answers: Mapping[str, Array]) -> str:
-        """The name of the answer that was given everywhere; "mixed" if each row has one of them."""
+        """The name of the answer that all rows have, else "mixed".
+
+        A row that has none of ``answers`` is recorded as a fault.
+        """
         same = {word: found == answer for word, answer in answers.items()}
         for word, rows in same.items():
             if rows.all():
@@ -134,7 +138,7 @@ class _Judge:
         return "mixed"
 
     def within(self, name: str, found: Array, exact: Floats, ulp: float) -> str:
-        """How far float32 numbers are from exact ones, at most ``ulp``, in words."""
+        """The largest error of float32 numbers, in words. An error above ``ulp`` is a fault."""
         rounded = exact.astype(np.float32)
         if (found == rounded).all():
             return "correctly rounded"
@@ -147,10 +151,10 @@ class _Judge:
 
 
 def fingerprint(device: GpuDevice) -> Fingerprint:
-    """The choices of the driver beneath a wgpu.GPUDevice.
+    """The choices of the driver below a wgpu.GPUDevice.
 
     Raises:
-        DeviceError: the driver gives wrong answers; the message says which.
+        DeviceError: the driver gives wrong answers, which the message lists.
     """
     compute = Compute(device)
     judge = _Judge()
@@ -175,7 +179,7 @@ def fingerprint(device: GpuDevice) -> Fingerprint:
 
 
 def _judge_32(compute: Compute, judge: _Judge) -> dict[str, str]:
-    """Judge arithmetic of 32 bits; the choices by their names in `Fingerprint`."""
+    """Judge arithmetic of 32 bits, and return the choices by their names in `Fingerprint`."""
     x = _operands()
     found = _run(compute, "canary", x, _ANSWERS)
     a, b, c = x["a"], x["b"], x["c"]
@@ -190,7 +194,7 @@ def _judge_32(compute: Compute, judge: _Judge) -> dict[str, str]:
         judge.exactly("i32 >> u32", found["shifted_right"], i >> x["shift"].astype(np.int32))
         judge.exactly("u32 >> u32", found["shifted_unsigned"], i.view(np.uint32) >> x["shift"])
         judge.exactly("loop", found["looped"], _looped(x["count"], j.view(np.uint32)))
-    # The product has 48 bits and the sum no more: one rounding is all there is.
+    # The product has 48 bits and float64 holds the sum exactly, so `fused` is rounded only once.
     fused = (a.astype(np.float64) * b + c).astype(np.float32)
     tiny = x["tiny"] * x["tiny"]
     return {
@@ -212,7 +216,7 @@ def _judge_32(compute: Compute, judge: _Judge) -> dict[str, str]:
 
 
 def _judge_sum(judge: _Judge, found: Array, products: Array, c: Array) -> str:
-    """The order in which two products, which are exact, and a number are summed."""
+    """The order in which the driver sums two products, which are exact, and a number."""
     p, q, _, _ = products.T
     orders = {
         "as written": (p + q) + c,
@@ -223,7 +227,7 @@ def _judge_sum(judge: _Judge, found: Array, products: Array, c: Array) -> str:
 
 
 def _judge_dot(judge: _Judge, found: Array, v: Array, w: Array) -> str:
-    """The order in which the products, which are exact, are summed."""
+    """The order in which the driver sums the four products of a dot product, which are exact."""
     p, q, r, s = (v * w).T
     orders = {
         "left to right": ((p + q) + r) + s,
@@ -241,7 +245,7 @@ def _judge_dot(judge: _Judge, found: Array, v: Array, w: Array) -> str:
 
 
 def _judge_64(compute: Compute, judge: _Judge) -> str:
-    """Judge integers of 64 bits; how a u32 is made one of them."""
+    """Judge integers of 64 bits, and return how the driver converts a u32 to one."""
     x = _operands_64()
     found = _run(compute, "canary_int64", x, _ANSWERS_64)
     i, j, shift = x["i"], x["j"], x["shift"].astype(np.int64)
@@ -254,7 +258,7 @@ def _judge_64(compute: Compute, judge: _Judge) -> str:
     signed = x["word"].view(np.int32).astype(np.int64)
     judge.exactly("i64(i32)", found["from_signed"], signed)
     rounded = i.astype(np.float32)
-    # A conversion may go to either neighbour.
+    # WGSL lets a conversion round to either neighbour.
     near = np.abs(found["rounded"] - rounded) <= np.spacing(np.abs(rounded))
     judge.exactly("f32(i64)", found["rounded"], np.where(near, found["rounded"], rounded))
     return judge.allow(
@@ -265,7 +269,7 @@ def _judge_64(compute: Compute, judge: _Judge) -> str:
 
 
 def _judge_readback(compute: Compute, judge: _Judge, words: int) -> None:
-    """Judge whether every word that a shader writes is read back, and from its place."""
+    """Judge whether each of ``words`` words that a shader writes is read back at its index."""
     raw = np.full(words, UNWRITTEN, np.uint32).view(np.uint8)
     groups = -(-words // 64), 1, 1
     bound = [Bound(0, 0, "storage", raw)]
@@ -275,7 +279,7 @@ def _judge_readback(compute: Compute, judge: _Judge, words: int) -> None:
 
 
 def _told_memory(compute: Compute) -> str:
-    """Whether workgroup memory is zero at the start, after others have left something in it."""
+    """Whether workgroup memory begins as zeros after another kernel has written to it."""
     raw = np.full(ROWS * 64, UNWRITTEN, np.uint32).view(np.uint8)
     for entry_point in ("leave", "count"):
         bound = [Bound(0, 0, "storage", raw)]
@@ -291,7 +295,7 @@ def shader(name: str) -> str:
 
 
 def _run(compute: Compute, name: str, operands: Records, answers: np.dtype[np.void]) -> Records:
-    """The answers of a shader to operands."""
+    """Run the shader ``name`` on ``operands`` (ROWS,), and return its answers (ROWS,)."""
     size = ROWS * answers.itemsize
     raw = np.full(size // 4, UNWRITTEN, np.uint32).view(np.uint8)
     bound = [
@@ -305,7 +309,7 @@ def _run(compute: Compute, name: str, operands: Records, answers: np.dtype[np.vo
 
 
 def _operands() -> Records:
-    """Numbers at which the choices differ; see `_judge_32`."""
+    """Random operands (ROWS,) for which a driver's choices give different results."""
     rng = np.random.default_rng(1998)
     x = np.zeros(ROWS, _OPERANDS)
     for name in ("v", "w"):  # of 12 bits, so that products are exact
@@ -328,7 +332,7 @@ def _operands_64() -> Records:
 
 
 def _looped(count: Array, seed: Array) -> Array:
-    """What canary.wgsl's function of the same name returns."""
+    """The results of the function `looped` of canary.wgsl, (ROWS,)."""
     total = seed.copy()
     for k in range(min(int(count.max()), 50)):
         if k & 3 != 1:

@@ -1,4 +1,4 @@
-"""Compute shaders: bytes in, bytes out, or what stays on the device between them."""
+"""Runs compute shaders: bytes go in, bytes come out, and buffers may stay on the device."""
 
 from __future__ import annotations
 
@@ -18,51 +18,50 @@ from halfstep.device.handles import GpuDevice
 from halfstep.device.kept import Kept
 from halfstep.errors import HalfstepError, UsageError
 
-# Of what is wrong with a shader pytest shows the test's line and the message.
+# For a faulty shader, pytest shows only the test's own line and the message.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
-# What buffers hold before a shader writes to them: no number that a computation ends with by
-# chance.
+# Buffers hold this before a shader writes to them. No computation gives this number by chance.
 UNWRITTEN = 0xDEADBEEF
-# Pipelines that are kept.
+# The most pipelines that are kept.
 PIPELINES = 256
 
-# Values of overrides.
+# Values of a shader's `override` constants, by name or number.
 Constants = Mapping[str, float]
 NONE: Constants = MappingProxyType({})
 
 
 class Bindable(Protocol):
-    """What a shader may see, still on the host."""
+    """A resource for a shader, such as a buffer or a texture, that is still on the host."""
 
     @property
     def group(self) -> int:
-        """Where it is bound, with `number`."""
+        """Number of its bind group."""
 
     @property
     def number(self) -> int:
-        """See `group`."""
+        """Number of its binding in the group."""
 
     @property
     def layout(self) -> Mapping[str, object]:
-        """Its entry in the layout of a group of bindings, without place and visibility."""
+        """Its entry in a bind group layout, without number and visibility."""
 
     @property
     def is_written(self) -> bool:
         """Whether a shader may write to it."""
 
     def upload(self, device: GpuDevice) -> Held:
-        """Bring it onto a device."""
+        """Copy it to a device."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """A buffer that a shader sees.
+    """A buffer to bind.
 
     Attributes:
-        group, number: where it is bound.
+        group, number: its bind group and its binding in the group.
         kind: "uniform", "read-only-storage" or "storage".
-        raw: its bytes, a multiple of four.
+        raw: its bytes; the length is a multiple of four.
     """
 
     group: int
@@ -72,16 +71,16 @@ class Bound:
 
     @property
     def layout(self) -> Mapping[str, object]:
-        """As of `Bindable`."""
+        """See `Bindable`."""
         return {"buffer": {"type": self.kind}}
 
     @property
     def is_written(self) -> bool:
-        """As of `Bindable`."""
+        """See `Bindable`."""
         return self.kind == "storage"
 
     def upload(self, device: GpuDevice) -> Held:
-        """As of `Bindable`."""
+        """See `Bindable`."""
         usage = "UNIFORM" if self.kind == "uniform" else "STORAGE|COPY_SRC|INDIRECT"
         buffer = device.create_buffer_with_data(data=self.raw, usage=usage)
         return Held(
@@ -94,13 +93,13 @@ class Bound:
 
 @dataclass(frozen=True)
 class Held:
-    """What a shader may see, on a device.
+    """A resource for a shader that is on a device.
 
     Attributes:
-        bound: what it was on the host.
-        resource: what a group of bindings names it by.
-        read: gives the bytes that it holds.
-        destroy: gives back its memory.
+        bound: the same resource on the host.
+        resource: its entry in a bind group.
+        read: returns its bytes.
+        destroy: frees its memory.
     """
 
     bound: Bindable
@@ -111,7 +110,7 @@ class Held:
 
 @dataclass(frozen=True)
 class Indirect:
-    """A number of workgroups, three words of a buffer on the device.
+    """Counts of workgroups along three axes, read from three words of a buffer on the device.
 
     Attributes:
         held: the buffer.
@@ -123,18 +122,17 @@ class Indirect:
 
 
 class Compute:
-    """A device with the pipelines built on it, each kept for the next use.
+    """Runs shaders on a device, and keeps the pipelines for their next use.
 
     Attributes:
         device: the wgpu.GPUDevice.
-        stack: `stack_of` it.
+        stack: its names and versions; see `stack_of`.
         is_naga: whether naga compiles its shaders.
-        pipelines: those built on it, with the layouts of their groups of bindings, by what they are
-            built from.
+        pipelines: the kept pipelines and their bind group layouts, by what they are built from.
     """
 
     def __init__(self, device: GpuDevice) -> None:
-        """``device`` is a wgpu.GPUDevice; closing it is its owner's business."""
+        """``device`` is a wgpu.GPUDevice, which its owner must close."""
         self.device = device
         self.stack = stack_of(device)
         self.is_naga = type(device).__module__.startswith("wgpu.")
@@ -142,7 +140,7 @@ class Compute:
         self.pipelines: Kept[tuple[object, ...], tuple[object, list[object]]] = Kept(PIPELINES)
 
     def hold(self, bound: Bindable) -> Held:
-        """Bring what a shader sees onto the device, to be there for several runs.
+        """Copy a resource to the device, where it stays for several runs.
 
         Raises:
             DeviceError: the device is lost or out of memory.
@@ -151,7 +149,7 @@ class Compute:
             return bound.upload(self.device)
 
     def read(self, held: Held) -> Bytes:
-        """The bytes that something on the device holds.
+        """The bytes of a resource on the device.
 
         Raises:
             DeviceError: the device is lost or out of memory.
@@ -169,15 +167,16 @@ class Compute:
         name: str = "shader",
         constants: Constants = NONE,
     ) -> list[Bytes]:
-        """Run an entry point; the bytes of all that it may have written to, in order.
+        """Run an entry point, and return the bytes of each resource it may have written, in order.
 
         Args:
             code: WGSL.
-            entry_point: a function of it.
-            bound: all that it uses; what is `Held` stays on the device and is not read.
-            workgroups: how many along each axis.
-            name: of the code, for messages.
-            constants: the values of overrides, by name or number.
+            entry_point: name of the function to run.
+            bound: all resources that it uses; those that are `Held` stay on the device and are not
+                read back.
+            workgroups: how many to run along each axis.
+            name: name of the code in messages.
+            constants: values of `override` constants, by name or number.
 
         Raises:
             UsageError: the code does not compile; the message has the place. Or a pipeline cannot
@@ -207,17 +206,17 @@ class Compute:
         return results
 
     def compile(self, code: str, name: str) -> object:
-        """The shader module of ``code``.
+        """Compile ``code`` to a shader module.
 
         Raises:
-            UsageError: it is not WGSL; the message has the place.
+            UsageError: the code is not valid WGSL; the message gives line and column.
         """
         import wgpu
 
         try:
             return self.device.create_shader_module(label=name, code=code)
         except wgpu.GPUValidationError as error:
-            # All that wgpu says is in the message, after the names of its own functions.
+            # The message has everything that wgpu reports, after the names of its own functions.
             raise UsageError(_reason(str(error), name)) from None
 
     def _pipeline(
@@ -228,7 +227,7 @@ class Compute:
         name: str,
         constants: Constants,
     ) -> tuple[object, list[object]]:
-        """The pipeline, and the layouts of its groups of bindings."""
+        """The pipeline, and its bind group layouts."""
 
         def make() -> tuple[object, list[object]]:
             module = self.compile(code, name)
@@ -268,17 +267,17 @@ def fitting(name: str) -> Iterator[None]:
 
 
 def places_of(bound: Sequence[Bindable]) -> list[tuple[int, int, str]]:
-    """What is bound as far as a pipeline depends on it."""
+    """Group, number and layout of each resource: all that a pipeline depends on."""
     return [(one.group, one.number, str(one.layout)) for one in bound]
 
 
 def group_layouts(
     device: GpuDevice, bound: Sequence[Bindable], read: str, *, written: str
 ) -> list[object]:
-    """The layouts of all groups of bindings.
+    """The bind group layouts of ``bound``, in the order of the groups.
 
-    ``read`` are the stages that see what is only read, ``written`` those that see what a shader may
-    write to.
+    ``read`` names the shader stages that see resources that are only read, ``written`` those that
+    see resources that a shader may write.
     """
     return [
         device.create_bind_group_layout(
@@ -299,7 +298,7 @@ def group_layouts(
 def bind_groups(
     device: GpuDevice, layouts: Sequence[object], held: Sequence[Held]
 ) -> Iterator[object]:
-    """The groups of bindings, in order."""
+    """The bind groups of ``held``, in order."""
     for group, layout in enumerate(layouts):
         entries = [
             {"binding": one.bound.number, "resource": one.resource}
@@ -310,19 +309,19 @@ def bind_groups(
 
 
 def _reason(message: str, name: str) -> str:
-    """What naga, or Dawn's Tint, says of a text, without the names of wgpu's own functions."""
+    """The message of naga or of Dawn's Tint, without the names of wgpu's own functions."""
     _, _, reason = message.partition("In wgpuDeviceCreateShaderModule")
     if not reason:
         return f"{name}: {_reason_of_tint(message, name)}"
     kinds = r"(Shader '.*' parsing error: |Shader validation error: )?"
     reason = re.sub(rf"^(, label = '.*')?\s*{kinds}", "", reason)
-    # After the lines of the text it says all again.
+    # After a blank line the message repeats itself.
     reason, _, _ = reason.partition("\n\n")
     return f"{name}: " + re.sub(r"(┌─ )\w*:", lambda match: f"{match[1]}{name}:", reason)
 
 
 def _reason_of_tint(message: str, name: str) -> str:
-    """What Tint says, its places written as naga writes them."""
+    """Tint's message, with line and column in naga's form."""
     reason = message.removeprefix("Error while parsing WGSL: ").partition("\n\n\n - While")[0]
     return re.sub(
         r"^:(\d+:\d+) (?:error|(note|warning)): (.*)$",

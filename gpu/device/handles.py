@@ -1,7 +1,7 @@
-"""What Halfstep uses of the objects of wgpu, which ships no types.
+"""Types for the members of wgpu's objects that Halfstep uses; wgpu ships no types.
 
-Descriptors are keywords and mappings as of WebGPU. What is only handed back to wgpu is an object:
-layouts, pipelines, modules, sets of queries, groups of bindings.
+Descriptors are keywords and mappings, as WebGPU defines them. Values that are only passed back to
+wgpu have the type ``object``: layouts, pipelines, modules, query sets, bind groups.
 """
 
 # ruff: noqa: D102 - WebGPU describes these
@@ -17,7 +17,7 @@ Entries = Sequence[Mapping[str, object]]
 
 
 class Info(TypedDict):
-    """What the driver tells of an adapter."""
+    """The driver's description of an adapter."""
 
     device: str
     adapter_type: str
@@ -72,7 +72,7 @@ class GpuPass(Protocol):
 
     def set_pipeline(self, pipeline: object) -> None: ...
     def set_bind_group(self, index: int, bind_group: object, offsets: Sequence[int] = ...) -> None:
-        """The offsets are those of bindings that have dynamic ones."""
+        """``offsets`` has one value in bytes for each binding with a dynamic offset."""
 
     def dispatch_workgroups(self, x: int, y: int = 1, z: int = 1) -> None: ...
     def dispatch_workgroups_indirect(self, buffer: GpuBuffer, offset: int) -> None: ...

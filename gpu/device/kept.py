@@ -1,4 +1,4 @@
-"""What is kept for the next use, but not without end."""
+"""A cache with a largest number of values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from halfstep.errors import HalfstepError
 
-# Of what is wrong with a shader pytest shows the test's line and the message.
+# For a faulty shader, pytest shows only the test's own line and the message.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 K = TypeVar("K")
@@ -17,10 +17,10 @@ V = TypeVar("V")
 
 
 class Kept(OrderedDict[K, V]):
-    """Values by key, of which the one that was not used for longest goes when there are too many.
+    """Values by key. When there are too many, the least recently used one is dropped.
 
     Attributes:
-        most: how many there are at most.
+        most: the largest number of values.
     """
 
     def __init__(self, most: int) -> None:
@@ -28,7 +28,7 @@ class Kept(OrderedDict[K, V]):
         self.most = most
 
     def get_or_make(self, key: K, make: Callable[[], V]) -> V:
-        """The value of a key, made where it is not here."""
+        """The value of ``key``; ``make`` makes it if it is not in the cache."""
         if key not in self:
             value = make()
             while len(self) >= self.most:

@@ -1,8 +1,8 @@
-"""Loading wgpu in a third of the time that a bare import and its first calls take.
+"""Loads wgpu in a third of the time that a bare import and its first calls take.
 
-wgpu-py hands every C struct to cffi under the name of its type. For each name that is new to it,
-cffi parses all 440 type definitions of wgpu's header again, 20 ms each time; a first frame meets
-fifty. Here they are parsed in one go.
+wgpu-py passes every C struct to cffi by the name of its type. For each new name, cffi parses all
+440 type definitions of wgpu's header again, which takes 20 ms. A first frame needs fifty names.
+This module parses them all at once.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-# What wgpu-py 0.32 names from listing adapters to reading a frame back. A name that is missing
-# costs its 20 ms, one that another version lacks nothing.
+# The type names that wgpu-py 0.32 uses from listing adapters to reading a frame back. A name that
+# is missing here costs 20 ms. A name that another version lacks costs nothing.
 TYPES = (
     "WGPUAdapter[]",
     "WGPUAdapterInfo *",
@@ -68,10 +68,10 @@ _PARSED = "WGPUStringView *"
 
 
 def load() -> Any:
-    """The module wgpu, with its backend.
+    """Load the module wgpu and its backend.
 
     Raises:
-        ImportError, OSError, RuntimeError: whatever keeps wgpu from being loaded.
+        ImportError, OSError, RuntimeError: wgpu cannot be loaded.
     """
     with _no_collection():
         import wgpu
@@ -82,10 +82,10 @@ def load() -> Any:
 
 
 def parse_types(ffi: Any) -> None:
-    """Fill the cache of ``ffi``, a cffi.FFI, that says which type each of ``TYPES`` names.
+    """Enter all of ``TYPES`` in the cache of ``ffi``, a cffi.FFI, that maps names to types.
 
-    The cache is cffi's own business: where it does not look as expected, it is left alone, and
-    everything works as slowly as without.
+    The cache is private to cffi. If it does not look as expected, it is left alone: then everything
+    works, but more slowly.
     """
     cache = getattr(ffi, "_parsed_types", None)
     if not isinstance(cache, dict) or cache.get(_PARSED) != (ffi.typeof(_PARSED), False):
@@ -99,9 +99,9 @@ def parse_types(ffi: Any) -> None:
 
 
 def _parameter(name: str) -> str:
-    """A type that a parameter can have from which the one that ``name`` names is found.
+    """A parameter type that contains the type ``name``.
 
-    A parameter cannot be an array or a function, but a pointer to one.
+    A parameter cannot be an array or a function, so these become pointers to one.
     """
     if name.endswith("[]"):
         return name.replace("[]", "(*)[]")
@@ -110,10 +110,10 @@ def _parameter(name: str) -> str:
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Let no cyclic garbage be looked for.
+    """Switch Python's cyclic garbage collector off.
 
-    Parsing the header makes a hundred thousand objects that stay: to look through them over and
-    over takes longer than making them.
+    Parsing the header makes a hundred thousand objects that stay. Collecting garbage among them
+    again and again takes longer than making them.
     """
     enabled = gc.isenabled()
     gc.disable()

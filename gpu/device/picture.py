@@ -1,4 +1,4 @@
-"""A triangle drawn over a whole picture, so that a fragment shader runs once for each pixel."""
+"""Draws a triangle over a whole picture, so that a fragment shader runs once for each pixel."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from halfstep.device.handles import GpuDevice
 from halfstep.device.textures import DEPTH, FORMATS, OVERWRITES, read_texels
 from halfstep.errors import HalfstepError
 
-# Of what is wrong with a shader pytest shows the test's line and the message.
+# For a faulty shader, pytest shows only the test's own line and the message.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
-# The format of a target that no color is drawn into.
+# The format of a target that gets no color.
 _UNUSED = "r8unorm"
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """What draws a picture.
+    """The shaders that draw a picture.
 
     Attributes:
         code: WGSL.
-        vertex: its entry point that gives the corners of a triangle.
-        fragment: its entry point that gives the pixels.
-        targets: location -> one of `FORMATS`, of the colors that it gives.
-        has_depth: whether it gives a depth too.
+        vertex: its entry point for the corners of a triangle.
+        fragment: its entry point for the pixels.
+        targets: the format, one of `FORMATS`, of each color output by location.
+        has_depth: whether the fragment shader also writes a depth.
     """
 
     code: str
@@ -55,9 +55,9 @@ class Drawn(NamedTuple):
     """A picture.
 
     Attributes:
-        colors: location -> (height, width, channels).
-        depth: (height, width), if the shader gives one.
-        written: the bytes of all that is bound and may have been written to, in order.
+        colors: an array (height, width, channels) by location.
+        depth: (height, width), or None if the shader writes no depth.
+        written: the bytes of each resource that the shader may have written, in order.
     """
 
     colors: dict[int, Array]
@@ -79,17 +79,17 @@ def draw(
     Args:
         compute: the device.
         drawing: the shaders.
-        size: in pixels.
-        bound: all that they use.
-        name: of the code, for messages.
-        constants: the values of overrides, by name or number.
+        size: width and height in pixels.
+        bound: all resources that the shaders use.
+        name: name of the code in messages.
+        constants: values of `override` constants, by name or number.
 
     Raises:
-        UsageError: the code does not compile; the message has the place.
-        DeviceError: the device is lost, refuses what is bound or is out of memory.
+        UsageError: the code does not compile; the message gives line and column.
+        DeviceError: the device is lost, refuses a resource or is out of memory.
     """
     device = compute.device
-    # wgpu-py knows no location without a target.
+    # wgpu-py needs a target at every location up to the highest one used.
     formats = dict.fromkeys(range(max(drawing.targets, default=0)), _UNUSED) | dict(drawing.targets)
     key = (*vars(drawing).values(), tuple(sorted(constants.items())), *places_of(bound))
     pipeline, layouts = compute.pipelines.get_or_make(
@@ -128,7 +128,7 @@ def _pipeline(
     name: str,
     constants: Constants,
 ) -> tuple[object, list[object]]:
-    """The pipeline, and the layouts of its groups of bindings."""
+    """The pipeline, and its bind group layouts."""
     module, device = compute.compile(drawing.code, name), compute.device
     shader = {"module": module, "constants": dict(constants)}
     with wgpu_errors(compute.label), fitting(f"{name}: {drawing.fragment}"):
@@ -155,7 +155,7 @@ def _pipeline(
 
 
 class _Target:
-    """A texture that is drawn into."""
+    """A texture to draw into."""
 
     def __init__(self, device: GpuDevice, size: tuple[int, int], format_: str) -> None:
         self._device, self._size = device, size
@@ -168,7 +168,7 @@ class _Target:
         )
 
     def color_attachment(self) -> Mapping[str, object]:
-        """What a pass draws colors into."""
+        """The attachment for the colors of a render pass."""
         return {
             "view": self._texture.create_view(),
             "load_op": "clear",
@@ -177,7 +177,7 @@ class _Target:
         }
 
     def depth_attachment(self) -> Mapping[str, object]:
-        """What a pass draws depths into."""
+        """The attachment for the depths of a render pass."""
         return {
             "view": self._texture.create_view(),
             "depth_load_op": "clear",
@@ -186,7 +186,7 @@ class _Target:
         }
 
     def read(self) -> Array:
-        """What was drawn, (height, width, channels); nothing can be drawn any more."""
+        """The texels (height, width, channels). This frees the texture."""
         width, height = self._size
         shape = 1, height, width, self._channels
         raw = read_texels(self._device, self._texture, shape, self._dtype, aspect=self._aspect)

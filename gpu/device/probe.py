@@ -1,4 +1,4 @@
-"""What a device tells only by running a small kernel."""
+"""Facts about a device that only a small kernel can find."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 from halfstep.contract.arrays import Array
 from halfstep.device.compute import Bound, Compute
 
-# Rounds asked of a loop: around powers of two, where counters end.
+# Numbers of rounds that the kernel tries, around powers of two, where counters overflow.
 _EDGES = 1 << np.arange(8, 21)
 ASKED = np.concatenate([_EDGES - 1, _EDGES, _EDGES + 1]).astype(np.uint32)
-# The most rounds that a device is seen to run. Work is split before them on every device.
+# The most rounds that the kernel tries. Work is split below this number on every device.
 MOST_ROUNDS = int(ASKED.max())
 
 
 def loop_limit(compute: Compute) -> int | None:
-    """Rounds after which the driver ends loops; None where it runs `MOST_ROUNDS`.
+    """Rounds after which the driver ends loops; None if it runs `MOST_ROUNDS`.
 
-    lavapipe of Mesa 22.3 ends all loops of an invocation after 65,535 rounds, those of its
-    neighbours in the same vector counted with them.
+    lavapipe of Mesa 22.3 ends all loops of an invocation after 65,535 rounds. It counts the rounds
+    of all invocations in the same vector together.
 
     Raises:
         DeviceError: the device is lost or out of memory.
@@ -35,7 +35,7 @@ def loop_limit(compute: Compute) -> int | None:
 
 
 def subgroup_size(compute: Compute) -> int:
-    """How many invocations are in a subgroup: adapters tell no more than a range.
+    """The number of invocations in a subgroup. Adapters report only a range.
 
     Raises:
         DeviceError: the device is lost or out of memory.
@@ -47,7 +47,7 @@ def subgroup_size(compute: Compute) -> int:
 def _run(
     compute: Compute, name: str, entry_point: str, bound: list[Bound], workgroups: int
 ) -> Array:
-    """The words that a kernel leaves in its buffer of kind "storage"."""
+    """The words that a kernel writes to its buffer of kind "storage"."""
     code = files("halfstep.wgsl").joinpath(f"{name}.wgsl").read_text(encoding="utf-8")
     [found] = compute.run(code, entry_point, bound, (workgroups, 1, 1), name=f"{name}.wgsl")
     return found.view(np.uint32)

@@ -1,4 +1,4 @@
-"""Textures and samplers that a shader sees, and the formats that texels have."""
+"""Textures and samplers to bind, and the formats of texels."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class Format(NamedTuple):
     """A format of texels.
 
     Attributes:
-        dtype: of one channel in NumPy.
-        channels: how many there are.
-        scalar: what a shader sees of one, as WGSL calls it.
-        feature: without which a device has none; "" if all have it.
+        dtype: NumPy type of one channel.
+        channels: number of channels.
+        scalar: WGSL type of one channel in a shader.
+        feature: the feature that a device needs for this format; "" if it needs none.
     """
 
     dtype: np.dtype[np.generic]
@@ -29,7 +29,7 @@ class Format(NamedTuple):
     feature: str = ""
 
 
-# Of each kind of channel: bits -> type in NumPy, and what a shader sees.
+# For each kind of channel: NumPy types by bits, and the WGSL type in a shader.
 _KINDS = {
     "unorm": ({8: "u1", 16: "u2"}, "f32"),
     "snorm": ({8: "i1", 16: "i2"}, "f32"),
@@ -39,7 +39,7 @@ _KINDS = {
 }
 _NORM16 = "texture-format16bit-norm"
 FILTERABLE = "float32-filterable"
-# Features that bring formats, or more that can be done with them.
+# Features that add formats, or uses of them.
 FEATURES = (
     FILTERABLE,
     _NORM16,
@@ -59,7 +59,7 @@ FORMATS = {
     for channels in ("r", "rg", "rgba")
 } | {"bgra8unorm": Format(np.dtype("u1"), 4, "f32", "bgra8unorm-storage")}
 DEPTH = "depth32float"
-# How depths are drawn over those that are there.
+# A depth state by which new depths always replace old ones.
 OVERWRITES = {"format": DEPTH, "depth_write_enabled": True, "depth_compare": "always"}
 # How many samples a texel of a multisampled texture has, and the formats that WebGPU has of such.
 SAMPLES = 4
@@ -72,13 +72,13 @@ MULTISAMPLED = frozenset(
 
 @dataclass(frozen=True)
 class BoundTexture:
-    """A texture that a shader sees.
+    """A texture to bind.
 
     Attributes:
-        group, number: where it is bound.
-        dimension: of its view, as WebGPU calls it.
+        group, number: its bind group and its binding in the group.
+        dimension: WebGPU's dimension of its view.
         format: one of `FORMATS`, or `DEPTH`.
-        access: "" of a texture that is sampled, or as WebGPU calls it of a storage texture.
+        access: "" for a sampled texture, or WebGPU's access of a storage texture.
         filtered: whether a sampler may take the mean of texels.
         levels: of each level (layers or depth, height, width, channels), the finest first.
         is_multisampled: whether the layers are samples of the same texels.
@@ -95,7 +95,7 @@ class BoundTexture:
 
     @property
     def layout(self) -> Mapping[str, object]:
-        """As of `Bindable`."""
+        """See `Bindable`."""
         if self.access:
             return {
                 "storage_texture": {
@@ -123,7 +123,7 @@ class BoundTexture:
 
     @property
     def is_written(self) -> bool:
-        """As of `Bindable`."""
+        """See `Bindable`."""
         return self.access in ("write-only", "read-write")
 
     def upload(self, device: GpuDevice) -> Held:
@@ -171,10 +171,10 @@ class BoundTexture:
 
 @dataclass(frozen=True)
 class BoundSampler:
-    """A sampler that a shader sees.
+    """A sampler to bind.
 
     Attributes:
-        group, number: where it is bound.
+        group, number: its bind group and its binding in the group.
         filter: "nearest" or "linear".
         address: what is beyond an edge, as WebGPU calls it.
         compare: how a depth is compared, as WebGPU calls it; "" of an ordinary sampler.
@@ -196,11 +196,11 @@ class BoundSampler:
 
     @property
     def is_written(self) -> bool:
-        """As of `Bindable`."""
+        """See `Bindable`."""
         return False
 
     def upload(self, device: GpuDevice) -> Held:
-        """As of `Bindable`."""
+        """See `Bindable`."""
         sampler = device.create_sampler(
             **{f"address_mode_{axis}": self.address for axis in "uvw"},
             **{f"{name}_filter": self.filter for name in ("mag", "min")},
@@ -229,7 +229,7 @@ def read_texels(
     *,
     aspect: str = "all",
 ) -> Bytes:
-    """The bytes of the texels of a texture, (layers or depth, height, width, channels)."""
+    """The bytes of a texture's texels; ``shape`` is (layers or depth, height, width, channels)."""
     layers, height, width, channels = shape
     data = device.queue.read_texture(
         {"texture": texture, "aspect": aspect},

@@ -1,11 +1,11 @@
-"""Picture files: their ending decides what they hold, and how they are written and read.
+"""Picture files: the ending of a file decides its content, and how it is written and read.
 
     names = plan("figure.exr", ("depth", "normal"))
     frame = render(scene, outputs=names)
     write("figure.exr", frame, names)
 
-`plan` finds before rendering what can be wrong with a file. Every file says how its picture
-was made; `read_provenance` reads that.
+`plan` finds faults of a file before rendering. Every file records how its picture was made, and
+`read_provenance` reads this.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Read = TypeVar("Read")
 
 TYPES = (PNG, TIFF, EXR, NPZ)
 ENDINGS = {ending: type_ for type_ in TYPES for ending in type_.endings}
-# What provenance is read from.
+# The types of files from which provenance is read.
 READ: dict[str, FileType] = {**ENDINGS, **MOVIES}
 
 
@@ -42,21 +42,20 @@ def plan(
     file: File,
     outputs: Iterable[str] | None = None,
     *,
-    format: str | None = None,  # noqa: A002 - as Pillow and imageio call it
+    format: str | None = None,  # noqa: A002 - its name in Pillow and imageio
     solids: int = 0,
 ) -> tuple[str, ...]:
-    """The outputs that ``file`` will hold, and so those to render.
+    """The outputs that ``file`` will hold, which are those to render.
 
     Args:
         file: a path, whose ending decides the type, or a file object.
-        outputs: those asked for; None for those that such a file usually has.
-        format: the type of a file object, as ``"png"``.
-        solids: how many the scene has.
+        outputs: names of the requested outputs; None requests the usual ones of this type of file.
+        format: the type of a file object, such as ``"png"``.
+        solids: the number of solids in the scene.
 
     Raises:
-        UsageError: the file cannot be written, or cannot hold these outputs or as many solids as
-            the scene has; an output or the format is unknown; a package that writes such files is
-            missing.
+        UsageError: the file cannot be written, or cannot hold these outputs or this many solids; an
+            output or the format is unknown; a package that writes such files is missing.
     """
     type_ = _type(file, format)
     name = _called(file)
@@ -74,27 +73,30 @@ def write(
     frame: Frame,
     outputs: Iterable[str] | None = None,
     *,
-    format: str | None = None,  # noqa: A002 - as Pillow and imageio call it
+    format: str | None = None,  # noqa: A002 - its name in Pillow and imageio
 ) -> Provenance:
-    """Write outputs of ``frame`` to a file: a path over what is there, all of it or nothing.
+    """Write outputs of ``frame`` to a file.
+
+    A file at a path is replaced whole, or not at all.
 
     Args:
         file: a path, whose ending decides the type, or a file object that takes bytes.
         frame: has the outputs to write.
-        outputs: those to write. By default those that such a file usually has; where the frame
-            lacks one of them, all that it has, or, in a file of one output, the only one but
-            ``solid``.
-        format: the type of a file object, as ``"png"``.
+        outputs: names of the outputs to write, by default the usual ones of this type of file. If
+            the frame lacks one of these, the default is all outputs of the frame. A file that holds
+            one output then gets the frame's only output besides ``solid``.
+        format: the type of a file object, such as ``"png"``.
 
     Returns:
-        What the file says of itself: the provenance, ``outputs`` and, for a PNG of numbers that
+        The facts that the file records: the provenance, ``outputs`` and, for a PNG of numbers that
         are spread over its grey levels, ``range``, the numbers that 1 and 65535 stand for.
 
     Raises:
-        UsageError: as `plan`; ``frame`` is none, or has several outputs, of which one must be
-            named.
+        UsageError: see `plan`; or ``frame`` is not a Frame, or has several outputs of which one
+            must be named.
         AttributeError: an output was not computed.
-        HalfstepError: the system refuses to write, as on a full disk; a path is as before.
+        HalfstepError: the system refuses to write, for example on a full disk; a file at the path
+            is unchanged.
         OSError: the file object refuses.
     """
     type_ = _type(file, format)
@@ -105,7 +107,7 @@ def write(
     if isinstance(file, str | os.PathLike):
         with replacing(file) as partial:
             return type_.write(partial, frame, names, facts)
-    # Not all libraries write to a file object.
+    # Some libraries cannot write to a file object.
     with TemporaryDirectory() as folder:
         whole = Path(folder, "frame")
         with replacing(whole) as partial:
@@ -126,7 +128,7 @@ def _held(
     held = _ordered(there - type_.refused.keys())
     if not type_.single:
         return held
-    # There is always a solid.
+    # Every frame has the output `solid`, so it does not make a choice ambiguous.
     chosen = [each for each in held if each != "solid"] or held
     if len(chosen) != 1:
         raise UsageError(
@@ -137,7 +139,7 @@ def _held(
 
 
 def _asked(name: str, type_: FrameType, outputs: Iterable[str]) -> set[str]:
-    """The outputs asked for, which a file of a type can hold."""
+    """The requested outputs, checked against what a file of this type can hold."""
     asked = {outputs} if isinstance(outputs, str) else set(outputs)
     check_outputs(asked)
     for refused, reason in type_.refused.items():
@@ -157,12 +159,12 @@ def _ordered(names: Collection[str]) -> tuple[str, ...]:
 
 
 def read_provenance(path: str | os.PathLike[str]) -> Provenance | None:
-    """What a file says of how its picture was made, None where it says nothing.
+    """The provenance that a file records; None if it records none.
 
     Raises:
-        UsageError: the file is not there, or of a type that is not read; a package that reads
-            such files is missing.
-        HalfstepError: the file is not what its ending says, or broken.
+        UsageError: the file is not there, or its type cannot be read; a package that reads such
+            files is missing.
+        HalfstepError: the file is of another type than its ending tells, or broken.
     """
     path, type_ = _readable(path)
     text = _read(path, type_, type_.read)
@@ -222,7 +224,7 @@ def _read(path: Path, type_: FileType, read: Callable[[Path], Read]) -> Read:
 
 
 def _type(file: File, format_: str | None) -> FrameType:
-    """The type of a file that can be written."""
+    """The type of a file, checked for being writable."""
     if isinstance(file, str | os.PathLike):
         if format_ is not None:
             raise UsageError(f"format: {format_!r} is given with a path, whose ending decides it")
@@ -240,7 +242,7 @@ def _type(file: File, format_: str | None) -> FrameType:
 
 
 def _called(file: File) -> str:
-    """What messages call a file."""
+    """The name of a file in messages."""
     if isinstance(file, str | os.PathLike):
         return os.fspath(file)
     name = getattr(file, "name", None)

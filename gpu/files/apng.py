@@ -1,7 +1,7 @@
-"""PNG that moves.
+"""Animated PNG.
 
-Compressed by Pillow, picture by picture, but put together here: Pillow makes one frame of equal
-ones, and of a single one a picture without a duration.
+Pillow compresses each picture, and this module joins them. Pillow's own animations merge equal
+frames into one, and have no duration if there is a single frame.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _STAYS, _REPLACES = 0, 0
 def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -> None:
     frames = [(change, _chunks(png(change.pixels))) for change in changes(pictures)]
     _, first = frames[0]
-    # Of all chunks of frames together.
+    # Sequence numbers count all chunks of all frames.
     numbers = itertools.count()
     with path.open("wb") as file:
         file.write(PNG_SIGNATURE + chunk(b"IHDR", first[b"IHDR"]))
@@ -42,14 +42,14 @@ def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -
 
 
 def _control(change: Change, milliseconds: int) -> bytes:
-    """Where a frame is, and how long it lasts."""
+    """The position, size and duration of a frame."""
     rows, columns, _ = change.pixels.shape
     box = struct.pack(">IIII", columns, rows, change.x, change.y)
     return box + struct.pack(">HHBB", milliseconds, 1000, _STAYS, _REPLACES)
 
 
 def _chunks(data: bytes) -> dict[bytes, bytes]:
-    """What the chunks of a PNG hold, by kind."""
+    """The content of the chunks of a PNG by kind; chunks of the same kind are joined."""
     found: dict[bytes, bytes] = {}
     begin = len(PNG_SIGNATURE)
     while begin < len(data):

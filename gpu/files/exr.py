@@ -1,6 +1,6 @@
 """EXR: outputs as named channels of 32-bit floats and integers, for compositing.
 
-One part of scan lines, losslessly compressed.  Colours are linear, as the format wants them.
+A file has one part of scan lines, losslessly compressed. Colours are linear, as EXR requires.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance
 
 
 def _planes(array: Array) -> Iterator[F32 | U32]:
-    """Components (H, W) of an output; of integers -1 becomes 0xFFFFFFFF."""
+    """Components (H, W) of an output. The integer -1 becomes 0xFFFFFFFF."""
     if np.issubdtype(array.dtype, np.floating):
         array = finite(array)
     else:

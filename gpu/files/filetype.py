@@ -1,4 +1,4 @@
-"""What a type of file is: what it holds, and how it is written and read."""
+"""Types of files: what they hold, and how they are written and read."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ Rgb = Bytes  # (H, W, 3), sRGB
 
 @dataclass(frozen=True, kw_only=True)
 class FileType:
-    """A type of file that says how its content was made."""
+    """A type of file that records how its content was made."""
 
     name: str
-    # Text of the provenance in a file, None where there is none.  Where the file is of another
-    # type, or broken, it raises whatever its reader does.
+    # Reads the text of the provenance in a file; None if it has none. For a file that is broken or
+    # of another type, it raises any exception of its library.
     read: Callable[[Path], str | None]
-    # A package that is not always there, and the extra that brings it.
+    # The optional package that this type needs, and Halfstep's extra that installs it.
     package: str | None = None
     extra: str | None = None
 
     def check_package(self, path: str | os.PathLike[str]) -> None:
-        """See whether the package is there that such files as ``path`` need, if they need one.
+        """Check that the package for files of this type, such as ``path``, is installed.
 
         Raises:
-            UsageError: it is not; the message says how to install it.
+            UsageError: the package is missing; the message tells how to install it.
         """
         if self.package is None:
             return
@@ -50,18 +50,18 @@ class FrameType(FileType):
     """A type of file that holds outputs of one frame."""
 
     endings: tuple[str, ...]
-    # Outputs of a file for which none are named.
+    # Outputs of a file if the user names none.
     default: tuple[str, ...]
-    # Writes outputs of a frame to a path and returns what the file says of itself: the provenance
-    # it was given, with what only the writing tells.
+    # Writes outputs of a frame to a path, and returns the facts that the file records: the given
+    # provenance, and facts that only writing determines.
     write: Callable[[Path, Frame, tuple[str, ...], Provenance], Provenance]
-    # A file holds exactly one output.
+    # Whether a file holds exactly one output.
     single: bool = False
-    # Outputs that every file holds if it is planned before rendering.
+    # Outputs that are rendered for every file, whatever the user names.
     always: tuple[str, ...] = ()
-    # Solids that the output of this name can number.
+    # The most solids that the output `solid` can number.
     most_solids: float = float("inf")
-    # Outputs that no file holds, and why.
+    # Outputs that files cannot hold, with the reason.
     refused: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -69,12 +69,12 @@ class FrameType(FileType):
 class MovieType(FileType):
     """A type of animated file."""
 
-    # Writes pictures that last 1/fps seconds each, and what the file says of itself.
+    # Writes pictures that last 1/fps seconds each, and the facts that the file records.
     write: Callable[[Path, Iterable[Rgb], float, Provenance], None]
-    # Frames in a second, and why no more.
+    # The most frames in a second, and the reason.
     fastest: float = float("inf")
     too_fast: str = ""
-    # Pixels of width and height.
+    # The largest width and height in pixels.
     largest: float = float("inf")
-    # Width and height are even.
+    # Whether width and height must be even.
     even: bool = False

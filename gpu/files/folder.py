@@ -1,8 +1,9 @@
-"""A folder of numbered frames, which any number of runs and machines fill.
+"""A folder of numbered frames that any number of runs and machines may fill.
 
-A frame appears whole or not at all, so one that is there is finished; a small manifest says of what
-they all are. A run that was killed is resumed by starting it again. Runs need no locks, which not
-every network has: frames of one manifest are equal, so it does not matter who writes one.
+A frame appears whole or not at all, so every frame in the folder is finished. A small manifest
+records the scene and options of all frames. A killed run resumes when it is started again. Runs
+need no locks, which some network file systems lack: frames with the same manifest are equal, so any
+run may write a frame.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ Manifest = dict[str, Any]
 
 
 def manifest(scene: Scene, backend: str, adapter: str | int | None) -> Manifest:
-    """What the frames of an animated scene depend on, for people and for comparison."""
+    """Everything that the frames of an animated scene depend on, for people and for comparison."""
     animation, image, accuracy = scene.effective_animation(), scene.image, scene.accuracy
     return {
         "version": __version__,
@@ -46,21 +47,21 @@ def manifest(scene: Scene, backend: str, adapter: str | int | None) -> Manifest:
 
 
 class FrameFolder:
-    """The frames of one animation in a folder, as ``frame_0000.png`` and so on."""
+    """The frames of one animation in a folder: ``frame_0000.png`` and so on."""
 
     def __init__(
         self, path: str | os.PathLike[str], manifest: Manifest, *, overwrite: bool = False
     ) -> None:
-        """See whether frames can be written to ``path``; nothing is changed there yet.
+        """Check that frames can be written to ``path``. This changes nothing there yet.
 
         Args:
             path: the folder; it is made when the first frame is written.
-            manifest: of the frames.
-            overwrite: frames that are there are not kept.
+            manifest: the manifest of the frames.
+            overwrite: replace frames that are in the folder already.
 
         Raises:
-            UsageError: the folder cannot be written, or has frames of something else and
-                ``overwrite`` is not given.
+            UsageError: the folder cannot be written, or has frames of another manifest and
+                ``overwrite`` is False.
         """
         self.path = Path(path)
         self._manifest = manifest
@@ -70,19 +71,19 @@ class FrameFolder:
             self._check_same()
 
     def missing(self, numbers: Iterable[int]) -> list[int]:
-        """Those of the frames ``numbers`` that are to be rendered."""
+        """The frames among ``numbers`` that must be rendered."""
         return [each for each in numbers if self._overwrite or not self.frame_path(each).is_file()]
 
     def frame_path(self, number: int) -> Path:
-        """Where frame ``number`` is or will be."""
+        """The path of frame ``number``, whether it is there or not."""
         digits = max(4, len(str(self._manifest["frames"] - 1)))
         return self.path / f"frame_{number:0{digits}}.png"
 
     def begin(self, numbers: Iterable[int]) -> None:
-        """Make the folder ready for the frames ``numbers``, those that are `missing`.
+        """Prepare the folder for the frames ``numbers``, which `missing` gave.
 
         Raises:
-            UsageError: it has frames of something else by now.
+            UsageError: the folder has got frames of another manifest in the meantime.
             HalfstepError: the system refuses.
         """
         if not self._overwrite:
@@ -91,7 +92,7 @@ class FrameFolder:
         with self._refusing():
             self.path.mkdir(parents=True, exist_ok=True)
             if self._overwrite:
-                # A run that is killed must leave no frame beside the manifest of others, nor one
+                # Delete first: a killed run must leave no frame of another manifest, and no frame
                 # that it was to render again.
                 for frame in map(self.frame_path, numbers) if same else self._frames():
                     frame.unlink(missing_ok=True)
@@ -100,11 +101,11 @@ class FrameFolder:
             write_file(self.path / MANIFEST, text.encode())
 
     def write(self, number: int, frame: Frame) -> None:
-        """Write the image of frame ``number``, all of it or nothing.
+        """Write the image of frame ``number``, whole or not at all.
 
         Raises:
-            HalfstepError: another run has made the folder that of another animation; the system
-                refuses, as on a full disk.
+            HalfstepError: another run has changed the manifest; or the system refuses, for example
+                on a full disk.
         """
         if not self._is_same():
             raise HalfstepError(f"{self.path}: {self._difference()}; another run has begun since")
@@ -112,14 +113,15 @@ class FrameFolder:
         try:
             write(path, frame, ("image",))
         except HalfstepError:
-            # Another run has written this frame too, and tidied.
+            # If another run has written this frame too, its `tidy` may remove this run's part.
             if not path.is_file():
                 raise
 
     def tidy(self) -> None:
-        """Remove what is half-written of frames that are there.
+        """Remove half-written files of frames that are finished.
 
-        Killed runs have left it, or others still write it, who then find the frame there.
+        Killed runs have left them, or other runs are still writing them; those will find the
+        finished frame.
 
         Raises:
             HalfstepError: the system refuses.
@@ -132,7 +134,7 @@ class FrameFolder:
 
     @contextmanager
     def _refusing(self) -> Iterator[None]:
-        """A block of which what the system refuses is a failure."""
+        """Turn an OSError of the block into a HalfstepError."""
         try:
             yield
         except OSError as error:
@@ -142,7 +144,7 @@ class FrameFolder:
         return (path for path in self.path.iterdir() if _FRAME.fullmatch(path.name))
 
     def _manifest_there(self) -> Manifest | None:
-        """The manifest in the folder; None where there is none that can be read."""
+        """The manifest in the folder; None if it is missing or cannot be read."""
         try:
             there = json.loads((self.path / MANIFEST).read_bytes())
         except (OSError, ValueError, RecursionError):
@@ -150,7 +152,7 @@ class FrameFolder:
         return there if isinstance(there, dict) else None
 
     def _is_same(self) -> bool:
-        # Compared as JSON gives it back.
+        # JSON turns tuples into lists, so both sides are compared after a round trip.
         return self._manifest_there() == json.loads(json.dumps(self._manifest))
 
     def _check_same(self) -> None:
@@ -159,12 +161,12 @@ class FrameFolder:
         raise UsageError(f"{self.path}: {self._difference()}; --overwrite renders them again")
 
     def _difference(self) -> str:
-        """What differs between the manifest in the folder and this one, in words."""
+        """The differences between the manifest in the folder and this one, in words."""
         there, here = self._manifest_there(), self._manifest
         if there is None:
             return f"has frames but no {MANIFEST} that says of what"
         names = [name for name in {**here, **there} if there.get(name) != here.get(name)]
-        # The hash of the scene covers most of the others, and tells people least.
+        # The scene's hash covers most other facts, and tells people nothing.
         named = [name for name in names if name != "scene_sha256"]
         told = [f"{name} {there.get(name)} there, {here.get(name)} here" for name in named]
         return f"its frames are others: {', '.join(told) or 'the scene has changed'}"

@@ -1,7 +1,7 @@
-"""GIF that moves, each frame with the 256 colours that suit it best.
+"""Animated GIF. Each frame has the 256 colours that suit it best.
 
-Compressed by Pillow, picture by picture, but put together here: Pillow makes one frame of equal
-ones, which may then last longer than a frame can.
+Pillow compresses each picture, and this module joins them. Pillow's own animations merge equal
+frames into one, which may then last longer than the format allows.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from halfstep.files.provenance import Provenance, to_text
 
 _HUNDREDTH = 10  # ms, the unit of a frame's duration
 _FOREVER = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
-_STAYS = 1 << 2  # what a frame shows, under the next one
-_PALETTE = 0x80  # there is one
-_SIZE = 0x07  # its size: 2 << of these bits
+_STAYS = 1 << 2  # a frame stays visible under the next one
+_PALETTE = 0x80  # the frame has a palette
+_SIZE = 0x07  # bits k of the palette's size, which is 2 << k colours
 _EXTENSION = 0x21
 
 
@@ -43,7 +43,7 @@ def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -
 class _Image(NamedTuple):
     """A compressed picture."""
 
-    size: int  # of the palette
+    size: int  # the bits k of the palette's size; see _SIZE
     palette: bytes
     data: bytes
 
@@ -54,7 +54,7 @@ def _compressed(pixels: Rgb) -> _Image:
     file = BytesIO()
     fromarray(pixels).save(file, "GIF", interlace=False)
     gif = file.getvalue()
-    # A header, a palette for all of the file, extensions, one picture, the end.
+    # Pillow's file has a header, a palette for the whole file, extensions, one picture, an end.
     size = gif[10] & _SIZE
     begin = 13 + (3 * 2 << size)
     palette = gif[13:begin]
@@ -67,7 +67,7 @@ def _compressed(pixels: Rgb) -> _Image:
 
 
 def _blocks(data: bytes) -> bytes:
-    """Bytes in blocks of at most 255, each after its length, and the empty one."""
+    """Bytes in blocks of at most 255, each after its length, and an empty block at the end."""
     parts = (data[begin : begin + 255] for begin in itertools.count(0, 255))
     return b"".join(bytes([len(part)]) + part for part in itertools.takewhile(len, parts)) + b"\0"
 

@@ -1,6 +1,6 @@
-"""The colours of a scale from dark to bright, which are told apart in grey and by the colour-blind.
+"""A colour scale from dark to bright, also distinguishable in grey and by colour-blind people.
 
-They are those of Inferno, by N. Smith and S. van der Walt, at equal distances.
+The anchors are colours of Inferno, by N. Smith and S. van der Walt, at equal distances.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ _SCALE = ("000004", "1b0c41", "4a0c6b", "781c6d", "a52c60", "cf4446", "ed6925", 
 
 
 def inferno(place: Floats) -> Bytes:
-    """Colours (…, 3), sRGB, of places 0…1 on the scale."""
+    """sRGB colours (…, 3), uint8, of places (…), 0…1, on the scale."""
     anchors = np.array([list(bytes.fromhex(color)) for color in _SCALE], np.float64)
     at = np.linspace(0, 1, len(anchors))
     return np.stack([np.interp(place, at, column) for column in anchors.T], -1).astype(np.uint8)

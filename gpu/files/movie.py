@@ -1,7 +1,7 @@
-"""Animated files: GIF, PNG, WebP and MP4, which appear whole or not at all.
+"""Animated files: GIF, PNG, WebP and MP4. A file appears whole or not at all.
 
-Frames are taken one by one. GIF and MP4 are written as they come; of the others, which begin with
-what is known at the end, they are kept, compressed.
+Frames arrive one by one. GIF and MP4 files are written frame by frame. The others begin with facts
+that are known only at the end, so their compressed frames are kept in memory.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from halfstep.files.whole import check_output_path, replacing
 
 
 def check_movie(path: str | os.PathLike[str], size: tuple[int, int], fps: float) -> None:
-    """See before rendering whether an animation can be written to ``path``.
+    """Check before rendering that an animation can be written to ``path``.
 
     Args:
         path: the file; its ending decides the type.
@@ -29,7 +29,7 @@ def check_movie(path: str | os.PathLike[str], size: tuple[int, int], fps: float)
         fps: frames in a second.
 
     Raises:
-        UsageError: the file cannot be written, or not at this size or speed; a package that
+        UsageError: the file cannot be written, or not at this size or speed; or a package that
             writes such files is missing.
     """
     check_output_path(path, MOVIES, otherwise="; the name of a folder for frames may end in /")
@@ -49,16 +49,17 @@ def check_movie(path: str | os.PathLike[str], size: tuple[int, int], fps: float)
 def write_movie(
     path: str | os.PathLike[str], pictures: Iterable[Rgb], fps: float, facts: Provenance
 ) -> None:
-    """Write an animation to ``path``, over what is there, all of it or nothing.
+    """Write an animation to ``path``. A file there is replaced whole, or not at all.
 
     Args:
-        path: where `check_movie` found nothing wrong.
-        pictures: all of one size; taken one by one.
+        path: a path that `check_movie` has accepted.
+        pictures: the frames, all of one size; they are taken one by one.
         fps: frames in a second.
-        facts: what the file says of itself.
+        facts: the facts that the file records.
 
     Raises:
-        HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
+        HalfstepError: the system refuses to write, for example on a full disk; a file at ``path``
+            is unchanged.
     """
     with replacing(path) as partial:
         _type(path).write(partial, pictures, fps, facts)
@@ -68,5 +69,5 @@ def _type(path: str | os.PathLike[str]) -> MovieType:
     return MOVIES[Path(path).suffix.lower()]
 
 
-# By ending.
+# Types of animated files by ending.
 MOVIES = {".gif": GIF, ".png": APNG, ".webp": WEBP, ".mp4": MP4}

@@ -1,4 +1,4 @@
-"""Frames one after another: how long each is shown, and what changes from one to the next."""
+"""The duration of each frame of an animation, and the changes from one frame to the next."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from halfstep.files.filetype import Rgb
 
 
 class Change(NamedTuple):
-    """Pixels that replace those of the frame before, from column ``x`` and row ``y`` on."""
+    """A box of pixels that replace those of the frame before, from column ``x``, row ``y`` on."""
 
     x: int
     y: int
@@ -19,13 +19,13 @@ class Change(NamedTuple):
 
 
 def changes(pictures: Iterable[Rgb], grid: int = 1) -> Iterator[Change]:
-    """The first of some pictures, and of each other the box where it differs from the one before.
+    """The first picture whole, and of each later one the box where it differs from the one before.
 
-    A picture that is like the one before is its first pixel alone, so that it is a frame too.
+    A picture that equals the one before gives its first pixel alone, so that it is a frame, too.
 
     Args:
-        pictures: all of one size.
-        grid: boxes begin at multiples of it.
+        pictures: the pictures, all of one size.
+        grid: boxes begin at multiples of this many pixels.
     """
     before: Rgb | None = None
     for picture in pictures:
@@ -43,10 +43,10 @@ def changes(pictures: Iterable[Rgb], grid: int = 1) -> Iterator[Change]:
 
 
 def duration(number: int, fps: float, unit: int = 1) -> int:
-    """How many ms frame ``number``, counted from 0, is shown.
+    """The duration in ms of frame ``number``, counted from 0.
 
-    Frames change at the whole ``unit`` of ms next to when they should, so that rounding does not
-    add up.
+    Each frame begins at the multiple of ``unit`` ms nearest to its exact time, so rounding errors
+    do not add up.
     """
     begin, end = (round(1000 / unit * k / fps) for k in (number, number + 1))
     return unit * (end - begin)

@@ -1,6 +1,6 @@
-"""MP4: H.264, as every player shows it, written frame by frame.
+"""MP4 with H.264, which every player shows, written frame by frame.
 
-By av itself, as imageio, which also writes films with it, passes no options to the encoder.
+This module uses av directly: imageio also uses av, but passes no options to the encoder.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from av.video.frame import VideoFrame
     from av.video.stream import VideoStream
 
-# Some builds of FFmpeg come without.
+# Some builds of FFmpeg lack this encoder.
 _ENCODER = "libx264"
-# Constant rate factor of x264, 0…51: less is better.
+# Constant rate factor of x264, 0…51: a lower one gives better quality.
 _RATE_FACTOR = "16"
-# What x264 writes depends on its number of threads, which therefore is not the machine's.
+# The bytes that x264 writes depend on its number of threads, so it must not depend on the machine.
 _THREADS = 4
-# ITU-R BT.709, of high-definition television, in H.264's tables of colours.
+# The number of ITU-R BT.709, the colours of high-definition television, in H.264's tables.
 _BT709 = 1
 _LIMITED_RANGE = 1
 
@@ -35,7 +35,7 @@ def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -
     from av.codec.codec import UnknownCodecError
 
     try:
-        # With its index at the front, a film can be shown while it is loaded.
+        # With its index at the front, a film can be played while it loads.
         with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as film:
             film.metadata["comment"] = to_text(facts)
             stream: VideoStream | None = None
@@ -58,7 +58,7 @@ def _stream(film: OutputContainer, picture: Rgb, fps: float) -> VideoStream:
 
     rate = Fraction(fps).limit_denominator(1001)
     stream = film.add_stream(_ENCODER, rate=rate, options={"crf": _RATE_FACTOR})
-    assert isinstance(stream, VideoStream)  # which the encoder decides
+    assert isinstance(stream, VideoStream)  # the encoder decides the type of the stream
     stream.height, stream.width, _ = picture.shape
     stream.pix_fmt = "yuv420p"
     context = stream.codec_context

@@ -15,7 +15,7 @@ from halfstep.frames.frame import Frame, Info
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.frames.paths import Table
 
-# The array, of no dimension, that holds the provenance as JSON.
+# Name of the array of shape () that holds the provenance as JSON.
 _ENTRY = "provenance"
 # The paths that pixels show, as JSON, and which of them each pixel shows.
 _PATHS, _PATH = "paths", "path"

@@ -1,4 +1,4 @@
-"""Numbers of files whose readers stumble over NaN and infinity."""
+"""Finite numbers for files whose readers fail at NaN and infinity."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import numpy as np
 
 from halfstep.contract.arrays import F32, Array
 
-# Farther than anything in a scene, whose coordinates end at 1e15, and far from overflow when
-# pixels are added up.  Where nothing is hit, a depth is the greatest, so that two pictures can be
-# merged by depth; as an error bound it stands for no bound.
+# Farther than anything in a scene, whose coordinates end at 1e15, but small enough that sums of
+# pixels do not overflow. It is the depth where nothing is hit, so that two pictures can be merged
+# by depth. As an error bound it means that there is none.
 FAR = 1e30
 
 
 def finite(array: Array) -> F32:
-    """A float array as float32: numbers without components by `FAR` where not finite, others by 0.
+    """A float array as float32. `FAR` replaces numbers that are not finite, 0 such vector parts.
 
     Args:
-        array: (H, W) depths or bounds, or (H, W, 3) vectors.
+        array: (H, W) depths or error bounds, or (H, W, 3) vectors.
     """
     missing = FAR if array.ndim == 2 else 0.0
     return np.where(np.isfinite(array), array, missing).astype(np.float32)

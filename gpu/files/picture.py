@@ -1,4 +1,4 @@
-"""Outputs as pictures to look at and to measure in: 8 or 16 bits, grey or RGB."""
+"""Outputs as pictures for viewing and measuring: 8 or 16 bits, grey or RGB."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST = 0xFFFF
 
 
 class Picture(NamedTuple):
-    """Pixels, and the numbers that 1 and 65535 stand for where that depends on the picture."""
+    """Pixels and, if it depends on the picture, the range of numbers that 1…65535 stand for."""
 
     pixels: Pixels  # (H, W) or (H, W, 3)
     range: tuple[float, float] | None = None
@@ -26,8 +26,8 @@ class Picture(NamedTuple):
 def picture(frame: Frame, name: str) -> Picture:
     """The output ``name`` of a frame as a picture.
 
-    ``image`` is as it is; all others have 16 bits, as `Levels` says. Infinity is 65535. 0 is where
-    nothing is hit.
+    ``image`` is unchanged. All others get 16 bits by their `Levels`. Infinity becomes 65535, and 0
+    marks pixels where nothing is hit.
 
     Raises:
         UsageError: a number exceeds 16 bits.
@@ -49,7 +49,7 @@ def picture(frame: Frame, name: str) -> Picture:
 
 
 def _srgb(linear: Array) -> NDArray[np.uint16]:
-    """Linear colours (H, W, 3) in sRGB."""
+    """sRGB pixels of linear colours (H, W, 3)."""
     value = np.clip(linear.astype(np.float64), 0.0, 1.0)
     encoded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * np.power(value, 1 / 2.4) - 0.055)
     return np.rint(MOST * encoded).astype(np.uint16)
@@ -69,14 +69,14 @@ def _normal(array: Array, hit: Bools) -> NDArray[np.uint16]:
 
 
 def _spread(array: Array, hit: Bools) -> Picture:
-    """Numbers (H, W) or (H, W, 3) spread over 1…65535; one range for all components."""
+    """Numbers (H, W) or (H, W, 3) spread over 1…65535, with one range for all components."""
     seen = hit.reshape(hit.shape + (1,) * (array.ndim - 2))
     finite = np.isfinite(array) & seen
     if not finite.any():
         low = high = 0.0
     else:
         low, high = float(array[finite].min()), float(array[finite].max())
-    # One number alone is white.
+    # If all numbers are equal, they are white.
     place = np.ones_like(array)
     np.divide(array - low, high - low, out=place, where=finite & (high > low))
     pixels = np.rint(1 + (MOST - 1) * place)

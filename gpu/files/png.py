@@ -1,4 +1,4 @@
-"""PNG: one output as a picture, which every viewer shows."""
+"""PNG: one output as a picture that every viewer shows."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def _write(path: Path, frame: Frame, outputs: tuple[str, ...], facts: Provenance
 
 
 def texts(facts: Provenance) -> dict[str, str]:
-    """What a PNG says of itself, by keyword."""
+    """The texts that a PNG records, by keyword."""
     return {"Software": software(facts), NAME: to_text(facts)}
 
 
 def _read(path: Path) -> str | None:
     from PIL.PngImagePlugin import PngImageFile
 
-    # Image.open refuses pictures as large as we make.
+    # Image.open refuses pictures as large as Halfstep's may be.
     with PngImageFile(path) as image:
         return image.info.get(NAME)
 

@@ -1,6 +1,6 @@
-"""Provenance: what a picture was made of and by what, as a file can tell it.
+"""Provenance: the scene, program and device that made a picture, as a file records them.
 
-It holds no times, so that the same scene, version and device give the same bytes.
+Provenance has no times, so the same scene, version and device give the same bytes.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from halfstep.frames.frame import Info, Origin
 
 
 class Provenance(Origin, total=False):
-    """What a file says of its picture: its origin, and what belongs to the file."""
+    """The facts that a file records: the origin of its picture, and facts about the file."""
 
     outputs: list[str]
-    range: list[float]  # what 1 and 65535 stand for in a PNG file
+    range: list[float]  # the numbers that 1 and 65535 stand for in a PNG file
     frames_range: list[int]  # first and last frame of an animation
     fps: float
 
 
-# The name under which a file that has names holds it.
+# The key of the provenance in files whose metadata have keys.
 NAME = "Halfstep"
 
 
@@ -39,17 +39,17 @@ def provenance(info: Info) -> Provenance:
 
 
 def software(facts: Provenance) -> str:
-    """The program and its version, for the field that many kinds of files have for them."""
+    """The program and its version, for the field "software" of many types of files."""
     return f"{NAME} {facts['version']}"
 
 
 def to_text(facts: Provenance) -> str:
-    """``facts`` as one line of ASCII, which every kind of file can hold."""
+    """``facts`` as one line of ASCII, which every type of file can hold."""
     return json.dumps(facts)
 
 
 def from_text(text: str) -> Provenance | None:
-    """What `to_text` was given; None for the text of another program."""
+    """The facts in a text of `to_text`; None for the text of another program."""
     try:
         facts = json.loads(text)
     except (ValueError, RecursionError):

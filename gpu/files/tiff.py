@@ -1,4 +1,4 @@
-"""TIFF: one output as numbers, 32-bit floats or integers, for programs that measure pictures."""
+"""TIFF: one output as 32-bit floats or integers, for programs that measure pictures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from halfstep.files.numbers import finite
 from halfstep.files.provenance import Provenance, software, to_text
 from halfstep.frames.frame import Frame
 
-# Of files with numbers of either byte order, and of files above 4 GiB.
+# The first bytes of files in either byte order, and of files above 4 GiB.
 _SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
@@ -42,7 +42,7 @@ def _read(path: Path) -> str | None:
     with path.open("rb") as file:
         if file.read(4) not in _SIGNATURES:
             raise ValueError("not a TIFF file")
-    # It logs what is broken in a file, and without a handler that is printed.
+    # tifffile logs faults of a file, and Python prints them if the log has no handler.
     log = logging.getLogger("tifffile")
     log.addFilter(_nothing)
     try:

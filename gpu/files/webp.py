@@ -1,7 +1,7 @@
-"""WebP that moves, without loss.
+"""Animated WebP, lossless.
 
-Compressed by Pillow, picture by picture, but put together here: Pillow makes one frame of equal
-ones, and of a single one a picture without a duration.
+Pillow compresses each picture, and this module joins them. Pillow's own animations merge equal
+frames into one, and have no duration if there is a single frame.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from halfstep.files.provenance import Provenance, software, to_text
 _ANIMATION, _EXIF = 0x02, 0x08
 _REPLACES = 0x02
 _FOREVER = 0
-_BACKGROUND = 0  # of no frame: all are covered
+_BACKGROUND = 0  # never visible: frames cover it
 # Boxes begin at even columns and rows.
 _GRID = 2
 
@@ -29,7 +29,7 @@ def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -
     for number, change in enumerate(changes(pictures, _GRID)):
         rows, columns, _ = change.pixels.shape
         size = _uint24(columns - 1) + _uint24(rows - 1)
-        # The first fills the picture.
+        # The first frame fills the picture.
         canvas = canvas or size
         place = _uint24(change.x // _GRID) + _uint24(change.y // _GRID)
         how = _uint24(duration(number, fps)) + bytes([_REPLACES])
@@ -45,11 +45,11 @@ def _write(path: Path, pictures: Iterable[Rgb], fps: float, facts: Provenance) -
 
 
 def _compressed(pixels: Rgb) -> bytes:
-    """A picture as the chunk that a frame holds."""
+    """A picture as the image chunk of a frame."""
     from PIL.Image import fromarray
 
     file = BytesIO()
-    # The fastest method: frames are many.
+    # The fastest method, because an animation has many frames.
     fromarray(pixels).save(file, "WEBP", lossless=True, method=0)
     return file.getvalue()[12:]
 

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and where they may be."""
+"""Writes files that appear whole or not at all, and checks where they can be written."""
 
 from __future__ import annotations
 
@@ -12,15 +12,18 @@ from pathlib import Path
 
 from halfstep.errors import HalfstepError, UsageError
 
-# As `_partial_name` writes it.
+# The names that `_partial_name` gives.
 _PARTIAL = re.compile(r"\.(.+)\.[0-9a-f]{16}\.partial", re.DOTALL)
 
 
 def ask(path: Path) -> None:
-    """Ask the system of ``path``, be it there or not: what is wrong with it is an OSError.
+    """Let the system check ``path``, whether it exists or not.
 
-    `Path.is_dir` and its like raise that up to Python 3.13 only, and say no from there on; of a NUL
-    every Python says something else.
+    Up to Python 3.13 `Path.is_dir` and others raise an OSError for a faulty path; later they return
+    False. Their answer to a NUL differs between all versions.
+
+    Raises:
+        OSError: the system refuses the path.
     """
     if "\0" in os.fspath(path):
         raise OSError(errno.EINVAL, "embedded null byte")
@@ -31,21 +34,21 @@ def ask(path: Path) -> None:
 def check_output_path(
     path: str | os.PathLike[str], endings: Collection[str], otherwise: str = ""
 ) -> None:
-    """See before rendering whether a picture can be written to ``path``.
+    """Check before rendering that a picture can be written to ``path``.
 
     Args:
-        path: where the file shall be.
-        endings: those that may be written, as ``.png``.
-        otherwise: what may be meant by another ending, as the end of a message.
+        path: the path of the file to write.
+        endings: the accepted endings, such as ``.png``.
+        otherwise: the end of the message about another ending, with what the user may have meant.
 
     Raises:
-        UsageError: the ending is none of ``endings``, ``path`` is something else than a file, or
-            its folder is not there or not writable.
+        UsageError: the ending is not one of ``endings``, ``path`` is not a file, or its folder is
+            missing or not writable.
     """
     path = Path(path)
     try:
         ask(path)
-        # A link stays a link; the file it points to is written.
+        # A link stays a link; the file that it points to is written.
         target = path.resolve()
         is_folder, is_other = target.is_dir(), target.exists() and not target.is_file()
         in_folder = target.parent.is_dir()
@@ -68,15 +71,15 @@ def check_output_path(
 
 
 def _reason(error: OSError | RuntimeError | ValueError) -> str:
-    """Why the system takes no path, as one of a loop of links or with a NUL."""
+    """Why the system refuses a path, for example one with a loop of links or a NUL."""
     return str(getattr(error, "strerror", None) or error)
 
 
 def check_output_folder(path: str | os.PathLike[str]) -> None:
-    """See before rendering whether files can be written in a folder ``path``, made if need be.
+    """Check before rendering that files can be written in the folder ``path``, or it can be made.
 
     Raises:
-        UsageError: something on the way is not a folder or not writable.
+        UsageError: a part of the path is not a folder, or is not writable.
     """
     folder = Path(path)
     try:
@@ -91,41 +94,43 @@ def check_output_folder(path: str | os.PathLike[str]) -> None:
 
 
 def write_file(path: str | os.PathLike[str], data: bytes) -> None:
-    """Make ``data`` the content of ``path``, over what is there, all of it or nothing.
+    """Make ``data`` the content of ``path``. A file there is replaced whole, or not at all.
 
     Raises:
-        HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
+        HalfstepError: the system refuses to write, for example on a full disk; a file at ``path``
+            is unchanged.
     """
     with replacing(path) as partial:
         partial.write_bytes(data)
 
 
 def finished_name(partial: str) -> str | None:
-    """The name of the file that ``partial`` would become; None if it is no unfinished file."""
+    """The name of the file that ``partial`` would become; None if it is not an unfinished file."""
     match = _PARTIAL.fullmatch(partial)
     return None if match is None else match[1]
 
 
 def _partial_name(name: str) -> str:
-    """A name of its own for a file that is to become ``name``."""
-    # Names have at most 255 bytes.
+    """A unique name for a file that will become ``name``."""
+    # A name has at most 255 bytes.
     return f".{os.fsdecode(os.fsencode(name)[:200])}.{secrets.token_hex(8)}.partial"
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """An empty file that becomes ``path``, over what is there, when the block ends.
+    """An empty file that replaces ``path`` when the block ends.
 
-    If the block raises, that file is removed.
+    If the block raises, the new file is removed.
 
     Raises:
-        HalfstepError: the system refuses to write, as on a full disk; ``path`` is as before.
+        HalfstepError: the system refuses to write, for example on a full disk; a file at ``path``
+            is unchanged.
     """
     try:
-        # A link stays a link; the file it points to is replaced.
+        # A link stays a link; the file that it points to is replaced.
         target = Path(path).resolve()
-        # In the same folder, as a rename does not cross file systems; not by tempfile, whose
-        # files only their owner can read.
+        # The new file is in the same folder, because a rename cannot cross file systems. It is not
+        # made by tempfile, because only the owner can read tempfile's files.
         partial = target.with_name(_partial_name(target.name))
         try:
             partial.touch(exist_ok=False)

@@ -1,1 +1,1 @@
-"""Frames of scenes: what is rendered, and what comes of it."""
+"""Renders frames of scenes, and makes the arrays of a frame from the outputs of its bands."""

@@ -1,4 +1,4 @@
-"""What a render gives: the arrays that were asked for, and facts about how they were made."""
+"""A frame: the requested arrays, and the facts of how they were made."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from halfstep.frames.png import png
 
 
 class Origin(TypedDict):
-    """What the arrays of a frame depend on."""
+    """Everything that the arrays of a frame depend on."""
 
     version: str  # of Halfstep
     scene_title: str
     scene_sha256: str
     number_format: str
     method: str
-    steps: list[int]  # of each solid of the scene, 0 of one that is not seen
+    steps: list[int]  # halvings of each solid of the scene; 0 for a solid that is not seen
     adapter: str
     driver: str  # with its version
 
@@ -31,16 +31,16 @@ class Info(Origin):
     """How a frame was made."""
 
     wall_ms: float  # from the request to the arrays
-    device_ms: NotRequired[float]  # where the device has timestamps
+    device_ms: NotRequired[float]  # only if the device has timestamps
 
 
 class Frame:
     """One rendered picture: H rows of W pixels.
 
     Attributes:
-        info: how it was made.
+        info: how the frame was made.
 
-    Each of the following arrays is an attribute if it was among the outputs.
+    Each of the following arrays is an attribute if it is among the outputs.
     """
 
     info: Info
@@ -66,7 +66,7 @@ class Frame:
         return array
 
     def __getstate__(self) -> dict[str, object]:
-        # Without what arrays are found from, which is larger than they are.
+        # Look up the arrays first: the scene and tables that lookups need are larger than arrays.
         arrays = {name: getattr(self, name) for name in self._arrays}
         return {"_arrays": arrays, "info": self.info, "_paths": None}
 
@@ -80,16 +80,16 @@ class Frame:
         return f"<Frame of {width}x{height}: {outputs}; on {adapter}>"
 
     def _repr_png_(self) -> bytes | None:
-        """The image as a notebook shows it, None where it was not computed."""
+        """The image for a notebook; None if it was not computed."""
         return png(self.image) if "image" in self._arrays else None
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of the arrays that are there."""
+        """Names of the frame's arrays."""
         return tuple(self._arrays)
 
     def only(self, outputs: Iterable[str]) -> Frame:
-        """The frame with some of its arrays."""
+        """The frame with only the arrays ``outputs``."""
         return Frame({name: self._arrays[name] for name in outputs}, self.info, self._paths)
 
     @property
@@ -104,12 +104,12 @@ class Frame:
     def cell_path(self, row: int, column: int) -> list[str]:
         """What a pixel shows: a line for each level from the scene to the solid or the cell.
 
-        A copy of a group is told by the group and by where it is, as the place, or the row and the
-        column in a lattice. Where the background is seen there is no line.
+        The line of a copy names the group and the copy's place, or its row and column in a
+        lattice. A pixel of the background gives no lines.
 
         Raises:
-            IndexError: there is no such pixel.
-            UsageError: the frame was pickled or copied, and does not know its scene any more.
+            IndexError: the frame has no such pixel.
+            UsageError: the frame was pickled or copied, and so has lost its scene.
         """
         if self._paths is None:
             raise UsageError("this frame is a copy, which does not know the scene")
@@ -117,11 +117,11 @@ class Frame:
 
 
 def _described(row: Output) -> str:
-    """A line of the documentation of `Frame`."""
+    """The line about an output in the docstring of `Frame`."""
     shape = "(H, W)" if row.components == 1 else f"(H, W, {row.components})"
     numbers = np.dtype(row.type).name
     return f"    {row.name}: {shape} {numbers}, {row.meaning}; where nothing is hit {row.miss}.\n"
 
 
-if Frame.__doc__ is not None:  # as it is without -OO
+if Frame.__doc__ is not None:  # `python -OO` removes docstrings
     Frame.__doc__ += "\n" + "".join(map(_described, OUTPUTS.values()))

@@ -1,8 +1,8 @@
 """The outputs: one row for each array that a frame can have.
 
-A row says what the array means, from what it is made, and how it is compared and written. All else
-about outputs is read from here: what a device computes for them, how two frames are compared, the
-channels of an EXR file, the grey levels of a PNG file, and the tables of the READMEs.
+A row gives the meaning of the array, its sources, and how it is compared and written. Other code
+reads everything about outputs from these rows: what a device computes for them, how two frames are
+compared, the channels of an EXR file, the grey levels of a PNG file, the tables of the READMEs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from halfstep.host.pack import Packed
 
 
 class Judged(Enum):
-    """How an output of two frames is compared where a device need not give every bit."""
+    """How `check` compares an output with the twin's where a device need not give every bit."""
 
     DECIDED = "it follows from decisions: it is equal unless one of them is within rounding"
     SHADED = "it follows from shading: it may differ by one of 256 levels"
@@ -30,7 +30,7 @@ class Judged(Enum):
 
 
 class Levels(Enum):
-    """What a PNG file holds of an output."""
+    """The levels by which a PNG file shows an output."""
 
     IMAGE = "8 bits, as it is"
     SRGB = "sRGB, cut off at 1"
@@ -41,7 +41,7 @@ class Levels(Enum):
 
 
 class Lookup(NamedTuple):
-    """An array that is found from the numbers of surfaces (H, W) when it is wanted."""
+    """An array that is looked up from surface numbers (H, W) when it is first used."""
 
     find: Callable[[Array], Array]
     numbers: Array
@@ -53,7 +53,7 @@ class Lookup(NamedTuple):
 
 @dataclass(frozen=True)
 class Band:
-    """A band of rows as a device or the twin computed it; what several outputs need, once."""
+    """The planes of a band from a device or the twin, and values that several outputs share."""
 
     planes: Planes
     packed: Packed
@@ -61,7 +61,7 @@ class Band:
 
     @property
     def number(self) -> Array:
-        """Surface numbers (rows, W) of the scene, 0 where nothing is hit."""
+        """Surface numbers (rows, W), 0 where nothing is hit."""
         return self.planes["surface"]
 
     @cached_property
@@ -71,16 +71,16 @@ class Band:
 
     @cached_property
     def t(self) -> Floats:
-        """Fraction of the ray from h to the far base plane, NaN where nothing is hit."""
+        """Fraction (rows, W) of the ray up to the far base plane, NaN where nothing is hit."""
         return self.fraction("key")
 
     @cached_property
     def depth(self) -> Floats:
-        """Planar depth, scene units; NaN."""
+        """Depth (rows, W) along the view axis in scene units, NaN where nothing is hit."""
         return self.t * self.packed.setup.far
 
     def fraction(self, plane: str) -> Floats:
-        """t of the depth keys of a plane, NaN where nothing is hit."""
+        """t (rows, W) of the depth keys in a plane, NaN where nothing is hit."""
         return np.where(self.hit, self.planes[plane].astype(np.float64) * self.unit, np.nan)
 
     @property
@@ -102,11 +102,11 @@ def _position(band: Band) -> Floats:
 
 
 def _error(band: Band) -> Floats:
-    """Bound of the depth error from what is certain of every solid in the pixel.
+    """The bound (rows, W) of the depth error in scene units; inf where it is not certified.
 
-    The true depth is at most that of the visible point and its bound, and at least the least depth
-    that any certain point can have. A solid of which nothing is certain spoils a pixel unless its
-    whole interval lies behind.
+    The true depth is at most the depth of the visible point plus its error bound, and at least the
+    least depth of any certified point. A solid whose root is not certified makes the bound of a
+    pixel infinite, unless the solid's whole interval lies behind the visible point.
     """
     packed, planes = band.packed, band.planes
     setup = packed.setup
@@ -117,7 +117,7 @@ def _error(band: Band) -> Floats:
     above = planes["bound"].astype(np.float64) * half[solid]
     below = t - planes["low"].astype(np.float64) * band.unit
     doubt = planes["doubt"].astype(np.float64) * band.unit
-    # A pixel without doubt holds the greatest key, which lies behind everything.
+    # Where every root is certified, ``doubt`` is the greatest key, which lies behind everything.
     clear = (planes["doubt"] == FAR_KEY) | (doubt > t + above)
     depth_ulp = 2.0**-51 * setup.far
     error = np.maximum(above, below) * setup.far + rounding[solid] + depth_ulp
@@ -125,7 +125,7 @@ def _error(band: Band) -> Floats:
 
 
 def _claims(band: Band, name: str) -> Floats:
-    """Depths of the keys of a plane, NaN where there is none."""
+    """Depths (rows, W) of the plane ``name``, overlap or gap; NaN where a ray has none."""
     if band.packed.regions is None:
         return np.full(band.number.shape, np.nan)
     key = band.planes[name]
@@ -144,13 +144,13 @@ def _steps(band: Band) -> Lookup:
 
 
 def steps_by_solid(packed: Packed) -> I32:
-    """Halvings (K + 1,) of the scene's solids, 0 of one that is not seen, and a last 0 for none."""
+    """Halvings (K + 1,) of the scene's K solids: 0 for a solid not seen, a last 0 for no solid."""
     seen = packed.setup.solid[packed.order]
     return _by_solid(packed, seen, packed.solids["steps"].astype(np.int32))
 
 
 def _by_solid(packed: Packed, solids: Array, values: Array) -> Array:
-    """Values of some of the scene's K solids as (K + 1,): 0 for the others, and at -1 for none."""
+    """A table (K + 1,) of ``values`` by solid: 0 for other solids, a last 0 for no solid."""
     table = np.zeros(packed.solid_count + 1, values.dtype)
     table[solids] = values
     return table
@@ -161,17 +161,17 @@ class Output:
     """One array of a frame.
 
     Attributes:
-        name: of the attribute of ``Frame``.
-        type: of its numbers.
-        meaning: in words, with its unit.
-        miss: what it holds where nothing is hit.
-        of: the array of a band.
-        sources: device outputs that it is made of, beside the surface.
-        components: of a pixel; with more than one the array is (H, W, components).
-        judged: how it is compared.
-        levels: what a PNG file holds of it.
-        channels: of an EXR file, one for each component; without any it is not held.
-        averaged: over the samples of a pixel; otherwise it is that of the pixel's centre.
+        name: the attribute of ``Frame``.
+        type: the type of its numbers.
+        meaning: its meaning in words, with the unit.
+        miss: its value where nothing is hit.
+        of: computes the array from a band.
+        sources: the device outputs that the array needs, besides the surface.
+        components: numbers in a pixel; with more than one the array is (H, W, components).
+        judged: how two frames are compared.
+        levels: how a PNG file shows it.
+        channels: its channels in an EXR file, one for each component; () leaves it out.
+        averaged: True for the mean over a pixel's samples, False for the pixel's centre.
     """
 
     name: str
@@ -216,7 +216,7 @@ _ROWS = (
     Output(
         name="solid",
         type=np.int32,
-        meaning="index in the file, cells behind the solids; always there",
+        meaning="index in the file, where cells follow the solids; always there",
         miss="−1",
         of=lambda band: Lookup(band.packed.surfaces.numbers.solids, band.number),
         levels=Levels.NUMBER_FROM_1,
@@ -285,9 +285,8 @@ _ROWS = (
     Output(
         name="error",
         type=np.float64,
-        meaning="guaranteed bound of abs(`depth` − exact depth); inf where the hit could not be "
-        "certified",
-        miss="0, or inf if the miss could not be certified",
+        meaning="guaranteed bound of abs(`depth` − exact depth); inf if the hit is not certain",
+        miss="0, or inf if the miss is not certain",
         sources=("key", "error"),
         of=_error,
         judged=Judged.NOT,
@@ -305,8 +304,8 @@ _ROWS = (
     Output(
         name="place",
         type=np.int32,
-        meaning="which copy of a group, depth first in the order of the file",
-        miss="−1, as of what is in no copy",
+        meaning="number of the copy of a group, counted depth first in the order of the file",
+        miss="−1, also outside of copies",
         of=lambda band: Lookup(band.packed.surfaces.numbers.places, band.number),
         levels=Levels.NUMBER_FROM_1,
         channels=("place",),
@@ -315,7 +314,7 @@ _ROWS = (
         name="cell",
         type=np.int32,
         meaning="id of the cell",
-        miss="−1, as of what is no cell",
+        miss="−1, also for solids",
         of=lambda band: Lookup(band.packed.surfaces.numbers.cells, band.number),
         levels=Levels.NUMBER_FROM_1,
         channels=("cell",),
@@ -324,7 +323,7 @@ _ROWS = (
         name="material",
         type=np.int32,
         meaning="id of the material",
-        miss="−1, as of what has a color alone",
+        miss="−1, also without a material",
         of=lambda band: Lookup(band.packed.surfaces.numbers.materials, band.number),
         levels=Levels.NUMBER_FROM_1,
         channels=("material",),
@@ -332,7 +331,7 @@ _ROWS = (
     Output(
         name="shadow",
         type=np.uint32,
-        meaning="bit k is set where the k-th light with shadows does not reach",
+        meaning="bit k is set if the k-th light with shadows does not reach the point",
         miss="0",
         sources=("shadow",),
         of=_shadow,
@@ -342,8 +341,8 @@ _ROWS = (
     Output(
         name="overlap",
         type=np.float64,
-        meaning="depth where a ray first is in two cells of a copy of a group, shown or not",
-        miss="NaN where there is none, hit or not",
+        meaning="depth where the ray is first in two cells of a copy of a group, visible or not",
+        miss="NaN without an overlap, hit or not",
         sources=("overlap",),
         of=lambda band: _claims(band, "overlap"),
         judged=Judged.NOT,
@@ -352,17 +351,17 @@ _ROWS = (
     Output(
         name="gap",
         type=np.float64,
-        meaning="depth where a ray first leaves all cells of a copy that it comes into again",
-        miss="NaN where there is none, hit or not",
+        meaning="depth where the ray first leaves all cells of a copy that it enters again",
+        miss="NaN without a gap, hit or not",
         sources=("gap",),
         of=lambda band: _claims(band, "gap"),
         judged=Judged.NOT,
         channels=("gap",),
     ),
 )
-# Outputs that ask of cells that are not shown.
+# Outputs that need all cells, also those that are not shown.
 OF_HIDDEN = frozenset({"overlap", "gap"})
-# By name, in the order of a frame.
+# All outputs by name, in the order of a frame's arrays.
 OUTPUTS = {row.name: row for row in _ROWS}
 
 
@@ -386,13 +385,13 @@ def check_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
 
 
 def device_outputs(outputs: Iterable[str]) -> frozenset[str]:
-    """What a device must compute for the Frame arrays ``outputs``."""
+    """The device outputs that the Frame arrays ``outputs`` need."""
     return frozenset({"surface"}.union(*(OUTPUTS[name].sources for name in outputs)))
 
 
 def arrays_of(
     outputs: Iterable[str], planes: Planes, packed: Packed, first_row: int = 0
 ) -> dict[str, Array | Lookup]:
-    """Frame arrays of a band from what a device or the twin computed."""
+    """The Frame arrays of a band, from the planes of a device or the twin."""
     band = Band(planes, packed, first_row)
     return {name: OUTPUTS[name].of(band) for name in outputs}

@@ -1,4 +1,4 @@
-"""A frame before it is rendered, and how bands of rows become its arrays."""
+"""A frame prepared by the host, and how its rendered bands of rows become arrays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from halfstep.scene import Scene
 
 @dataclass(frozen=True)
 class Pass:
-    """Arrays of a frame that are rendered together."""
+    """Arrays of a frame that one pass renders."""
 
     names: tuple[str, ...]
     samples: int  # k, for k x k samples in each pixel
@@ -26,14 +26,14 @@ class Pass:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A frame of which the host has done its part.
+    """A frame for which the host has done its part.
 
     Attributes:
-        scene: as it is seen.
+        scene: the scene, with all overrides.
         outputs: names of the arrays, in the order of the frame.
-        passes: that of the pixel centres first, then that of the samples where there is one.
+        passes: the pass of the pixel centres, then the pass of the samples if any output needs it.
         solids_sha256: digest of the scene's solids.
-        begin: when it was begun, by time.perf_counter.
+        begin: when the host began the frame, in seconds of time.perf_counter.
     """
 
     scene: Scene
@@ -44,14 +44,14 @@ class Prepared:
 
     @property
     def packed(self) -> Packed:
-        """Records of the frame of the pixel centres."""
+        """Records of the pass of the pixel centres."""
         return self.passes[0].packed
 
 
 def render_pass(
     backend: Backend, scene: Scene, one: Pass
 ) -> tuple[dict[str, Array | Lookup], list[float]]:
-    """The arrays of a pass, and the device's times of its bands in ms where they are known."""
+    """The arrays of a pass, and the device time of each band in ms; no times if not measured."""
     bands: list[Mapping[str, Array | Lookup]] = []
     times: list[float] = []
     for arrays, milliseconds in _bands(backend, scene, one):
@@ -72,7 +72,7 @@ def _bands(
         outputs -= {"shadow"}
     if one.packed.regions is None:
         outputs -= {"overlap", "gap"}
-    # Whole pixels, and whole tiles of sub-pixels.
+    # A band has whole pixels, and whole tiles of samples.
     unit = TILE * samples
     rows = max(backend.band_rows(view.width, outputs) // unit, 1) * unit
     for first in range(0, view.height, rows):
@@ -85,7 +85,7 @@ def _bands(
 
 
 def _joined(bands: list[Array | Lookup]) -> Array | Lookup:
-    """Bands of rows one below the other."""
+    """One array of bands, the first on top."""
     if len(bands) == 1:
         return bands[0]
     lookups = [band for band in bands if isinstance(band, Lookup)]
@@ -95,9 +95,9 @@ def _joined(bands: list[Array | Lookup]) -> Array | Lookup:
 
 
 def _averaged(color: Array, samples: int, names: tuple[str, ...]) -> dict[str, Array]:
-    """Image and colour of a band from the colours of its sub-pixels, averaged in linear light."""
+    """Image and colour of a band: the samples of a pixel are averaged in linear light."""
     height, width = color.shape[0] // samples, color.shape[1] // samples
-    # One sub-pixel of all pixels at a time: four times as fast as a mean over two axes.
+    # Adding one sample of all pixels at a time is four times as fast as a mean over two axes.
     total = np.zeros((height, width, 3))
     for i, j in np.ndindex(samples, samples):
         total += color[i::samples, j::samples]

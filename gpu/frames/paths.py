@@ -1,4 +1,4 @@
-"""What a pixel shows, for people: a line for each level from the scene in."""
+"""What a pixel shows, for people: a line for each level from the scene to the solid or cell."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ class Table(NamedTuple):
 
 @dataclass(frozen=True)
 class Paths:
-    """The numbers of surfaces of a frame, and what they stand for."""
+    """The surface numbers of a frame's pixels, and the tables that explain them."""
 
     scene: Scene
     surfaces: Numbers
     numbers: Array  # (H, W)
 
     def at(self, row: int, column: int) -> list[str]:
-        """What a pixel shows; nothing where it shows the background.
+        """The lines for a pixel; none if it shows the background.
 
         Raises:
-            IndexError: there is no such pixel.
+            IndexError: the frame has no such pixel.
         """
         _check(self.numbers, row, column)
         number = self.numbers[row : row + 1, column]

@@ -25,7 +25,7 @@ def png(pixels: Pixels, texts: Mapping[str, str] = _NO_TEXTS) -> bytes:
 
     Args:
         pixels: uint8 or uint16.
-        texts: what the file says of itself, by keyword; Latin-1.
+        texts: texts for the file's metadata by keyword; Latin-1.
     """
     if pixels.ndim == 3 and pixels.dtype == np.uint16:
         return _deep_rgb_png(pixels, texts)
@@ -40,10 +40,10 @@ def png(pixels: Pixels, texts: Mapping[str, str] = _NO_TEXTS) -> bytes:
 
 
 def _deep_rgb_png(pixels: Pixels, texts: Mapping[str, str]) -> bytes:
-    """RGB of 16 bits, which Pillow, the writer of all else, does not have."""
+    """A PNG file of RGB with 16 bits. Pillow, which writes all others, cannot write this one."""
     height, width, _ = pixels.shape
     rows = pixels.astype(">u2").view(np.uint8).reshape(height, -1)
-    # Every row as its difference from the one above, after the number of that filter.
+    # The filter Up: each row holds the filter's number, then the difference from the row above.
     filtered = np.full((height, 1 + rows.shape[1]), _UP, np.uint8)
     filtered[0, 1:] = rows[0]
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
@@ -59,10 +59,10 @@ def _deep_rgb_png(pixels: Pixels, texts: Mapping[str, str]) -> bytes:
 
 
 def text_chunk(keyword: str, text: str) -> bytes:
-    """What a PNG file says of itself; Latin-1."""
+    """A PNG chunk with one text of metadata; Latin-1."""
     return chunk(b"tEXt", f"{keyword}\0{text}".encode("latin-1"))
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:
-    """A part of a PNG file."""
+    """A PNG chunk: length, type, data and checksum."""
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

@@ -30,9 +30,9 @@ from halfstep.run.backend import Backend, open_backend
 from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, with_overrides
 from halfstep.version import __version__
 
-# Frames of a renderer after which no shader is compiled for others like them.
+# After this many frames of a renderer, more frames with the same needs compile no shader.
 WARM_UP = 2
-# A little less than the largest block that glibc takes as a measure of what to keep.
+# A little less than the largest freed block (32 MiB) by which glibc raises its limits.
 _LARGE_BLOCK = 31 << 20
 
 
@@ -48,20 +48,20 @@ def render(
     """Render one frame of ``scene``; options that are not given come from the scene.
 
     Args:
-        scene: what to render: a `Scene`, the path of a file, the name of a bundled scene, or a
-            mapping as a file holds.
+        scene: a `Scene`, the path of a file, the name of a bundled scene, or a mapping with the
+            keys of a scene file.
         outputs: names of Frame arrays; by default all of them.
-        backend: "auto" (a Vulkan adapter if there is one, else the twin with a warning), "gpu",
-            "numpy".
+        backend: "gpu"; "numpy", the twin; or "auto", which takes a Vulkan adapter if there is one,
+            else the twin with a warning.
         adapter: an index or a part of the name of a Vulkan adapter.
         camera: a camera in place of the scene's, or a mapping of the keys that differ.
         overrides: size, samples, steps, tolerance_pixels, tolerance, number_format, method and
             shadows in place of the scene's; `halfstep.scene.Overrides` describes them.
 
     Raises:
-        SceneError: there is no such scene, or it has faults; an option is out of range.
-        UsageError: an unknown output or backend.
-        AdapterError: no suitable adapter.
+        SceneError: the scene is not found or has faults, or an option is out of range.
+        UsageError: an output or the backend is unknown.
+        AdapterError: no adapter is suitable.
         DeviceError: the device was lost or the driver failed.
     """
     with Renderer(
@@ -76,13 +76,14 @@ def render(
 
 
 class Renderer:
-    """Frames of one scene: device, shaders and buffers are kept from frame to frame.
+    """Renders many frames, keeping device, shaders and buffers from frame to frame.
 
-    Takes what ``render`` takes; ``outputs`` defaults to the image alone, and ``backend`` may be one
-    that is open already, which the renderer closes.  Use it as a context manager or call ``close``.
+    The arguments are those of ``render``, with two differences: ``outputs`` defaults to the image
+    alone, and ``backend`` may be an open `Backend`, which the renderer closes. Use the renderer as
+    a context manager or call ``close``.
 
-    Threads may share it, and frames may be asked for while others are on their way: a device
-    renders one after another. It belongs to its process, and cannot be copied or pickled.
+    Threads may share a renderer and request frames at the same time; a device renders them one
+    after another. A renderer belongs to its process: it cannot be copied or pickled.
     """
 
     def __init__(
@@ -98,9 +99,8 @@ class Renderer:
         self._overrides = overrides
         self._scene = with_overrides(as_scene(scene), camera=camera, **self._overrides)
         self._outputs = check_outputs(outputs)
-        # The last scene that was prepared, whether with cells that are not shown, its solids and
-        # their digest. Threads may share the renderer: what is kept of one frame for others is
-        # taken and replaced whole.
+        # The last prepared scene, whether its hidden cells were included, its solids and their
+        # digest. One tuple, read and replaced whole, because threads may share the renderer.
         hidden = not OF_HIDDEN.isdisjoint(self._outputs)
         solids = Solids.of(self._scene, hidden=hidden)
         self._kept = self._scene, hidden, solids, self._scene.solids_sha256
@@ -110,13 +110,13 @@ class Renderer:
             self._backend = open_backend(backend, adapter, self._scene.accuracy)
         self._told: set[int] = set()
         self._told_coarse = False
-        # The last scene that was hashed: most often the one before.
+        # The last scene that was hashed, and its digest. The next frame most often has it again.
         self._hashed: tuple[Scene | None, str] = None, ""
         _keep_memory()
 
     @property
     def most_steps(self) -> int | None:
-        """Halvings that a tolerance gets at most; None but on devices without 64-bit integers."""
+        """The most halvings that a tolerance may use: None unless 64-bit integers are missing."""
         return self._backend.most_steps
 
     def __enter__(self) -> Self:
@@ -126,9 +126,9 @@ class Renderer:
         self.close()
 
     def close(self) -> None:
-        """Give the device back; the renderer cannot be used any more.
+        """Give the device back. The renderer cannot be used after this.
 
-        A frame that another thread renders at this moment is finished before.
+        A frame that another thread is rendering is finished first.
         """
         self._backend.close()
 
@@ -144,31 +144,32 @@ class Renderer:
         *,
         camera: CameraLike | None = None,
     ) -> Frame:
-        """The frame seen by ``camera``, by default the scene's.
+        """Render the frame that ``camera`` sees, by default the scene's camera.
 
-        A ``scene`` in place of the renderer's gets its options too, but for the camera. A scene
-        with the same classes of solids reuses the shaders. New ones are compiled for the second
-        frame (one for each set of classes that many tiles see) and when a tolerance starts to need
-        64-bit keys or coefficients.
+        ``scene`` replaces the renderer's scene for this frame. The renderer's options apply to it,
+        except the camera. A scene with the same classes of solids reuses the shaders. New ones are
+        compiled for the second frame (one for each set of classes that many tiles see) and when a
+        tolerance starts to need 64-bit keys or coefficients.
 
         Raises:
-            SceneError: the scene, the camera, or an option for this scene, is not valid.
+            SceneError: the scene, the camera, or an option for this scene is not valid.
             UsageError: the renderer is closed.
             DeviceError: the device was lost or the driver failed.
         """
         return self.render_prepared(self.prepare(scene, camera=camera))
 
     def render_all(self, scenes: Iterable[SceneLike]) -> Iterator[Frame]:
-        """Frames of ``scenes`` as `render` gives them, in order.
+        """Render ``scenes`` as `render` does, and yield their frames in order.
 
-        While the device renders one, the next is prepared and the one before can be used.
+        While the device renders a frame, the host prepares the next one and the caller uses the
+        one before.
 
         Raises:
             SceneError: one of the scenes, or an option for it, is not valid.
-            UsageError: the renderer is closed; ``scenes`` is a single scene.
+            UsageError: the renderer is closed, or ``scenes`` is a single scene.
             DeviceError: the device was lost or the driver failed.
         """
-        # The names and keys of one scene would be taken for scenes.
+        # Iterating over a single scene would give characters or keys, and take them for scenes.
         if isinstance(scenes, Scene | str | os.PathLike | Mapping):
             raise UsageError("scenes: render_all takes several scenes; for one, give [scene]")
         process = os.getpid()
@@ -183,12 +184,16 @@ class Renderer:
             if rendering is not None:
                 yield self._collected(rendering, process)
         finally:
-            # No frame is waited for: Python may close a generator that was left early at any time,
-            # also in the middle of another frame, which has to be finished first.
+            # Do not wait for a frame. Python may close an abandoned generator at any time, also in
+            # the middle of another frame of this thread, which the worker would wait for.
             worker.shutdown(wait=False, cancel_futures=True)
 
     def _collected(self, rendering: Future[Frame], process: int) -> Frame:
-        """A frame that a thread of ``process`` renders."""
+        """Wait for a frame that a thread of ``process`` renders.
+
+        Raises:
+            UsageError: the renderer is closed, or this process was forked from ``process``.
+        """
         self._backend.check_usable()
         if process != os.getpid():
             raise UsageError("this process was forked in the middle of render_all; call it again")
@@ -201,15 +206,15 @@ class Renderer:
         camera: CameraLike | None = None,
         outputs: Iterable[str] | None = None,
     ) -> Prepared:
-        """The host's part of a frame, which `render_prepared` finishes, here or elsewhere.
+        """Do the host's part of a frame. `render_prepared` of any renderer does the rest.
 
         Args:
-            scene: as `render` takes it; so is ``camera``.
-            camera: in place of the scene's.
-            outputs: names of Frame arrays; by default those of the renderer.
+            scene: replaces the renderer's scene; see `render`.
+            camera: replaces the scene's camera; see `render`.
+            outputs: names of Frame arrays; by default the renderer's outputs.
 
         Raises:
-            SceneError: the scene, the camera, or an option for this scene, is not valid.
+            SceneError: the scene, the camera, or an option for this scene is not valid.
             UsageError: the renderer is closed, or an output is unknown.
         """
         self._backend.check_usable()
@@ -234,7 +239,7 @@ class Renderer:
         return Prepared(shown, names, tuple(passes), sha256, begin)
 
     def render_prepared(self, prepared: Prepared) -> Frame:
-        """The frame that this renderer, or another one, has prepared.
+        """Render a frame that `prepare` of this or another renderer has prepared.
 
         Raises:
             UsageError: the renderer is closed.
@@ -249,7 +254,7 @@ class Renderer:
                 found, taken = render_pass(self._backend, prepared.scene, one)
                 arrays |= found
                 times += taken
-        # Of the pixel centres, which come first.
+        # The pass of the pixel centres always computes `solid`, from surface numbers.
         shown = arrays["solid"]
         assert isinstance(shown, Lookup)
         paths = Paths(prepared.scene, prepared.packed.surfaces.numbers, shown.numbers)
@@ -257,7 +262,7 @@ class Renderer:
         return Frame(kept, self._info(prepared, times), paths)
 
     def _solids_of(self, scene: Scene, *, hidden: bool) -> tuple[Solids, str]:
-        """The solids of ``scene`` and their digest; most often they are the same as before."""
+        """The solids of ``scene`` and their digest, kept from the last frame if they are equal."""
         before, were_hidden, solids, sha256 = self._kept
         if hidden != were_hidden or not Solids.are_shared(scene, before):
             solids, sha256 = Solids.of(scene, hidden=hidden), scene.solids_sha256
@@ -265,7 +270,7 @@ class Renderer:
         return solids, sha256
 
     def _tell_short(self, scene: Scene, packed: Packed) -> None:
-        """Say once of the solids whose tolerance cannot be met what they get instead."""
+        """Warn once for each solid whose tolerance cannot be met, with the error it gets."""
         steps = packed.steps
         if not steps.short.any():
             return
@@ -285,7 +290,7 @@ class Renderer:
         )
 
     def _tell_coarse(self, scene: Scene, solids: Solids) -> None:
-        """Say once of which solids shadows are hardly resolved."""
+        """Warn once about solids that the grid of shadows hardly resolves."""
         if solids.lit is None or self._told_coarse:
             return
         world = solids.lit.world
@@ -306,7 +311,7 @@ class Renderer:
         if scene is not hashed:
             sha256 = scene.sha256_with(frame.solids_sha256)
             self._hashed = scene, sha256
-        # Of the pixel centres, which come first: `solid` is always among them.
+        # `packed` is the pass of the pixel centres, which always exists: `solid` needs it.
         steps = steps_by_solid(frame.packed)[:-1].tolist()
         facts = self._backend.facts
         info: Info = {
@@ -326,10 +331,10 @@ class Renderer:
 
 
 def _keep_memory() -> None:
-    """Let the memory of one frame be there for the next one.
+    """Make glibc keep the memory of one frame for the next.
 
-    glibc gives freed memory back to the system unless it has freed a large block before. For ten
-    thousand solids, taking it anew every frame costs as much as all set-up.
+    glibc returns freed memory to the system unless it has freed a large block before. With ten
+    thousand solids, requesting that memory again for every frame takes as long as all set-up.
     """
     np.empty(_LARGE_BLOCK, np.uint8)
 

@@ -1,4 +1,4 @@
-"""The frames of an animation, in order, rendered here or by the workers of any executor."""
+"""The frames of an animation in order, rendered by this process or by an executor's workers."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from halfstep.models import as_scene
 from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, with_overrides
 from halfstep.scene.animation import scene_at
 
-# Frames are handed out this many at a time, the next ones before these are collected. They are
-# enough for the workers of a cluster, and few enough for the memory of one machine.
+# An executor gets this many frames at a time, and the next batch before this one is collected. The
+# number is enough for the workers of a cluster, and small enough for the memory of one machine.
 AT_A_TIME = 64
 
 
 class Executor(Protocol):
-    """What frames are handed to: anything with the ``map`` of `concurrent.futures.Executor`.
+    """Renders frames: anything with the ``map`` of `concurrent.futures.Executor`.
 
-    So have Dask's `Client.get_executor()`, and the pools of multiprocessing and Ray.
+    Dask's `Client.get_executor()` and the pools of multiprocessing and Ray have this ``map``.
     """
 
     def map(self, function: Callable[[int], Frame], frames: Iterable[int], /) -> Iterable[Frame]:
-        """``function`` of each of ``frames``, in their order."""
+        """Results of ``function`` for each of ``frames``, in their order."""
 
 
 @dataclass(frozen=True)
 class _Job:
-    """What all frames of a run share."""
+    """The scene and options that all frames of a run share."""
 
     scene: Scene
     outputs: tuple[str, ...]
@@ -59,30 +59,29 @@ def render_frames(
     camera: CameraLike | None = None,
     **overrides: Unpack[Overrides],
 ) -> Iterator[Frame]:
-    """Frames of the scene's animation, in the order asked for.
+    """Render frames of the scene's animation, and yield them in the order of ``frames``.
 
-    A frame depends on nothing but the scene, the options and its number: whoever renders it, on the
-    same adapter it has the same bits. Without ``[animation]`` the camera turns once about look_at,
-    in 60 frames.
+    A frame depends only on the scene, the options and its number: every worker on the same adapter
+    gives the same bits. A scene without ``[animation]`` turns its camera once about look_at, in 60
+    frames.
 
     Args:
-        scene: what to render, as `render` takes it.
-        frames: their numbers, counted from 0; by default all of them.
-        executor: whose workers render, each process with a `Renderer` that it keeps; without one
-            the frames are rendered here, one ahead of what is asked for. Processes must not be
-            forked from one that has rendered on a device: give a ProcessPoolExecutor the context
-            "spawn".
-        outputs: as of `Renderer`; so are ``backend`` and ``adapter``.
-        backend: "auto", "gpu" or "numpy".
+        scene: the scene; see `render`.
+        frames: numbers of frames, counted from 0; by default all of them.
+        executor: its workers render, and each process keeps a `Renderer`. Without an executor this
+            process renders, one frame ahead of the caller. Workers must not be forked from a
+            process that has rendered on a device: give a ProcessPoolExecutor the context "spawn".
+        outputs: names of Frame arrays.
+        backend: "auto", "gpu" or "numpy"; see `render`.
         adapter: an index or a part of the name of a Vulkan adapter.
-        camera: in place of the scene's, as `render` takes it.
+        camera: replaces the scene's camera; see `render`.
         overrides: size, steps and the other options of `halfstep.scene.Overrides`.
 
     Raises:
-        SceneError: the scene is not valid, an option is out of range, or some frame shows nothing
-            that can be; at once.
-        UsageError: there is no such frame, output or backend.
-        AdapterError: no suitable adapter.
+        SceneError: the scene is not valid, an option is out of range, or the camera or a solid has
+            a fault in some frame. This call raises it, before any frame is rendered.
+        UsageError: a frame does not exist, or an output or the backend is unknown.
+        AdapterError: no adapter is suitable.
         DeviceError: the device was lost or the driver failed.
     """
     shown = with_overrides(as_scene(scene), camera=camera, **overrides)
@@ -111,7 +110,7 @@ def _rendered_by(executor: Executor, job: _Job, frames: Sequence[int]) -> Iterat
 
 
 class _Worker:
-    """The job of a process that renders frames for another, with its renderer."""
+    """The job and the renderer of a process that renders frames for another process."""
 
     def __init__(self, pickled: bytes) -> None:
         self.pickled = pickled
@@ -120,7 +119,8 @@ class _Worker:
 
 
 _worker: _Worker | None = None
-# Workers may be threads of one process, as Dask's are: none may close a renderer that another uses.
+# Workers may be threads of one process, as with Dask. A worker must not close a renderer that
+# another worker is using.
 _rendering = threading.Lock()
 
 
@@ -134,7 +134,7 @@ def _render_in_worker(pickled: bytes, frame: int) -> Frame:
 
 
 def _renew_lock() -> None:
-    """In a forked child, have a lock that no thread of the parent has taken."""
+    """Replace the lock in a forked child: a thread of the parent may hold the old one."""
     global _rendering
     _rendering = threading.Lock()
 
@@ -144,7 +144,7 @@ os.register_at_fork(after_in_child=_renew_lock)
 
 @atexit.register
 def _close_worker() -> None:
-    """Give the device back, at the latest before the interpreter takes itself apart."""
+    """Give the device back, at the latest when the interpreter exits."""
     global _worker
     if _worker is not None:
         _worker.renderer.close()

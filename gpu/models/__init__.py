@@ -1,4 +1,4 @@
-"""Files of other programs, read as scenes: of OpenMC, OpenSCAD and SURFER."""
+"""Reads files of other programs as scenes: OpenMC, OpenSCAD and SURFER."""
 
 from halfstep.models.look import Look
 from halfstep.models.reading import as_scene, check, is_geometry, is_model, load

@@ -1,4 +1,4 @@
-"""Numbers and words of an element, which say where they are wrong."""
+"""Reads numbers and words of an element, and records the place of each fault."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 class Fields:
-    """The keys of an element; what is wrong with them is noted, and then they are None."""
+    """Reads the keys of an element. A faulty key is recorded in the document, and read as None."""
 
     def __init__(self, document: Document, element: Element) -> None:
         self._document, self._element = document, element
 
     def value(self, key: str) -> Value | None:
-        """The key, if it is given and not empty."""
+        """The value of a key; None if it is missing or empty."""
         value = self._document.value(self._element, key)
         return value if value is None or value.text else None
 
     def fault(self, what: str) -> None:
-        """Note what is wrong with the element."""
+        """Record a fault of the element."""
         self._document.fault(self._element, what)
 
     def text(self, key: str, default: str = "") -> str:
@@ -43,14 +43,14 @@ class Fields:
         return found[0] if found else None
 
     def integers(self, key: str, *, least: int = 0) -> tuple[int, ...] | None:
-        """Whole numbers with blanks between them."""
+        """Whole numbers separated by blanks."""
         value = self._required(key)
         return None if value is None else self.whole(value, value.text.split(), least)
 
     def floats(
         self, key: str, counts: Sequence[int], *, required: bool = True
     ) -> tuple[float, ...] | None:
-        """Finite numbers with blanks between them, as many as one of ``counts``."""
+        """Finite numbers separated by blanks. Their number must be one of ``counts``."""
         value = self._required(key) if required else self.value(key)
         if value is None:
             return None
@@ -67,7 +67,7 @@ class Fields:
         return None if wrong else tuple(map(float, words))
 
     def whole(self, value: Value, words: list[str], least: int) -> tuple[int, ...] | None:
-        """Words of a value as whole numbers, from ``least`` on."""
+        """Words of a value as whole numbers, each at least ``least``; None if one is faulty."""
         found: list[int] = []
         for word in words:
             is_number = _INTEGER.fullmatch(word) and len(word) < 20
@@ -86,5 +86,5 @@ class Fields:
 
 
 def counted(things: Sequence[object], what: str) -> str:
-    """``3 numbers``."""
+    """The number of things in words: ``3 numbers``."""
     return f"{len(things)} {what}{'s' * (len(things) != 1)}"

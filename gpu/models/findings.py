@@ -1,4 +1,4 @@
-"""What is wrong with a model: cells that overlap, and gaps between them."""
+"""Faults of a model's geometry: cells that overlap, and gaps between cells."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ class Finding:
     """Cells that overlap, or a gap between cells.
 
     Attributes:
-        where: what they are in, ``universe 5`` or ``lattice 7``.
-        cells: numbers of the two first cells that claim a point; of a gap, of those before and
-            behind it on the ray, or of that which is filled.
-        point: where, in the coordinates of the model.
-        depth: how far the ray that goes farthest through it does so; 0 where a point found it.
-        rays: how many rays met it, or points.
+        where: the universe or lattice of the finding, ``universe 5`` or ``lattice 7``.
+        cells: for an overlap, ids of the first two cells that contain a point. For a gap, ids of
+            the cells before and behind it on the ray, or of the cell around that is filled.
+        point: a point of the finding, in the coordinates of the model.
+        depth: the longest path of a ray inside it; 0 if only a point found it.
+        rays: the number of rays, or of points, that met it.
     """
 
     where: str
@@ -29,7 +29,7 @@ class Finding:
     rays: int = 1
 
     def as_dict(self) -> dict[str, Any]:
-        """For machines."""
+        """The finding for JSON."""
         return {
             "in": self.where,
             "cells": list(self.cells),
@@ -39,7 +39,7 @@ class Finding:
         }
 
     def place(self) -> str:
-        """Where it is, for people."""
+        """The place of the finding, for people."""
         x, y, z = self.point
         deep = f", {self.depth:.6g} deep" if self.depth else ""
         return f"at ({x:.6g}, {y:.6g}, {z:.6g}){deep}"
@@ -47,14 +47,14 @@ class Finding:
 
 @dataclass
 class Report:
-    """What was found in a geometry.
+    """All findings in a geometry.
 
     Attributes:
-        name: of the file.
-        rays: how many were followed.
-        points: how many were asked.
+        name: name of the file.
+        rays: the number of rays that were followed.
+        points: the number of points that were tested.
         overlaps: a finding for each pair of cells, the deepest first.
-        gaps: a finding for each pair of cells.
+        gaps: a finding for each pair of cells, the deepest first.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Report:
 
     @property
     def is_sound(self) -> bool:
-        """Whether nothing was found."""
+        """Whether there are no findings."""
         return not (self.overlaps or self.gaps)
 
     def lines(self) -> Iterator[str]:
@@ -79,7 +79,7 @@ class Report:
             yield (f"no cell of {each.where} {each.place()}, {where}, on {each.rays} rays")
 
     def as_dict(self) -> dict[str, Any]:
-        """For machines."""
+        """The report for JSON."""
         return {
             "model": self.name,
             "rays": self.rays,

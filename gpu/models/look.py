@@ -1,4 +1,4 @@
-"""How a model of another program is looked at: its colours, its camera, and what is cut away."""
+"""The look of a model of another program: colours, camera, hidden cells and clips."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from halfstep.scene.values import LARGEST, Array, Vector
 
 Table = dict[str, Any]
 COLORS = ("material", "cell", "group")
-# Directions from the model to the camera, and what is up in the picture.
+# For each view, the direction from the model to the camera, and the direction up in the picture.
 VIEWS = {
     "iso": ((0.62, -1.0, 0.62), (0.0, 0.0, 1.0)),
     "xy": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
     "xz": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
     "yz": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
 }
-# A narrow angle, in which sides that are parallel look so.
+# A narrow angle, in which parallel sides look parallel.
 FOV_DEGREES = 30.0
-# How much of the picture a model fills.
+# The part of the picture that a model fills.
 FILLING = 0.94
 WIDTH, HEIGHT = 640, 480
-# Turns of the colour wheel from one number to the next: the golden ratio, so that neighbours differ
-# and late numbers fall between early ones.
+# Turns of the colour wheel from one number to the next. By the golden ratio, neighbours differ and
+# later numbers fall between earlier ones.
 _TURN = (math.sqrt(5) - 1) / 2
-# Saturation and value of numbers in turn.
+# Saturation and value, which successive numbers take in turn.
 _SHADES = ((0.62, 0.9), (0.45, 0.98), (0.8, 0.72))
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _OTHER = re.compile(r"[^\s|&~()]")
@@ -45,19 +45,20 @@ _SIDE = re.compile(rf"([xyz])\s*(<=|>=|<|>)\s*({_NUMBER})")
 
 @dataclass(frozen=True)
 class Look:
-    """What the command line says of a model; each replaces what the model is shown with.
+    """Options of the command line for the look of a model. Each replaces a default.
 
     Attributes:
-        color_by: what has a colour of its own, one of `COLORS`; None for materials.
-        hide: what is not shown: ``void``, ``material:4``, ``cell:7``, or names.
-        only: or what alone is.
-        clip: what is left, each as ``x > 0`` or ``x > 0 | y < 2``.
+        color_by: the things with separate colours, one of `COLORS`; None for materials.
+        hide: things that are not shown: ``void``, ``material:4``, ``cell:7``, or names.
+        only: the only things that are shown, in the same form.
+        clip: conditions of the part that is kept, such as ``x > 0`` or ``x > 0 | y < 2``.
         view: one of `VIEWS`.
-        eye: where the camera is.
-        look_at: what is in the middle of the picture.
-        fov_degrees: vertical angle of view; or
-        orthographic_height: how much the picture shows from bottom to top, along parallel rays.
-        plot: the number of a plot of the file, which says all this; what is given replaces it.
+        eye: the position of the camera.
+        look_at: the point in the middle of the picture.
+        fov_degrees: vertical angle of view.
+        orthographic_height: height of the picture in model units, for parallel rays, in place of
+            ``fov_degrees``.
+        plot: the number of a plot in the file, which sets the look; other options replace parts.
     """
 
     color_by: str | None = None
@@ -72,10 +73,11 @@ class Look:
     plot: int | None = None
 
     def __post_init__(self) -> None:
-        """Refuse words that stand for nothing.
+        """Check the options.
 
         Raises:
-            UsageError: which, and what there is.
+            UsageError: a word is unknown, a number is out of range, or two options exclude each
+                other.
         """
         for option, word, words in (
             ("--color-by", self.color_by, COLORS),
@@ -98,20 +100,20 @@ class Look:
 
     @property
     def angle_or_height(self) -> Table:
-        """The key of the camera that says how much it sees, if that is given."""
+        """The camera's key for its angle or height of view, if an option gives it."""
         keys = {"fov_degrees": self.fov_degrees, "orthographic_height": self.orthographic_height}
         return {key: value for key, value in keys.items() if value is not None}
 
 
 def color_of(number: int) -> list[float]:
-    """A colour, linear RGB, that a number always has and its neighbours have not."""
+    """The colour, linear RGB, of a number. Neighbouring numbers have other colours."""
     saturation, value = _SHADES[number % len(_SHADES)]
     encoded = colorsys.hsv_to_rgb(number * _TURN % 1.0, saturation, value)
     return [linear(each) for each in encoded]
 
 
 def linear(encoded: float) -> float:
-    """A component of sRGB, 0…1, as light."""
+    """Linear light of a component of sRGB, 0…1."""
     if encoded <= 0.04045:
         return round(encoded / 12.92, 4)
     return round(((encoded + 0.055) / 1.055) ** 2.4, 4)
@@ -119,12 +121,12 @@ def linear(encoded: float) -> float:
 
 @dataclass(frozen=True)
 class Clip:
-    """What is left of a model.
+    """The part of a model that a clip keeps.
 
     Attributes:
         first: the number of the first plane.
-        surfaces: tables of planes.
-        region: a formula over them, everywhere where there is none.
+        surfaces: tables of the planes.
+        region: a formula over the planes; None keeps everything.
     """
 
     first: int
@@ -136,7 +138,7 @@ def clip_of(texts: Sequence[str], first: int) -> Clip:
     """The planes and the region of ``--clip``, whose surfaces are numbered from ``first``.
 
     Raises:
-        UsageError: a text is no comparison, nor several joined by ``&``, ``|``, ``~`` and ( ).
+        UsageError: a text is not one comparison, or several joined by ``&``, ``|``, ``~`` and ( ).
     """
     surfaces: list[Table] = []
     regions: list[Formula] = []
@@ -170,14 +172,14 @@ def clip_of(texts: Sequence[str], first: int) -> Clip:
 
 
 def _side(sides: list[Formula], leaf: Leaf) -> Formula:
-    """The side that stands for the n-th comparison of a text."""
+    """The side of a plane for the n-th comparison of a text; n is the leaf's surface number."""
     assert isinstance(leaf, Sense)
     assert isinstance(leaf.surface, int)
     return sides[leaf.surface - 1]
 
 
 def plane(axis: int, distance: float, number: int) -> Table:
-    """The table of a plane across an axis of the coordinates."""
+    """The table of a plane normal to an axis of the coordinates."""
     table: Table = {"id": number, "kind": "plane"}
     if axis < 2:
         table["axis"] = [float(axis == 0), float(axis == 1), 0.0]
@@ -187,22 +189,22 @@ def plane(axis: int, distance: float, number: int) -> Table:
 
 
 def both(first: Formula | None, second: Formula | None) -> Formula | None:
-    """What lies in two regions, of which either may be everywhere."""
+    """The intersection of two regions; None means everywhere."""
     if first is None or second is None:
         return second if first is None else first
     return first & second
 
 
 def camera_of(look: Look, box: Array, given: Table | None = None) -> Table:
-    """The camera that shows a box (2, 3), or the one that is asked for.
+    """The camera that the options or the file request, or else one that shows a box (2, 3).
 
     Args:
-        look: by options, which replace all else.
-        box: what is to be seen.
-        given: or by the file.
+        look: the options, which replace all else.
+        box: the box to show.
+        given: keys of the camera in the file, if it has one.
 
     Raises:
-        UsageError: it would look from where it looks at, or along what is up.
+        UsageError: the camera is at the point that it looks at.
     """
     direction, upwards = VIEWS[look.view or "iso"]
     wanted = look.angle_or_height
@@ -219,7 +221,7 @@ def camera_of(look: Look, box: Array, given: Table | None = None) -> Table:
         if np.linalg.norm(np.cross(placement.unit(target - eye), upwards)) < 1e-6:
             upwards = (0.0, 1.0, 0.0) if abs(upwards[1]) < 0.5 else (0.0, 0.0, 1.0)
     else:
-        # Parallel rays start as far away.
+        # A camera with parallel rays is placed at the same distance.
         fov = wanted.get("fov_degrees", FOV_DEGREES)
         away = _distance(box, target, direction, upwards, fov)
         eye = target + away * placement.unit(np.array(direction))
@@ -232,7 +234,7 @@ def camera_of(look: Look, box: Array, given: Table | None = None) -> Table:
 
 
 def _distance(box: Array, target: Array, direction: Vector, up: Vector, fov: float) -> float:
-    """How far from the target a camera sees all corners of a box."""
+    """The distance from the target at which a camera sees all corners of a box."""
     back = placement.unit(np.array(direction))
     right = placement.unit(np.cross(up, back))
     axes = np.array([right, np.cross(back, right), back])
@@ -244,7 +246,7 @@ def _distance(box: Array, target: Array, direction: Vector, up: Vector, fov: flo
 
 
 def lights_of(camera: Table) -> list[Table]:
-    """A light from the left above the camera, and a weaker one from it."""
+    """A light from above and left of the camera, and a weaker one from the camera."""
     back = placement.unit(np.subtract(camera["center"], camera["look_at"]))
     right = placement.unit(np.cross(camera["up"], back))
     above = np.cross(back, right)
@@ -263,6 +265,6 @@ def degrees_of(rotation: Array) -> list[float]:
         x = math.atan2(rotation[2, 1], rotation[2, 2])
         z = math.atan2(rotation[1, 0], rotation[0, 0])
     else:
-        # Turns about x and z are about one axis: all of it about x.
+        # Turns about x and z are about the same axis. Turn about x only.
         x, z = math.atan2(-rotation[1, 2], rotation[1, 1]), 0.0
     return [math.degrees(angle) + 0.0 for angle in (x, y, z)]

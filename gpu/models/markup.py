@@ -1,8 +1,8 @@
-"""XML as people write it: elements with their places, and nothing that a file can grow by.
+"""Reads XML into elements with their places, safely.
 
-Python's own expat reads it, because it says where every element begins, in lines, columns and
-bytes, which defusedxml and ElementTree do not. A document type is refused where it begins, so that
-there are no entities to expand and nothing to fetch; the size of a file and its nesting are
+Python's own expat parses it, because expat reports where every element begins, in lines, columns
+and bytes, which defusedxml and ElementTree do not. A document type is refused where it begins, so
+there are no entities to expand and nothing to fetch. The size of a file and its nesting are
 limited.
 """
 
@@ -23,7 +23,7 @@ from halfstep.text import place
 
 MAX_NESTING = 64
 _CHUNK = 1 << 20
-# More faults than this tell nobody more.
+# The most faults that a message lists.
 _MOST_FAULTS = 50
 
 
@@ -32,12 +32,12 @@ class Element:
     """An element of a document.
 
     Attributes:
-        name: of its tag.
-        attributes: by name.
+        name: name of its tag.
+        attributes: its attributes by name.
         at: index of its first byte in the document.
-        children: in order.
-        text: all the text in it, but for that of its children.
-        text_at: index of the first byte of the text, after blanks; -1 where there is none.
+        children: its child elements in order.
+        text: all text in it, without the text of its children.
+        text_at: index of the first byte of the text, after blanks; -1 if there is no text.
     """
 
     name: str
@@ -48,20 +48,20 @@ class Element:
     text_at: int = -1
 
     def find_all(self, *names: str) -> Iterator[Element]:
-        """The children with one of these names."""
+        """The children that have one of ``names``."""
         return (child for child in self.children if child.name in names)
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """What a key of an element is: an attribute, or the text of a child.
+    """The value of a key of an element: an attribute, or the text of a child.
 
     Attributes:
-        key: its name.
-        text: without blanks around it.
-        element: whose key it is.
-        at: index of a byte of the document, where the text begins, or of what holds it.
-        is_plain: each character of the text stands in the document as it is.
+        key: name of the key.
+        text: the value without blanks around it.
+        element: the element that has the key.
+        at: index of the byte of the document where the text begins, or where its holder begins.
+        is_plain: whether the document has each character of the text unescaped.
     """
 
     key: str
@@ -75,7 +75,7 @@ class Document:
     """A document, and the faults found in it so far.
 
     Attributes:
-        name: of the file, for people.
+        name: name of the file, for people.
         root: the outermost element.
     """
 
@@ -85,7 +85,7 @@ class Document:
         self._faults: dict[tuple[int, str], None] = {}
 
     def value(self, element: Element, key: str) -> Value | None:
-        """The value of a key that is given as an attribute or as a child; None where it is not."""
+        """The value of a key, which is an attribute or a child; None if it is missing."""
         if key in element.attributes:
             text = element.attributes[key]
             pattern = rb"""\s%s\s*=\s*(["'])""" % re.escape(key.encode())
@@ -99,19 +99,19 @@ class Document:
     def _value(self, key: str, text: str, element: Element, at: int) -> Value:
         raw = text.encode()
         there = self._content[at : at + len(raw)]
-        # An attribute has blanks for the ends of its lines.
+        # XML turns line ends in an attribute into blanks.
         is_plain = there.split() == raw.split() and len(there) == len(raw)
         start = len(text) - len(text.lstrip())
         at += len(text[:start].encode()) if is_plain else 0
         return Value(key, text.strip(), element, at, is_plain)
 
     def fault(self, where: Element | Value, what: str, column: int = 0) -> None:
-        """Note what is wrong with an element or a value.
+        """Record a fault of an element or a value.
 
         Args:
             where: the element, or the value of a key.
-            what: the fault; the name of the element and the key go before it.
-            column: index of a character of the value.
+            what: the fault; the message puts the names of element and key before it.
+            column: index of the faulty character in the value.
         """
         if isinstance(where, Value):
             at = where.at
@@ -123,7 +123,7 @@ class Document:
         self._faults[at, what] = None
 
     def check(self) -> None:
-        """Raise a `SceneError` with the faults that were noted, if there are any."""
+        """Raise a `SceneError` with all recorded faults, if there are any."""
         found = sorted(self._faults)
         if not found:
             return
@@ -137,7 +137,7 @@ class Document:
 
 
 def titled(element: Element) -> str:
-    """What an element is called, for people: ``cell 7``."""
+    """The title of an element, for people: ``cell 7``."""
     number = element.attributes.get("id")
     if number is None:
         number = next((child.text for child in element.find_all("id")), "")
@@ -145,14 +145,15 @@ def titled(element: Element) -> str:
 
 
 def read(path: Path, given: str) -> Document:
-    """The document in a file.
+    """Read the document in a file.
 
     Args:
-        path: of the file.
-        given: how messages call it.
+        path: path of the file.
+        given: name of the file in messages.
 
     Raises:
-        SceneError: it cannot be read, or is no XML, or has what none of these files needs.
+        SceneError: the file cannot be read, is not XML, is too large or too deeply nested, or has
+            a document type.
     """
     content = bytearray()
     try:
@@ -172,7 +173,7 @@ def read(path: Path, given: str) -> Document:
 
 
 class _Builder:
-    """Elements from what expat finds."""
+    """Builds elements from expat's events."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -194,7 +195,7 @@ class _Builder:
             what = expat.ErrorString(error.code)
             raise SceneError(f"{self._name}: {where}: not XML: {what}{inside}") from None
         except (ValueError, LookupError) as error:
-            # An encoding that there is not, or that has several bytes for a letter.
+            # The encoding is unknown, or one with several bytes for a letter.
             raise SceneError(f"{self._name}: line 1, column 1: {error}") from None
 
     def end(self) -> Element:
@@ -219,7 +220,7 @@ class _Builder:
     def _characters(self, text: str) -> None:
         element, texts = self._open[-1], self._texts[-1]
         if element.text_at < 0:
-            # What comes first in an element is mostly the end of a line.
+            # The text of an element usually begins with a line end, which is skipped.
             begun = text.lstrip()
             if not begun:
                 return

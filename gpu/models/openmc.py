@@ -1,7 +1,7 @@
-"""OpenMC's geometry, as its XML files have it: surfaces, cells, universes and lattices.
+"""OpenMC's geometry in its XML files: surfaces, cells, universes and lattices.
 
-Facts are those of OpenMC's manual, "Geometry Specification"; the sign of a side is that of the
-surface's function, and of two cells in one place the first in the file is there.
+The source is OpenMC's manual, "Geometry Specification". The sign of a side is the sign of the
+surface's function. If two cells contain a point, the first in the file has it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from halfstep.scene.formula import Formula
 from halfstep.scene.values import Array, Vector
 
 Ints = NDArray[np.int64]
-# Of each type of surface, what its coefficients are called.
+# The names of the coefficients of each type of surface.
 SURFACES = {
     "x-plane": ("x0",),
     "y-plane": ("y0",),
@@ -36,7 +36,7 @@ SURFACES = {
     "y-torus": ("x0", "y0", "z0", "A", "B", "C"),
     "z-torus": ("x0", "y0", "z0", "A", "B", "C"),
 }
-# Beyond these nothing is, so that what is left there is no gap.
+# Particles pass only this boundary. Space without cells beyond other boundaries is not a gap.
 OPEN_BOUNDARY = "transmission"
 BOUNDARIES = (OPEN_BOUNDARY, "vacuum", "reflective", "periodic", "white")
 
@@ -48,9 +48,9 @@ class Surface:
     Attributes:
         id: its number.
         kind: its type, one of `SURFACES`.
-        coefficients: of that type.
-        boundary: what becomes of a particle there, one of `BOUNDARIES`.
-        name: for people, or empty.
+        coefficients: the coefficients of this type.
+        boundary: what happens to a particle there, one of `BOUNDARIES`.
+        name: its name for people; may be empty.
     """
 
     id: int
@@ -61,11 +61,11 @@ class Surface:
 
     @property
     def axis(self) -> int:
-        """0 … 2, the axis that the type begins with."""
+        """The axis with which the type's name begins, 0 … 2."""
         return "xyz".index(self.kind[0])
 
     def matrix(self) -> Array:
-        """Symmetric M (4, 4) with F(p) = [p 1] M [p 1]ᵀ, as the coefficients give it."""
+        """The symmetric M (4, 4) with F(p) = [p 1] M [p 1]ᵀ, from the coefficients."""
         given = self.coefficients
         found = np.zeros((4, 4))
         match self.kind:
@@ -88,7 +88,7 @@ class Surface:
         return found
 
     def squares(self) -> tuple[Array, Array, float]:
-        """Of spheres, cylinders and cones the w, m (3,) and r in Σ w (p - m)² = r²."""
+        """w (3,), m (3,) and r in Σ w (p - m)² = r², for spheres, cylinders and cones."""
         *place, last = self.coefficients
         weights = np.ones(3)
         if self.kind.endswith("cone"):
@@ -102,18 +102,19 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A cell: a region with a material, or with a universe or a lattice in it.
+    """A cell: a region that has a material, or is filled with a universe or a lattice.
 
     Attributes:
         id: its number.
-        name: for people, or empty.
-        universe: the number of that which it is in.
-        region: over the numbers of surfaces; everywhere without one.
-        materials: numbers of materials, one, or one for each instance; None is void. Empty where
-            it is filled.
-        fill: the number of a universe or, where there is none, of a lattice.
-        translation: where the origin of what fills it is.
-        rotation: (3, 3), takes directions of what fills it to those around; None where not turned.
+        name: its name for people; may be empty.
+        universe: the number of the universe that it belongs to.
+        region: a formula over the numbers of surfaces; None is everywhere.
+        materials: numbers of materials, one for all instances or one for each; None is void. Empty
+            if the cell is filled.
+        fill: the number of the universe or, if there is no such universe, the lattice that fills
+            it; None if nothing does.
+        translation: the origin of the filling in the coordinates around.
+        rotation: (3, 3), takes directions in the filling to directions around; None for no turn.
     """
 
     id: int
@@ -127,28 +128,28 @@ class Cell:
 
     @property
     def map(self) -> Array:
-        """(3, 4), takes points of what fills it to those around."""
+        """The map (3, 4) that takes points in the filling to points around."""
         rotation = np.eye(3) if self.rotation is None else self.rotation
         return np.column_stack([rotation, self.translation])
 
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """A lattice: universes in elements of one size.
+    """A lattice: universes in elements of equal size.
 
     Attributes:
         id: its number.
-        name: for people, or empty.
-        orientation: of a hexagonal one, the axis to which two sides of it are parallel, ``x`` or
-            ``y``; None of a rectangular one.
-        shape: numbers of columns and rows, or of rings; and of layers, 0 where there are none.
-        pitch: (3,), sizes of an element; of a hexagonal one the first two are one.
-        middle: of the lattice; its third number has no meaning without layers.
-        universes: (N,), number of each element's, in the order of `cells`.
-        cells: (N, 3), indices of the elements along three axes: of a rectangular one those of x, y,
-            z from 0; of a hexagonal one twice the distance from the middle along x and y, in units
-            of the pitch, of which that across the orientation is in √3; and the layer.
-        outer: the number of the universe around it, None where nothing is.
+        name: its name for people; may be empty.
+        orientation: for a hexagonal lattice, the axis parallel to two of its sides, ``x`` or
+            ``y``; None for a rectangular one.
+        shape: columns and rows, or rings; then layers, 0 if the lattice has no end along z.
+        pitch: (3,), sizes of an element; the first two of a hexagonal one are equal.
+        middle: the lattice's middle; its third number has no meaning without layers.
+        universes: (N,), the number of the universe in each element, in the order of `cells`.
+        cells: (N, 3), indices of the elements. Those of a rectangular lattice count from 0 along x,
+            y and z. Those of a hexagonal one are distances from the middle along x and y, and the
+            layer. The unit of distance is pitch / 2 along the orientation, √3 pitch / 2 across it.
+        outer: the number of the universe around it; None if there is none.
     """
 
     id: int
@@ -163,24 +164,24 @@ class Lattice:
 
     @property
     def layers(self) -> int:
-        """How many layers there are, 0 where it has no end along z."""
+        """The number of layers; 0 if the lattice has no end along z."""
         return self.shape[-1]
 
     @property
     def center(self) -> Array:
-        """(3,), the middle, at z = 0 where it has no end along z."""
+        """The middle (3,); z is 0 if the lattice has no end along z."""
         return np.array([*self.middle[:2], self.middle[2] if self.layers else 0.0])
 
     @property
     def order(self) -> Ints:
-        """(N,), the elements in the order in which OpenMC counts instances of cells."""
+        """Indices (N,) of the elements in the order in which OpenMC counts instances of cells."""
         x, y, z = self.cells.T
         if self.orientation == "y":
             return np.lexsort((x, (y - x) // 2, z))
         return np.lexsort((x, y, z))
 
     def walls(self) -> Array:
-        """(W, 3), of an element: normals of its walls, as long as half the distance across."""
+        """The vectors (W, 3) from an element's middle to its walls, one for each pair of walls."""
         x, y, z = (size / 2 for size in self.pitch)
         if self.orientation is None:
             sides = [(x, 0.0, 0.0), (0.0, y, 0.0)]
@@ -191,7 +192,7 @@ class Lattice:
         return np.array([*sides, (0.0, 0.0, z)] if self.layers else sides)
 
     def places(self, cells: Ints) -> Array:
-        """(N, 3), where the middles of elements (N, 3) are."""
+        """The middles (N, 3) of the elements with indices ``cells`` (N, 3)."""
         x, y, z = cells.T.astype(np.float64)
         height = (z - (self.layers - 1) / 2) * self.pitch[2] if self.layers else 0.0 * z
         if self.orientation is None:
@@ -208,15 +209,15 @@ class Lattice:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """A geometry whose numbers all lead somewhere, and no universe into itself.
+    """A geometry in which every number exists, and no universe contains itself.
 
     Attributes:
-        name: of its file, for people.
-        surfaces: by number.
-        universes: cells of each in the order of the file, by number.
-        lattices: by number.
+        name: name of its file, for people.
+        surfaces: surfaces by number.
+        universes: the cells of each universe in the order of the file, by number.
+        lattices: lattices by number.
         root: number of the outermost universe.
-        materials: names of materials by number, of those that have one.
+        materials: the names of materials by number; some have none.
     """
 
     name: str
@@ -228,11 +229,11 @@ class Geometry:
 
     @property
     def cells(self) -> list[Cell]:
-        """All cells, those of a universe one after another."""
+        """All cells, one universe after another."""
         return [cell for cells in self.universes.values() for cell in cells]
 
     def counted(self, universe: int) -> dict[int, int]:
-        """How many instances of each cell with several materials a universe holds."""
+        """The number of instances in a universe, for each cell with several materials."""
         if universe not in self._counted:
             found: dict[int, int] = {}
             for cell in self.universes[universe]:
@@ -249,7 +250,7 @@ class Geometry:
         return {}
 
     def inside(self, cell: Cell) -> list[tuple[int, int]]:
-        """The universes that a cell is filled with, and how many times; none around a lattice."""
+        """The universes in a cell, and how many times each, without that around a lattice."""
         if cell.fill is None:
             return []
         if cell.fill in self.universes:
@@ -259,11 +260,11 @@ class Geometry:
 
 
 def rotation_of(numbers: tuple[float, ...]) -> Array:
-    """(3, 3), takes directions of what fills a cell to those around.
+    """The rotation (3, 3) that takes directions in a cell's filling to directions around.
 
     Args:
-        numbers: three angles in degrees, of turns about x, y and z, of which that about z comes
-            first; or the matrix the other way, row by row.
+        numbers: three angles in degrees, about x, y and z, applied z first; or nine numbers, the
+            rows of the inverse rotation.
     """
     if len(numbers) == 9:
         return np.array(numbers).reshape(3, 3).T

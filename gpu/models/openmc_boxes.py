@@ -1,6 +1,6 @@
-"""Boxes of what is in an OpenMC geometry, (2, 3): least and greatest coordinates.
+"""Bounding boxes in an OpenMC geometry, (2, 3): least and greatest coordinates.
 
-Where nothing ends something they are infinite.
+A coordinate is infinite if nothing bounds it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ EVERYWHERE: Array = np.array([[-np.inf] * 3, [np.inf] * 3])
 
 
 def box_of_cell(geometry: Geometry, cell: Cell) -> Array | None:
-    """The box of a cell's region, None where that surely has no point."""
+    """The bounding box of a cell's region; None if the region certainly has no point."""
     if cell.region is None:
         return EVERYWHERE
     matrices = {number: geometry.surfaces[number].matrix() for number, _ in sides_of(cell.region)}
@@ -25,11 +25,11 @@ def box_of_cell(geometry: Geometry, cell: Cell) -> Array | None:
 
 
 def extents(geometry: Geometry, boxes: dict[int, Array | None]) -> dict[int, Array]:
-    """Where lattices may be seen, by number, in their own coordinates.
+    """Boxes in which lattices may be seen, by number, in the coordinates of each lattice.
 
     Args:
-        geometry: all of it.
-        boxes: of the regions of its cells, by number.
+        geometry: the geometry.
+        boxes: bounding boxes of the regions of its cells, by number.
     """
     ways = {
         number: {inside for cell in cells for inside in _universes_in(geometry, cell)}
@@ -37,7 +37,7 @@ def extents(geometry: Geometry, boxes: dict[int, Array | None]) -> dict[int, Arr
     }
     seen: dict[int, Array] = {geometry.root: EVERYWHERE}
     lattices: dict[int, Array] = {}
-    # From the outside in.
+    # From the outermost universe inwards.
     for number in reversed([*TopologicalSorter(ways).static_order()]):
         for cell in geometry.universes[number] if number in seen else ():
             around = common(seen[number], boxes[cell.id])
@@ -58,13 +58,13 @@ def extents(geometry: Geometry, boxes: dict[int, Array | None]) -> dict[int, Arr
 
 
 def element_box(lattice: Lattice) -> Array:
-    """The box around an element of a lattice, counted from its middle."""
+    """The bounding box of an element of a lattice, relative to the element's middle."""
     walls = lattice.walls()
     half = np.append(
         np.abs(walls).max(axis=0)[:2], lattice.pitch[2] / 2 if lattice.layers else np.inf
     )
     if lattice.orientation is not None:
-        # Corners are farther than sides.
+        # Corners of a hexagon are farther from the middle than its sides.
         half["yx".index(lattice.orientation)] = lattice.pitch[0] / np.sqrt(3.0)
     return np.array([-half, half])
 

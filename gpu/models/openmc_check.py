@@ -1,9 +1,9 @@
-"""Overlaps and gaps of an OpenMC geometry, found along rays and at points.
+"""Finds overlaps and gaps of an OpenMC geometry along rays and at points.
 
-Along a ray all surfaces of a universe are crossed. Between two crossings the cells do not change,
-so one point there tells for all of it, and on which side of each surface that point is, is decided
-exactly. What is found is there; what is thinner than `THINNEST` of the model is passed over, as
-decimals are rounded. A ray goes on into what fills a cell.
+A ray is cut at its crossings with all surfaces of a universe. Between two crossings the cells do
+not change, so one point of each piece is tested. Its side of each surface is decided exactly, so
+every finding is real. Pieces thinner than `THINNEST` of the model are skipped, because files round
+decimals. A ray continues into the universe or lattice that fills a cell.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from halfstep.scene.region import Complement, Intersection, Literal, Region, Uni
 from halfstep.scene.values import Array
 
 Bools = NDArray[np.bool_]
-# Of the size of the model.
+# The thinnest piece that is tested, in sizes of the model.
 THINNEST = 1e-9
-# Rays from each of six sides, on a square.
+# From each of six sides come RAYS x RAYS rays.
 RAYS = 48
 SIDES = [(axis, sign) for axis in range(3) for sign in (1, -1)]
 
 
 @dataclass
 class _Findings:
-    """What was found, by universe and cells."""
+    """Findings by universe and cells."""
 
     world: Pieces
     found: dict[tuple[str, tuple[int, ...]], Finding] = field(default_factory=dict)
@@ -55,15 +55,15 @@ class _Findings:
 
 
 class Checker:
-    """Rays and points in one geometry."""
+    """Follows rays and tests points in one geometry."""
 
     def __init__(self, geometry: Geometry, box: Array) -> None:
-        """A geometry, all of which is in a box (2, 3)."""
+        """``box`` (2, 3) bounds ``geometry``."""
         self._geometry, self._box = geometry, box
         self._thinnest = THINNEST * float(np.ptp(box, axis=0).max())
 
     def check(self, rays: int = RAYS, points: int = 0, seed: int = 1) -> Report:
-        """Follow rays × rays rays from each of six sides, and ask points in the box."""
+        """Follow rays × rays rays from each of six sides, and test random points in the box."""
         world = self._rays(rays)
         overlaps, gaps = _Findings(world), _Findings(world)
         self._follow(self._geometry.root, world, (overlaps, gaps), None)
@@ -80,7 +80,7 @@ class Checker:
         return Report(self._geometry.name, count, points, overlaps.sorted(), gaps.sorted())
 
     def _rays(self, count: int) -> Pieces:
-        """Those of six sides; from opposite sides they run between one another."""
+        """The rays from six sides. Those from opposite sides run between one another."""
         origins, directions = [], []
         low, size = self._box[0], np.ptp(self._box, axis=0)
         for axis, sign in SIDES:
@@ -102,7 +102,7 @@ class Checker:
     # ---------------------------------------------------------------------------- universes
 
     def _claims(self, universe: int, points: Array) -> Bools:
-        """(C, N), which cells of a universe points are in."""
+        """Whether each cell of a universe contains each point, (C, N)."""
         cells = self._geometry.universes[universe]
         sides = {
             number: is_positive(self._geometry.surfaces[number], points)
@@ -117,7 +117,7 @@ class Checker:
         found: tuple[_Findings, _Findings],
         filled: Cell | None,
     ) -> None:
-        """Follow rays through a universe, and into what fills its cells."""
+        """Follow rays through a universe, and into the fillings of its cells."""
         overlaps, gaps = found
         cells = self._geometry.universes[universe]
         numbers = _surfaces_of(cells)
@@ -136,7 +136,7 @@ class Checker:
                 gaps.add(f"universe {universe}", (filled.id,), cut, index)
                 continue
             is_between = 0 < index < len(owner) - 1 and whole[index - 1] == whole[index + 1]
-            # Behind a boundary that nothing passes there need be no cell.
+            # Space behind a boundary that no particle passes needs no cell.
             if is_between and not (closed[index] or closed[index + 1]):
                 around = cells[owner[index - 1]].id, cells[owner[index + 1]].id
                 gaps.add(f"universe {universe}", around, cut, index)
@@ -152,10 +152,11 @@ class Checker:
                 self._follow_lattice(self._geometry.lattices[cell.fill], inside, found, cell)
 
     def _cut(self, pieces: Pieces, numbers: list[int]) -> tuple[Pieces, Bools, Ints]:
-        """Pieces between the crossings of surfaces.
+        """Cut pieces at their crossings with surfaces.
 
         Returns:
-            the pieces, whether nothing passes where each begins, and which piece each is of.
+            the new pieces, whether no particle passes the begin of each, and the index of the old
+            piece that each is part of.
         """
         surfaces = [self._geometry.surfaces[number] for number in numbers]
         at = [crossings(each, pieces.origins, pieces.directions) for each in surfaces]
@@ -167,7 +168,7 @@ class Checker:
         ends = np.take_along_axis(events, order, axis=1)
         closed = np.array([False, *is_closed, False])[order]
         thick = np.diff(ends, axis=1) > self._thinnest
-        # Of crossings in one place any may be the one that nothing passes.
+        # If several crossings coincide, one boundary that no particle passes closes all of them.
         for end in range(1, closed.shape[1]):
             closed[:, end] |= closed[:, end - 1] & ~thick[:, end - 1]
         which, column = np.nonzero(thick)
@@ -216,7 +217,7 @@ class Checker:
         found: tuple[_Findings, _Findings],
         filled: Cell | None,
     ) -> None:
-        """Ask points, which are pieces without length, for the cells that they are in."""
+        """Test which cells contain points, which are pieces without length."""
         overlaps, gaps = found
         cells = self._geometry.universes[universe]
         claims = self._claims(universe, dots.origins)
@@ -272,14 +273,14 @@ def _truth(region: Region, sides: list[Bools]) -> Bools:
 
 
 def _runs(owner: Ints, whole: Ints) -> tuple[Ints, Ints]:
-    """First and last of the pieces one behind another that one cell has."""
+    """The first and the last index of each run of consecutive pieces in one cell."""
     differs = (owner[1:] != owner[:-1]) | (whole[1:] != whole[:-1])
     begins = np.flatnonzero(np.append([True] * bool(len(owner)), differs))
     return begins, np.append(begins[1:], [len(owner)] * bool(len(owner))).astype(np.int64) - 1
 
 
 def box_around(geometry: Geometry) -> Array:
-    """The box (2, 3) around a geometry; along an axis where nothing ends it, a piece of it."""
+    """The bounding box (2, 3) of a geometry, or of a part of it along axes without an end."""
     found = [box_of_cell(geometry, cell) for cell in geometry.universes[geometry.root]]
     boxes = np.array([box for box in found if box is not None]).reshape(-1, 2, 3)
     has_end = np.isfinite(boxes).all(axis=1)

@@ -1,4 +1,4 @@
-"""Lattices of OpenMC as those of a scene, with what is around them."""
+"""Converts lattices of OpenMC, with the universes around them, to lattices of a scene."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from halfstep.scene.lattices import EMPTY, MAX_PLACES
 from halfstep.scene.lattices import Lattice as SceneLattice
 from halfstep.scene.values import Array
 
-# Letters for the groups of a lattice; those after them are Chinese.
+# Letters for the groups of a lattice. Further groups get Chinese characters.
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"
-# Walls that are meant to coincide differ by rounded decimals.
+# Walls that should coincide differ by rounded decimals, at most by this part.
 ROUNDING = 1e-9
 
 
@@ -26,11 +26,11 @@ class Elements:
     """The elements of a lattice in a scene.
 
     Attributes:
-        lattice: which.
-        first: (3,), the indices of the first along x, y, z; of a hexagonal one the first layer.
-        shape: numbers of columns and rows, or of rings; and of layers, 0 where there are none.
-        groups: the name of the group in each element where something is, by indices as
-            `Lattice.cells` has them.
+        lattice: the lattice of OpenMC.
+        first: (3,), the first index along x, y and z; a hexagonal lattice uses only the layer.
+        shape: columns and rows, or rings; then layers, 0 if the lattice has no end along z.
+        groups: the name of the group in each element that is not empty, by the indices of
+            `Lattice.cells`.
     """
 
     lattice: Lattice
@@ -40,31 +40,31 @@ class Elements:
 
     @staticmethod
     def of(lattice: Lattice, names: Sequence[str | None]) -> Elements:
-        """Those of a lattice, given the name of each, None where nothing is seen."""
+        """The elements of a lattice with a group's name for each; None if nothing is seen."""
         cells = map(tuple, lattice.cells.tolist())
         groups = {cell: name for cell, name in zip(cells, names, strict=False) if name}
         return Elements(lattice, (0, 0, 0), lattice.shape, groups)
 
     @property
     def names(self) -> list[str]:
-        """Of all its groups."""
+        """The names of all its groups."""
         return list(dict.fromkeys(self.groups.values()))
 
     def box(self, name: str, inside: Array) -> Array:
-        """The box around all elements with a group, given that around what is seen of it."""
+        """The box around all elements with a group; ``inside`` bounds the group's visible part."""
         cells = [cell for cell, group in self.groups.items() if group == name]
         places = self.lattice.places(np.array(cells))
         return np.array([places.min(axis=0) + inside[0], places.max(axis=0) + inside[1]])
 
 
 def surrounded(inner: Elements, outer: str, extent: Array, file: str) -> Elements:
-    """A lattice with as much around it as is seen.
+    """Extend a lattice by the elements around it that are seen.
 
     Args:
-        inner: the lattice.
+        inner: the elements of the lattice.
         outer: the name of the group in all elements around it.
-        extent: (2, 3), the box in which it is seen.
-        file: the name of the file, for people.
+        extent: (2, 3), the box in which the lattice is seen.
+        file: name of the file, for people.
     """
     lattice = inner.lattice
     endless = [axis for axis in range(3) if np.isinf(extent[:, axis]).any()]
@@ -95,7 +95,10 @@ def surrounded(inner: Elements, outer: str, extent: Array, file: str) -> Element
 
 
 def _indices(lattice: Lattice, extent: Array) -> tuple[tuple[int, int, int], tuple[int, ...], Ints]:
-    """The first index along each axis, the shape, and all cells of a lattice that fills a box."""
+    """The first index along each axis, the shape, and all cells of a lattice that fills a box.
+
+    If there are too many, the result has MAX_PLACES + 1 cells.
+    """
     size = np.array(lattice.pitch)
     corner = lattice.places(np.zeros((1, 3), np.int64))[0] - size / 2
     with np.errstate(invalid="ignore"):
@@ -127,7 +130,7 @@ def _indices(lattice: Lattice, extent: Array) -> tuple[tuple[int, int, int], tup
 
 
 def ring_cells(rings: int, orientation: str) -> Ints:
-    """(N, 2), where the elements of one layer are, ring by ring as a scene has them."""
+    """Indices (N, 2) of the elements of one layer, ring by ring in the order of a scene."""
     shape = SceneLattice(
         kind="hexagonal", pitch=[1.0], shape=[rings], group="g", orientation=orientation
     )
@@ -137,7 +140,7 @@ def ring_cells(rings: int, orientation: str) -> Ints:
 
 
 def as_one_layer(lattice: Lattice) -> Lattice:
-    """The same lattice with one layer, as high as all of its own."""
+    """The lattice with a single layer as high as all its layers together."""
     if not lattice.layers:
         return lattice
     width, _, height = lattice.pitch
@@ -150,7 +153,10 @@ def as_one_layer(lattice: Lattice) -> Lattice:
 
 
 def outer_walls(lattice: Lattice) -> Array:
-    """(W, 3), the vectors from the middle of a lattice to its walls, but for those of a saw."""
+    """The vectors (W, 3) from a lattice's middle to its flat walls, one for each pair of walls.
+
+    The sides of a hexagonal lattice are not flat, but jagged, and are left out.
+    """
     x, y, z = lattice.pitch
     up = [(0.0, 0.0, z * lattice.layers / 2)] if lattice.layers else []
     if lattice.orientation is not None:
@@ -160,7 +166,7 @@ def outer_walls(lattice: Lattice) -> Array:
 
 
 def is_outside(extent: Array, lattice: Lattice) -> bool:
-    """Whether some of a box lies outside of a lattice; surely, if the lattice is hexagonal."""
+    """Whether a box extends beyond a lattice; always True for a hexagonal lattice."""
     if lattice.orientation is not None:
         return True
     return not is_inside(extent - lattice.center, outer_walls(lattice))
@@ -207,7 +213,7 @@ def is_inside(box: Array, walls: Array) -> bool:
     """Whether a box lies between the walls of an element, vectors (W, 3) from its middle."""
     if not np.isfinite(box).all():
         with np.errstate(invalid="ignore"):
-            # What does not go along an axis does not care where the box ends there.
+            # A wall parallel to an axis does not depend on the box's extent along that axis.
             reach = np.where(walls == 0.0, 0.0, walls * np.where(walls > 0, box[1], box[0]))
             back = np.where(walls == 0.0, 0.0, walls * np.where(walls > 0, box[0], box[1]))
     else:

@@ -1,4 +1,4 @@
-"""Which cells of an OpenMC geometry are shown, and in which colours."""
+"""Chooses which cells of an OpenMC geometry are shown, and their colours."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ VOID = "void"
 
 @dataclass
 class _Named:
-    """What names of the command line stand for.
+    """The materials and cells that names of the command line stand for.
 
     Attributes:
         materials: numbers of materials, None for void.
@@ -28,22 +28,22 @@ class _Named:
 
 
 class Shown:
-    """What is shown of a geometry.
+    """Decides which cells of a geometry are shown, and their materials.
 
     Attributes:
-        materials: tables of the materials asked for so far.
+        materials: tables of the materials that `finish` has used so far.
     """
 
     def __init__(self, geometry: Geometry, look: Look, plot: Plot | None) -> None:
         self._geometry, self._plot = geometry, plot
         self._color_by = look.color_by or ("material" if plot is None else plot.color_by)
-        # Those of a plot are of the numbers that it colours by.
+        # A plot's colours apply only to the kind of number that it colours by.
         is_of_plot = plot is not None and self._color_by == plot.color_by
         self._colors = plot.colors if plot is not None and is_of_plot else {}
         self._hidden = self._named("--hide", look.hide)
         self._only = self._named("--only", look.only) if look.only else None
         materials = {material for cell in geometry.cells for material in cell.materials}
-        # Of a model without materials the void is all there is to see.
+        # In a model without materials, only void can be seen.
         self._is_void_seen = materials == {None} or (plot is not None and plot.shows_void)
         self._tables: dict[str, Table] = {}
         self._titles: dict[int, str] = {}
@@ -56,19 +56,19 @@ class Shown:
 
     @property
     def materials(self) -> list[Table]:
-        """The tables of materials that were asked for."""
+        """The tables of the materials that `finish` has used so far."""
         return [*self._tables.values()]
 
     def is_hidden(self, cell: Cell) -> bool:
-        """Whether a cell is hidden with all that is in it."""
+        """Whether a cell is hidden with everything inside it."""
         return cell.id in self._hidden.cells
 
     def is_chosen(self, cell: Cell) -> bool:
-        """Whether a cell is shown because it is named."""
+        """Whether `--only` names a cell."""
         return self._only is not None and cell.id in self._only.cells
 
     def is_seen(self, cell: Cell, material: int | None, *, chosen: bool) -> bool:
-        """Whether a cell that nothing fills is shown; ``chosen``, for what it is in."""
+        """Whether an unfilled cell is shown; ``chosen``: `--only` names a cell around it."""
         if self.is_hidden(cell) or material in self._hidden.materials:
             return False
         if self._only is not None:
@@ -82,7 +82,7 @@ class Shown:
         return material is not None or self._is_void_seen
 
     def finish(self, cell: Cell, material: int | None) -> Table:
-        """The keys of a cell's table that say what it is made of."""
+        """The keys of a cell's table for its material or colour."""
         numbers = {"material": material, "cell": cell.id, "group": cell.universe}
         number = numbers[self._color_by]
         if material is None:
@@ -106,10 +106,10 @@ class Shown:
         return self._colors.get(number) or color_of(number)
 
     def _named(self, option: str, names: Iterable[str]) -> _Named:
-        """What names stand for.
+        """The materials and cells that names stand for.
 
         Raises:
-            UsageError: one stands for nothing.
+            UsageError: a name is unknown.
         """
         geometry, found = self._geometry, _Named()
         numbers = {str(cell.id): cell.id for cell in geometry.cells}

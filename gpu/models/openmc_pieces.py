@@ -1,4 +1,4 @@
-"""Pieces of rays in an OpenMC geometry, and where they cross the walls of lattices."""
+"""Pieces of rays in an OpenMC geometry, and their crossings with the walls of lattices."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Pieces:
     """N pieces of rays in the coordinates of a universe.
 
     Attributes:
-        origins: (N, 3), of the rays.
-        directions: (N, 3), unit vectors.
-        first: (N,), where a piece begins, from the origin.
-        last: (N,)
-        ray: (N,), which ray of all it is of.
+        origins: (N, 3), origins of the rays.
+        directions: (N, 3), unit vectors along the rays.
+        first: (N,), distance from the origin to the piece's begin.
+        last: (N,), distance from the origin to the piece's end.
+        ray: (N,), the index of the ray.
     """
 
     origins: Array
@@ -30,27 +30,27 @@ class Pieces:
     ray: Ints
 
     def take(self, which: Ints, first: Array, last: Array) -> Pieces:
-        """Parts of some of them, from ``first`` to ``last``."""
+        """Parts of the pieces ``which`` (M,), from ``first`` (M,) to ``last`` (M,)."""
         return Pieces(self.origins[which], self.directions[which], first, last, self.ray[which])
 
     def moved(self, linear: Array, shift: Array) -> Pieces:
-        """In coordinates x' = linear (x - shift), shift (3,) or (N, 3)."""
+        """The pieces in coordinates x' = linear (x - shift), shift (3,) or (N, 3)."""
         origins = (self.origins - shift) @ linear.T
         return Pieces(origins, self.directions @ linear.T, self.first, self.last, self.ray)
 
     def points(self, at: Array) -> Array:
-        """(N, 3), points on the rays."""
+        """Points (N, 3) on the rays at the distances ``at`` (N,)."""
         return np.asarray(self.origins + at[:, None] * self.directions)
 
 
 def walls_crossed(lattice: Lattice, pieces: Pieces) -> Iterator[Array]:
-    """(N, K) for each direction of walls: where rays cross them, or where they begin."""
+    """For each direction of walls, distances (N, K) of crossings, clipped to the pieces."""
     ends = np.concatenate([pieces.points(pieces.first), pieces.points(pieces.last)])
     for wall in lattice.walls():
         half = float(np.linalg.norm(wall))
         normal = wall / half
-        # Walls of a rectangular lattice are a pitch apart; those of hexagons begin and end at each
-        # half of it.
+        # Walls of a rectangular lattice are a pitch apart. Walls of hexagons are offset from row to
+        # row, so there is a plane with walls at each half of the pitch.
         step = half if lattice.orientation is not None and wall[2] == 0.0 else 2 * half
         start = float(normal @ (lattice.center + _parity(lattice, wall)))
         along = (ends @ normal - start) / step
@@ -63,7 +63,7 @@ def walls_crossed(lattice: Lattice, pieces: Pieces) -> Iterator[Array]:
 
 
 def _parity(lattice: Lattice, wall: Array) -> Array:
-    """From the middle of a lattice to a wall of the kind that ``wall`` leads to."""
+    """A vector from the lattice's middle to some wall parallel to that of ``wall``."""
     if lattice.orientation is not None and wall[2] == 0.0:
         return np.zeros(3)
     sizes = (
@@ -76,7 +76,7 @@ def _parity(lattice: Lattice, wall: Array) -> Array:
 
 
 def elements_at(lattice: Lattice, points: Array) -> tuple[Ints, Array]:
-    """Which universe is in the element of each point, -1 for none; and the element's middle."""
+    """The universe (N,) of the element of each point, -1 for none, and its middle (N, 3)."""
     pitch = np.array(lattice.pitch)
     corner = lattice.places(np.zeros((1, 3), np.int64))[0]
     if lattice.orientation is None:
@@ -99,7 +99,7 @@ def elements_at(lattice: Lattice, points: Array) -> tuple[Ints, Array]:
 
 
 def _hexagons_at(lattice: Lattice, points: Array) -> Ints:
-    """(N, 2), the nearest element of each point, counted from the middle one."""
+    """Indices (N, 2) of the nearest element of each point, relative to the middle element."""
     unit = np.array([np.sqrt(0.75), 0.5]) * lattice.pitch[0]
     unit = unit if lattice.orientation == "y" else unit[::-1]
     guess = np.rint(points[:, :2] / unit).astype(np.int64)

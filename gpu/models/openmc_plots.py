@@ -1,7 +1,7 @@
-"""Plots of OpenMC: where the camera is, what is seen, and in which colours.
+"""Reads plots of OpenMC: the camera, the visible cells and their colours.
 
-Of a plot's keys those are read that Halfstep can draw. Angles of view are horizontal there. A slice
-is what parallel rays see of a model from which all before the plane is cut away.
+Only those keys of a plot are read that Halfstep can draw. OpenMC's angles of view are horizontal. A
+slice is drawn by parallel rays, with everything before the plane cut away.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ SLICE, SOLID, WIRES = "slice", "solid_raytrace", "wireframe_raytrace"
 _OLD_NAMES = {"phong": SOLID, "projection": WIRES}
 FOV_DEGREES = 70.0
 SIZE = (400, 400)
-# Of a slice across two axes, the third, and the side of the plane that the viewer is not on.
+# For a slice along two axes: the third axis, and the side of the plane away from the viewer.
 _BASES = {"xy": ("z", "<=", -1), "xz": ("y", ">=", 1), "yz": ("x", "<=", -1)}
-# What is left behind the plane, so that nothing is seen where no cell is, in parts of the width.
+# The thickness of the part that is kept behind the plane, in parts of the width. It is small, so
+# that the background shows where the plane meets no cell.
 _THICKNESS = 2.0**-17
 WHITE = [1.0, 1.0, 1.0]
-# Colours as they are, whatever way a face is turned.
+# Light by which every face shows its material's own colour.
 _FLAT = {"ambient": {"color": WHITE}, "light": [{"direction": [0, 0, 1], "color": [0, 0, 0]}]}
 
 
@@ -37,15 +38,15 @@ class Plot:
     """One plot.
 
     Attributes:
-        title: what it is called, for people.
+        title: its title for people.
         kind: `SLICE`, `SOLID` or `WIRES`.
         color_by: ``material`` or ``cell``.
         colors: linear RGB by the number of a material or cell.
-        opaque: numbers of the materials or cells that are seen; None for all but void.
+        opaque: numbers of the materials or cells that are seen; None for all except void.
         camera: keys of the scene's camera.
-        tables: others of the scene: the image, and the light where it is not the camera's.
-        clip: what is left, as ``--clip`` says it.
-        mask: what has one colour.
+        tables: other tables of the scene: the image, and lights if they are not at the camera.
+        clip: conditions of the part that is kept, in the form of ``--clip``.
+        mask: the materials or cells that keep their colours; None keeps all colours.
         around: (2, 3), the part of the world that a slice shows.
     """
 
@@ -62,29 +63,29 @@ class Plot:
 
     @property
     def shows_void(self) -> bool:
-        """Whether it shows cells that have no material."""
+        """Whether the plot shows cells without a material."""
         return self.kind == SLICE
 
 
 @dataclass(frozen=True)
 class Mask:
-    """What a slice shows in one colour: all but some materials or cells."""
+    """A slice shows all materials or cells except ``components`` in one colour."""
 
     components: frozenset[int]
     color: list[float]
 
 
 def read_plot(path: Path, given: str, number: int) -> Plot:
-    """A plot of a model, or of the ``plots.xml`` beside a geometry.
+    """Read a plot in a model, or in the ``plots.xml`` beside a geometry.
 
     Args:
-        path: of the model or geometry.
-        given: how messages call it.
+        path: path of the model or geometry.
+        given: name of the file in messages.
         number: id of the plot.
 
     Raises:
-        UsageError: there is no such plot, or it is of a kind that is not drawn.
-        SceneError: with every fault of its text.
+        UsageError: there is no such plot, or Halfstep cannot draw its kind.
+        SceneError: the text has faults, all of which the message lists.
     """
     document = read(path, given)
     plots = [*document.root.find_all("plots")]
@@ -176,7 +177,7 @@ def _slice(document: Document, element: Element, plot: Plot, size: tuple[int, in
         fields.fault(f"width: {min(extent):g} is not > 0")
         extent = (1.0, 1.0)
     columns, rows = size
-    # Pixels are square.
+    # Halfstep's pixels are square, so the number of rows may differ.
     square = max(round(columns * extent[1] / extent[0]), 1)
     if square != rows:
         message = f"{plot.title} has pixels that are not square; it is drawn {columns}x{square}"
@@ -186,7 +187,7 @@ def _slice(document: Document, element: Element, plot: Plot, size: tuple[int, in
     letter, side, sign = _BASES[basis]
     axis = "xyz".index(letter)
     behind = origin[axis] + sign * _THICKNESS * max(extent)
-    # More than is seen in the plane.
+    # A box larger than the visible part of the plane.
     reach = np.full(3, max(extent))
     around = np.array([origin - reach, origin + reach])
     around[:, axis] = sorted((origin[axis], behind))
@@ -229,7 +230,7 @@ def _colors(document: Document, element: Element) -> dict[int, list[float]]:
 
 
 def _rgb(fields: Fields, key: str) -> list[float] | None:
-    """A colour of three numbers 0…255 as light."""
+    """The linear RGB of a colour given by three numbers 0…255."""
     if fields.value(key) is None:
         return None
     numbers = fields.integers(key)

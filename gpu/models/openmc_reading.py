@@ -1,7 +1,7 @@
-"""OpenMC's XML files read into a `Geometry`, with all faults of the text at once.
+"""Reads OpenMC's XML files into a `Geometry`, and reports all faults of the text at once.
 
-Regions are read as OpenMC's own Python does: ``~`` binds closest, then what stands side by side,
-then ``|``. Keys are attributes or children; types and boundaries may be in any case.
+Regions follow OpenMC's own Python reader: ``~`` binds closest, then intersection by juxtaposition,
+then ``|``. Keys are attributes or children. The case of types and boundaries does not matter.
 """
 
 from __future__ import annotations
@@ -34,22 +34,23 @@ from halfstep.scene.values import Array, Vector
 
 _REGION_TOKEN = re.compile(r"[+-]?[0-9]+(?=[\s()|~]|$)|[()|~]|\s+")
 _COLUMN = re.compile(r"column (\d+): ")
-# Parts of a matrix that is no rotation differ from one by more than rounded decimals do.
+# A matrix whose numbers differ from a rotation's by more than this is not a rotation with rounded
+# decimals.
 _ROTATION_ROUNDING = 1e-4
 ROOTS = ("geometry", "model")
-# Universes that lie in one another.
+# The most universes that may lie inside one another.
 MAX_DEPTH = 30
 
 
 def read_geometry(path: Path, given: str) -> Geometry:
-    """The geometry of a ``geometry.xml`` or ``model.xml``, or of what is called otherwise.
+    """Read the geometry in a ``geometry.xml`` or ``model.xml``, whatever the file is called.
 
     Args:
-        path: of the file; names of materials come from a ``materials.xml`` beside it.
-        given: how messages call it.
+        path: path of the file; names of materials come from a ``materials.xml`` beside it.
+        given: name of the file in messages.
 
     Raises:
-        SceneError: with every fault.
+        SceneError: the text has faults, all of which the message lists.
     """
     document = read(path, given)
     root = document.root
@@ -70,7 +71,7 @@ def read_geometry(path: Path, given: str) -> Geometry:
 
 
 def _names(document: Document, root: Element) -> dict[int, str]:
-    """Names of materials, by number, of those that have one."""
+    """The names of materials by number; those without a name are left out."""
     found: dict[int, str] = {}
     for materials in root.find_all("materials"):
         for material in materials.find_all("material"):
@@ -82,24 +83,24 @@ def _names(document: Document, root: Element) -> dict[int, str]:
 
 
 class _Reader:
-    """One ``geometry`` element."""
+    """Reads one ``geometry`` element."""
 
     def __init__(self, document: Document, element: Element) -> None:
         self._document, self._element = document, element
-        # By number, the element of each; records are missing where something is wrong with them.
+        # The element of each surface, cell and lattice by number, whether it has faults or not.
         self._elements: dict[str, dict[int, Element]] = {"surface": {}, "cell": {}, "lattice": {}}
         self._in_universes: set[int] = set()
-        # Of each lattice, the universes in it and around it; and where each is named.
+        # The universes in and around each lattice, and the values that name them.
         self._lattices: dict[int, set[int]] = {}
         self._in_lattices: list[tuple[Value, int]] = []
-        # Where a cell is filled, with what, and in which universe.
+        # For each filled cell: the value that names its filling, the filling, the cell's universe.
         self._fills: list[tuple[Value, int, int]] = []
 
     def geometry(self, name: str, materials: dict[int, str]) -> Geometry:
-        """The geometry.
+        """Read the geometry.
 
         Raises:
-            SceneError: with every fault.
+            SceneError: the text has faults, all of which the message lists.
         """
         for element in self._element.find_all("dagmc_universe", "mesh"):
             self._document.fault(element, "is a mesh of another program, which is not read")
@@ -131,7 +132,7 @@ class _Reader:
         return geometry
 
     def _number(self, fields: Fields, element: Element, what: str) -> int | None:
-        """The id of an element, which no other one of its kind has."""
+        """The id of an element, which must be unique among elements of its kind."""
         number = fields.integer("id", least=1 if what == "surface" else 0)
         if number is not None and self._elements[what].setdefault(number, element) is not element:
             fields.fault(f"id: {number} is already the id of another {what}")
@@ -165,7 +166,7 @@ class _Reader:
         return Surface(number, name, given, where, fields.text("name"))
 
     def _is_sound(self, fields: Fields, kind: str, given: tuple[float, ...]) -> bool:
-        """Whether coefficients are of a surface; what is wrong is noted."""
+        """Whether coefficients describe a surface; a fault is recorded."""
         value = fields.value("coeffs")
         assert value is not None
         names = SURFACES[kind]
@@ -254,7 +255,7 @@ class _Reader:
         if np.linalg.det(found) < 0:
             self._document.fault(value, "its nine numbers are a reflection, which is not drawn")
             return None
-        # Decimals are rounded: the nearest rotation.
+        # Decimals in the file are rounded, so take the nearest rotation.
         left, _, right = np.linalg.svd(found)
         return found if len(numbers) == 3 else np.asarray(left @ right)
 
@@ -318,7 +319,7 @@ class _Reader:
         sizes = zip(corner, shape, pitch, strict=True)
         middle = [low + count * size / 2 for low, count, size in sizes]
         z, y, x = np.mgrid[: max(layers, 1), :rows, :columns]
-        # Rows come from the top.
+        # The file lists rows from the top.
         cells = np.stack([x, y[:, ::-1], z], axis=-1).reshape(-1, 3)
         return (columns, rows, layers), _three(pitch), _three(middle), cells, None
 
@@ -360,7 +361,7 @@ class _Reader:
     # ---------------------------------------------------------------------------- numbers
 
     def _check_numbers(self) -> int | None:
-        """Note what is missing, and what leads into itself; the number of the root."""
+        """Record missing numbers and universes that contain themselves; return the root."""
         used: set[int] = set()
         ways: dict[int, dict[int, Value]] = {number: {} for number in self._in_universes}
         for where, number in self._in_lattices:
@@ -390,12 +391,12 @@ class _Reader:
         return None
 
     def _note_circles(self, ways: dict[int, dict[int, Value]]) -> None:
-        """Note fills that lead a universe into itself, a fault for each way; or too deep."""
+        """Record each fill by which a universe contains itself, and too deep nesting."""
         while True:
             try:
                 TopologicalSorter(ways).prepare()
             except CycleError as error:
-                # It lists every universe after one that it leads to.
+                # The error lists every universe after one that it contains.
                 cycle = [*reversed(error.args[1])]
                 names = " → ".join(map(str, cycle))
                 where = ways[cycle[0]].pop(cycle[1])
@@ -410,7 +411,7 @@ class _Reader:
             self._document.fault(self._element, what)
 
     def _check_instances(self, geometry: Geometry) -> None:
-        """Note cells that have not as many materials as instances."""
+        """Record cells whose number of materials differs from their number of instances."""
         counts = geometry.counted(geometry.root)
         for cell in geometry.cells:
             instances = counts.get(cell.id, 0)
@@ -424,7 +425,7 @@ class _Reader:
 
 
 def hexagon(rings: int, orientation: str) -> Ints:
-    """(N, 2), where the elements of one layer are, row by row from the top, as `Lattice.cells`."""
+    """Indices (N, 2) of the elements of one layer as in `Lattice.cells`, by rows from the top."""
     if orientation == "x":
         lengths = [*range(rings, 2 * rings), *range(2 * rings - 2, rings - 1, -1)]
         rows = [(rings - 1 - row, length) for row, length in enumerate(lengths)]

@@ -1,9 +1,9 @@
-"""An OpenMC geometry as a scene: a group for each universe and each lattice.
+"""Converts an OpenMC geometry to a scene with a group for each universe and each lattice.
 
-What is in an element of a lattice ends at its walls: where more of it would be seen, a group of its
-own holds these walls, and a cell that the universe fills. Around a lattice with an outer universe
-there are as many more elements as the cell around it shows. A universe in which cells have other
-materials, or are shown otherwise, from instance to instance, is a group for each such variant.
+The content of a lattice's element ends at the element's walls. If more of a universe would be seen,
+an extra group has these walls and a cell that the universe fills. A lattice with an outer universe
+gets as many more elements as the cell around it shows. If instances of a universe differ in
+materials or visible cells, each such variant is a group.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from halfstep.models.regions import common, hull, moved, sides_of
 from halfstep.models.shape import Model, end_of
 from halfstep.scene.values import Array
 
-# A cell that has none of these keys is everywhere, and of one material.
+# A cell with none of these keys is everywhere and has one material.
 _BOUNDED = ("region", "fill")
 _AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0]}
 
@@ -44,10 +44,10 @@ class Built:
     """A group that was built.
 
     Attributes:
-        name: of the group.
-        box: (2, 3), around what is seen of it.
-        everywhere: of a universe that is one cell everywhere, the keys of that cell; there is no
-            group of it, as nothing bounds it but what it is in.
+        name: name of the group.
+        box: (2, 3), bounds its visible part.
+        everywhere: the keys of the cell, if the universe is a single cell everywhere. Then there
+            is no group, because only the surroundings bound the cell.
     """
 
     name: str
@@ -56,11 +56,11 @@ class Built:
 
 
 def scene_tables(geometry: Geometry, look: Look, plot: Plot | None = None) -> Model:
-    """The tables of a scene that shows the geometry, as a plot of its file does where one is given.
+    """The tables of a scene that shows the geometry, in the way of ``plot`` if it is given.
 
     Raises:
-        UsageError: an option names what is not there.
-        SceneError: nothing of it is shown.
+        UsageError: an option has an unknown name.
+        SceneError: nothing is shown.
     """
     model = _Builder(geometry, look, plot).model(look)
     if plot is None:
@@ -69,7 +69,7 @@ def scene_tables(geometry: Geometry, look: Look, plot: Plot | None = None) -> Mo
 
 
 class _Builder:
-    """The groups of a scene, each built when it is first needed."""
+    """Builds each group of a scene when it is first needed."""
 
     def __init__(self, geometry: Geometry, look: Look, plot: Plot | None) -> None:
         self._geometry, self._plot = geometry, plot
@@ -85,7 +85,7 @@ class _Builder:
         return extents(self._geometry, self._boxes)
 
     def model(self, look: Look) -> Model:
-        """All tables."""
+        """All tables of the scene."""
         geometry = self._geometry
         tables, boxes = self._universe_tables(geometry.root, {}, chosen=False)
         for number in sorted(self._empty):
@@ -105,12 +105,12 @@ class _Builder:
         """The group of a universe.
 
         Args:
-            number: of the universe.
-            offsets: how many instances came before, of cells with several materials.
-            chosen: whether it is shown for what it is in.
+            number: number of the universe.
+            offsets: the number of earlier instances of each cell with several materials.
+            chosen: whether `--only` names a cell around the universe.
 
         Returns:
-            None where nothing of it is seen.
+            the group, or None if nothing of the universe is seen.
         """
         key = ("universe", number, self._variant(number, offsets), chosen)
         if key not in self._built:
@@ -136,7 +136,7 @@ class _Builder:
         return Built(free, box)
 
     def _variant(self, number: int, offsets: dict[int, int]) -> object:
-        """The materials of all instances of cells with several in a universe."""
+        """A key: the materials of all instances in a universe of cells with several materials."""
         return tuple(
             (cell, self._materials[cell][offsets.get(cell, 0) :][:count])
             for cell, count in self._geometry.counted(number).items()
@@ -149,7 +149,7 @@ class _Builder:
     def _universe_tables(
         self, number: int, offsets: dict[int, int], *, chosen: bool
     ) -> tuple[Table, list[Array | None]]:
-        """Surfaces and cells of a universe, and boxes of what is seen of each cell."""
+        """Tables of surfaces and cells of a universe, and boxes around each cell's visible part."""
         cells: list[Table] = []
         boxes: list[Array | None] = []
         names: set[str] = set()
@@ -176,7 +176,7 @@ class _Builder:
     def _content(
         self, cell: Cell, table: Table, offsets: dict[int, int], *, chosen: bool
     ) -> Array | None:
-        """Put into a cell's table what is in it; the box around what is seen of that."""
+        """Add a cell's material or filling to its table; return the box around its visible part."""
         if cell.fill is None:
             several = len(cell.materials) > 1
             material = cell.materials[offsets.get(cell.id, 0) if several else 0]
@@ -201,7 +201,7 @@ class _Builder:
         return moved(built.box, cell.map[:, :3], cell.map[:, 3])
 
     def _moved(self, cell: Cell, built: Built) -> str:
-        """The group that holds a group where a cell moves it to."""
+        """The name of a new group that places a group where a cell moves it."""
         place: Table = {"group": built.name}
         if any(cell.translation):
             place["origin"] = list(cell.translation)
@@ -212,7 +212,7 @@ class _Builder:
         return group.name
 
     def _advance(self, cell: Cell, offsets: dict[int, int]) -> None:
-        """Count a cell and what is in it among the instances that came before."""
+        """Add a cell and everything inside it to the number of earlier instances."""
         if len(cell.materials) > 1:
             offsets[cell.id] = offsets.get(cell.id, 0) + 1
         for inside, times in self._geometry.inside(cell):
@@ -222,7 +222,7 @@ class _Builder:
     # ---------------------------------------------------------------------------- lattices
 
     def _lattice(self, lattice: Lattice, offsets: dict[int, int], *, chosen: bool) -> Built | None:
-        """The group of a lattice, None where nothing of it is seen."""
+        """The group of a lattice; None if nothing of it is seen."""
         variants = [self._variant(each, offsets) for each in np.unique(lattice.universes).tolist()]
         key = ("lattice", lattice.id, tuple(variants), chosen)
         if key in self._built:
@@ -258,9 +258,10 @@ class _Builder:
         return self._built[key]
 
     def _surround(self, tables: Table, inner: Elements, outer: Built, extent: Array) -> None:
-        """Add what is around a lattice to the tables of its group, as far as it is seen.
+        """Add the visible surroundings of a lattice to the tables of its group.
 
-        Of one material it is a cell, but for the saw of the hexagons at the sides.
+        Surroundings of one material become a cell. The jagged sides of a hexagonal lattice also
+        need elements around them.
         """
         lattice, file = inner.lattice, self._geometry.name
         if outer.everywhere is None:
@@ -287,7 +288,7 @@ class _Builder:
             tables["cell"] = [{**outer.everywhere, "region": " | ".join(sides)}]
 
     def _element(self, built: Built | None, lattice: Lattice) -> Built | None:
-        """A group with the walls of an element around what is in it, where it needs them."""
+        """A group that adds an element's walls around its content, if the content crosses them."""
         if built is None or (built.everywhere is None and is_inside(built.box, lattice.walls())):
             return built
         walls = lattice.walls()
@@ -304,7 +305,7 @@ class _Builder:
 
 
 def _walls(walls: Array, middle: Array | None = None) -> Iterator[Table]:
-    """Pairs of planes, given vectors (W, 3) from the middle to the one of each pair."""
+    """Tables of pairs of planes; vectors (W, 3) lead from the middle to the first of each pair."""
     center = np.zeros(3) if middle is None else middle
     for index, wall in enumerate(walls):
         for number, origin in ((2 * index + 1, center + wall), (2 * index + 2, center - wall)):

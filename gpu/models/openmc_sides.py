@@ -1,4 +1,4 @@
-"""On which side of a surface of OpenMC points are, exactly; and where rays cross it."""
+"""Decides exactly on which side of an OpenMC surface points are, and finds where rays cross it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from halfstep.models.openmc import Surface
 from halfstep.scene.values import Array
 
 Bools = NDArray[np.bool_]
-# More roundings than any of the sums below has.
+# A bound of the relative rounding error of the sums below.
 _ROUNDING = 32 * 2.0**-53
 
 
 def is_positive(surface: Surface, points: Array) -> Bools:
-    """Whether F > 0 at points (N, 3): in float64, and in fractions where rounding might decide."""
+    """Whether F > 0 at points (N, 3), in float64, or in fractions if rounding might decide."""
     terms = _terms(surface, *points.T)
     value = terms.sum(axis=0)
     found = np.asarray(value > 0)
@@ -27,7 +27,7 @@ def is_positive(surface: Surface, points: Array) -> Bools:
 
 
 def _terms(surface: Surface, x: Array, y: Array, z: Array) -> Array:
-    """(T, N), terms of F; of differences that are squared, the squares."""
+    """The terms (T, N) of F. A squared difference is one term."""
     given, place = surface.coefficients, (x, y, z)
     one = np.ones_like(x)
     match surface.kind:
@@ -45,7 +45,7 @@ def _terms(surface: Surface, x: Array, y: Array, z: Array) -> Array:
 
 
 def _exact(surface: Surface, point: list[float]) -> Fraction:
-    """F at a point, whose numbers and the surface's coefficients are taken as they are."""
+    """F at a point, exactly, for the float64 values of the point and the coefficients."""
     x, y, z = place = [Fraction(each) for each in point]
     given = [Fraction(each) for each in surface.coefficients]
     match surface.kind:
@@ -65,7 +65,7 @@ def _exact(surface: Surface, point: list[float]) -> Fraction:
 
 
 def crossings(surface: Surface, origins: Array, directions: Array) -> Array:
-    """(N, 2), where rays (N, 3) cross a surface, in lengths of a direction; NaN for nowhere."""
+    """Where rays (N, 3) cross a surface, (N, 2), in lengths of a direction; NaN for no crossing."""
     matrix = surface.matrix()
     bent = directions @ matrix[:3, :3]
     a = np.einsum("ni,ni->n", bent, directions)
@@ -74,7 +74,7 @@ def crossings(surface: Surface, origins: Array, directions: Array) -> Array:
     c += 2 * origins @ matrix[:3, 3] + matrix[3, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.sqrt(b * b - a * c)
-        # The larger of two in magnitude first, and the other from their product.
+        # The root of larger magnitude has no cancellation; the other follows from their product.
         large = -(b + np.where(b < 0, -root, root))
         first, second = large / a, c / large
         is_flat = np.abs(a) <= 1e-14 * np.abs(matrix[:3, :3]).max(initial=0.0)

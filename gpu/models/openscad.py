@@ -1,7 +1,7 @@
-"""The language of OpenSCAD's ``.csg`` files: calls with arguments, and calls inside of them.
+"""Parses OpenSCAD's ``.csg`` files: calls with arguments, and calls inside them.
 
-Such a file is what ``openscad -o part.csg part.scad`` writes. All that its program did is done in
-it: there are no variables, loops or functions left.
+``openscad -o part.csg part.scad`` writes such a file. OpenSCAD has run the program, so the file has
+no variables, loops or functions.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TOKEN = re.compile(
 )
 _BLANK = re.compile(r"(?:\s|//[^\n]*|/\*.*?\*/)*", re.DOTALL)
 _WORDS = {"true": True, "false": False, "undef": None, "inf": float("inf"), "nan": float("nan")}
-# What shows nothing of a call, and what shows nothing but it.
+# Marks that hide a call, and the mark that hides everything else.
 _HIDING, _ALONE = "%*", "!"
 
 
@@ -34,12 +34,12 @@ class Call:
     """One call.
 
     Attributes:
-        name: of what is called.
-        arguments: those with names.
-        given: those without, in order.
-        children: calls in it.
+        name: name of the called module.
+        arguments: the arguments with names.
+        given: the arguments without names, in order.
+        children: the calls inside it.
         at: index of its first character in the text.
-        is_alone: nothing else of the file is shown.
+        is_alone: whether a mark hides everything else.
     """
 
     name: str
@@ -50,17 +50,17 @@ class Call:
     is_alone: bool = False
 
     def walk(self) -> Iterator[Call]:
-        """It and all that is in it."""
+        """The call and all calls inside it."""
         yield self
         for child in self.children:
             yield from child.walk()
 
 
 def calls_of(source: Source) -> Call:
-    """All calls of a file, in one that unites them.
+    """All calls of a file inside one call of ``union``.
 
     Raises:
-        SceneError: the text is not of the language.
+        SceneError: the text is not in the language of ``.csg`` files.
     """
     whole = Call("union", {}, [], 0, _Parser(source).calls())
     alone = [call for call in whole.walk() if call.is_alone]
@@ -92,7 +92,7 @@ class _Parser:
                 yield call
 
     def _call(self) -> Call | None:
-        """One call, None of one that is not shown."""
+        """Parse one call; None if a mark hides it."""
         marks = ""
         while self._kind == "sign" and self._token in "%#!*":
             marks += self._token

@@ -1,7 +1,7 @@
-"""OpenSCAD's calls as cells of a scene: solids joined by formulas.
+"""Converts OpenSCAD's calls to cells of a scene: solids joined by formulas.
 
-Unions are taken apart, so that each part of one may have its own colour. A face that is subtracted
-has the colour of what is left. What is not drawn is told all at once.
+Unions are taken apart, so that each part may have its own colour. A face made by subtraction has
+the colour of the remaining part. All calls that Halfstep cannot draw are reported at once.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from halfstep.models.source import Source
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Not, Sense
 from halfstep.scene.values import Array
 
-# OpenSCAD's own, of what has no colour.
+# OpenSCAD's default colour.
 COLOR = (0.976, 0.843, 0.173)
-# Up to so many sides of surfaces all cells lie in one group, in which faces that coincide are one;
-# else each is a group, as a ray crosses all surfaces of a group.
+# With at most this many sides of surfaces, all cells lie in one group, where coinciding faces are
+# one surface. With more, each cell is a group, because a ray crosses all surfaces of a group.
 MOST_TOGETHER = 160
 # A matrix that shrinks more than this is singular.
 SINGULAR = 1e-12
@@ -46,7 +46,7 @@ _UNIONS = ("union", "group", "render")
 
 @dataclass(frozen=True)
 class _Part:
-    """A region, and its colour as sRGB, None where it has none."""
+    """A region, and its sRGB colour; None if the file gives none."""
 
     region: Formula
     color: tuple[float, ...] | None
@@ -54,12 +54,12 @@ class _Part:
 
 @dataclass(frozen=True)
 class _State:
-    """Where a call is.
+    """The state that calls around a call set.
 
     Attributes:
-        matrix: (4, 4), takes its points to those of the model.
-        color: of all that it shows, as the outermost colour holds.
-        is_flat: it lies in the plane z = 0 that is extruded.
+        matrix: (4, 4), takes points of the call to points of the model.
+        color: the colour of everything inside; the outermost colour applies.
+        is_flat: whether the call lies in the plane z = 0, which is extruded.
     """
 
     matrix: Array
@@ -71,8 +71,9 @@ def scene_tables(source: Source, look: Look) -> Model:
     """The tables of a scene that shows the model.
 
     Raises:
-        SceneError: with every call that is not drawn; or nothing is shown.
-        UsageError: an option is not of these files.
+        SceneError: Halfstep cannot draw some calls, all of which the message lists; or nothing is
+            shown.
+        UsageError: an option does not apply to these files.
     """
     for option, value in (
         ("--color-by", look.color_by),
@@ -89,7 +90,7 @@ def scene_tables(source: Source, look: Look) -> Model:
 
 
 class _Builder:
-    """The surfaces of a file."""
+    """Builds the surfaces and cells of a file."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -99,7 +100,7 @@ class _Builder:
     # ---------------------------------------------------------------------------- calls
 
     def parts(self, call: Call, state: _State) -> list[_Part]:
-        """What a call shows; what cannot be drawn is noted."""
+        """The parts that a call shows. A call that cannot be drawn is recorded as a fault."""
         name = call.name
         known = _FLAT if state.is_flat else _SOLIDS
         if name in known:
@@ -159,7 +160,7 @@ class _Builder:
         given = call.given[0] if call.given else call.arguments.get("c")
         if not isinstance(given, list) or not all(isinstance(each, float) for each in given):
             return None
-        # OpenSCAD has -1 for no colour.
+        # OpenSCAD writes -1 for no colour.
         numbers = given[:3]
         return tuple(min(each, 1.0) for each in numbers) if min(numbers, default=-1) >= 0 else None
 
@@ -202,7 +203,7 @@ class _Builder:
         return [_Part(_all([self._side(each, state.matrix) for each in matrices]), state.color)]
 
     def _side(self, matrix: Array, placed: Array) -> Formula:
-        """F <= 0 of a surface, given its matrix and that which moves it."""
+        """The side F <= 0 of the surface of ``matrix``, moved by ``placed``."""
         back = np.linalg.inv(placed)
         own = back.T @ matrix @ back
         own = (own + own.T) / 2
@@ -216,10 +217,10 @@ class _Builder:
     # ---------------------------------------------------------------------------- scene
 
     def model(self, parts: list[_Part], clip: Clip) -> Model:
-        """The tables of cells for all parts that have a point.
+        """The tables of cells for all parts that are not empty.
 
         Raises:
-            SceneError: there is none.
+            SceneError: all parts are empty.
         """
         name = self._source.name
         colors: dict[tuple[float, ...], str] = {}
@@ -259,7 +260,7 @@ class _Builder:
         return box_of_region(region, {number: self.matrices[number - 1] for number in numbers})
 
     def _group(self, cells: list[Table], clip: Clip) -> Table:
-        """Cells, and the surfaces that they name."""
+        """The tables of cells and of the surfaces that they use."""
         used = {number for cell in cells for number, _ in sides_of(cell["region"])}
         own = sorted(number for number in used if number <= len(self.matrices))
         surfaces = [_surface(self.matrices[number - 1], number) for number in own]
@@ -280,7 +281,7 @@ def _surface(matrix: Array, number: int) -> Table:
 
 
 def _all(regions: list[Formula]) -> Formula:
-    """Where all hold; those that are ANDs themselves are taken apart."""
+    """The intersection of regions, with nested intersections flattened."""
     members = [
         part for each in regions for part in (each.of if isinstance(each, AllOf) else (each,))
     ]

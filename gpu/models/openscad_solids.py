@@ -1,7 +1,7 @@
-"""OpenSCAD's solids as inequalities F <= 0, all of which hold inside.
+"""OpenSCAD's solids as inequalities F <= 0, which all hold inside.
 
-A number of fragments of 0, or of 9 and more, means round, as the author of such a model does; with
-3 to 8 a cylinder is a prism and a sphere has rings of flat faces, where OpenSCAD puts them.
+With 0 fragments, or with 9 and more, a solid is round, as authors of models intend. With any number
+between, a cylinder is a prism and a sphere has rings of flat faces, placed as in OpenSCAD.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ import numpy as np
 from halfstep.models.openscad import Call
 from halfstep.scene.values import Array
 
-# From so many fragments on a circle is round.
+# With this many fragments or more, a circle is round.
 ROUND = 9
-# Corners of a face lie in its plane, and others behind it, to this part of the size.
+# A face's corners must lie in its plane, and other corners behind it, to this part of the size.
 FLAT = 1e-7
 
 
-class Refusal(Exception):  # noqa: N818 - what it says is an error of the file
-    """What a call is that cannot be drawn."""
+class Refusal(Exception):  # noqa: N818 - it becomes an error of the file
+    """A call that Halfstep cannot draw; the message tells why."""
 
 
-class Empty(Exception):  # noqa: N818 - no error: OpenSCAD shows nothing of it
-    """A solid without a point."""
+class Empty(Exception):  # noqa: N818 - not an error: OpenSCAD shows nothing
+    """A solid without a point, which is not shown."""
 
 
 def half_space(normal: Sequence[float] | Array, distance: float) -> Array:
-    """The matrix (4, 4) of n·x <= d."""
+    """The matrix (4, 4) of n·x <= d, for a normal n and a distance d."""
     found = np.zeros((4, 4))
     found[:3, 3] = found[3, :3] = np.array(normal) / 2
     found[3, 3] = -distance
@@ -44,12 +44,12 @@ def cube(call: Call) -> list[Array]:
 
 
 def square(call: Call) -> list[Array]:
-    """``square(size = [x, y], center = false)``, a prism without an end along z."""
+    """``square(size = [x, y], center = false)``, a prism without ends along z."""
     return _sides(call, 2, "two")
 
 
 def _sides(call: Call, axes: int, word: str) -> list[Array]:
-    """Half-spaces across the first ``axes`` axes."""
+    """Half-spaces normal to the first ``axes`` axes."""
     size = _argument(call, "size", 0, 1.0)
     sides = [_number(each) for each in size] if isinstance(size, list) else [_number(size)] * axes
     if len(sides) != axes:
@@ -65,7 +65,7 @@ def _sides(call: Call, axes: int, word: str) -> list[Array]:
 
 
 def sphere(call: Call) -> list[Array]:
-    """``sphere($fn = 0, r = 1)``, also by its diameter ``d``."""
+    """``sphere($fn = 0, r = 1)``, also with the diameter ``d``."""
     radius = _radius(call, "r", "d", 0, 1.0)
     _above_zero(radius)
     count = fragments(call)
@@ -82,7 +82,7 @@ def sphere(call: Call) -> list[Array]:
 
 
 def cylinder(call: Call) -> list[Array]:
-    """``cylinder($fn = 0, h = 1, r1 = 1, r2 = 1, center = false)``, cones too."""
+    """``cylinder($fn = 0, h = 1, r1 = 1, r2 = 1, center = false)``, also cones."""
     height = _number(_argument(call, "h", 0, 1.0))
     both = _radius(call, "r", "d", -1, 1.0)
     lower = _radius(call, "r1", "d1", 1, both)
@@ -154,7 +154,7 @@ def polyhedron(call: Call) -> list[Array]:
 
 
 def circle(call: Call) -> list[Array]:
-    """``circle($fn = 0, r = 1)``, without an end along z."""
+    """``circle($fn = 0, r = 1)``, without ends along z."""
     radius = _radius(call, "r", "d", 0, 1.0)
     _above_zero(radius)
     count = fragments(call)
@@ -164,7 +164,7 @@ def circle(call: Call) -> list[Array]:
 
 
 def polygon(call: Call) -> list[Array]:
-    """``polygon(points = […], paths = undef)``, which must be convex; without an end along z."""
+    """``polygon(points = […], paths = undef)``, which must be convex; without ends along z."""
     points = _points(_argument(call, "points", 0, None), 2)
     paths = call.arguments.get("paths")
     if isinstance(paths, list) and paths:
@@ -193,7 +193,7 @@ def polygon(call: Call) -> list[Array]:
 
 
 def fragments(call: Call) -> int:
-    """How many flat sides a round solid has, 0 if it is round."""
+    """The number of flat sides in place of a round one; 0 if the solid stays round."""
     count = _number(call.arguments.get("$fn", 0.0))
     return 0 if count <= 0 or count >= ROUND else max(int(count), 3)
 
@@ -221,7 +221,7 @@ def _number(value: Any) -> float:
 
 
 def _above_zero(*numbers: float) -> None:
-    # OpenSCAD warns of it and shows nothing.
+    # OpenSCAD warns about other sizes and shows nothing.
     if min(numbers) <= 0:
         raise Empty
 

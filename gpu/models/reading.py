@@ -1,4 +1,4 @@
-"""Scenes from files of any kind: those of Halfstep, and those of other programs."""
+"""Reads scenes from files of any type: Halfstep's, and those of other programs."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ ENDINGS = (".xml", ".csg", ".jsurf")
 
 
 def is_model(path_or_name: object) -> bool:
-    """Whether a path is of a file of another program."""
+    """Whether a path names a file of another program."""
     return (
         isinstance(path_or_name, str | os.PathLike) and Path(path_or_name).suffix.lower() in ENDINGS
     )
 
 
 def is_geometry(path_or_name: object) -> bool:
-    """Whether a path is of a geometry of OpenMC, whose cells may overlap."""
+    """Whether a path names a geometry of OpenMC, which can be checked for overlaps."""
     return is_model(path_or_name) and Path(str(path_or_name)).suffix.lower() == ".xml"
 
 
 def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scene:
-    """A scene from a file, or a bundled one by its name.
+    """Load a scene from a file, or a bundled scene by its name.
 
     Args:
-        path_or_name: a path that ends in ``.toml``, or in what a file of another program ends in,
+        path_or_name: a path that ends in ``.toml`` or in an ending of another program's files, such
             as ``geometry.xml``; or one of `bundled_scenes`.
-        look: how a file of another program is looked at.
+        look: the look of a file of another program.
 
     Raises:
-        SceneError: where there is no such scene, or with every fault it has.
-        UsageError: the look is of what the file has not, or of a file of Halfstep.
+        SceneError: the scene is not found, or it has faults, all of which the message lists.
+        UsageError: the file cannot take an option of ``look``. Files of Halfstep take none.
     """
     if is_model(path_or_name):
         path, given, seen = Path(path_or_name), os.fspath(path_or_name), look or Look()
@@ -64,22 +64,22 @@ def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scen
 
 
 def as_scene(given: SceneLike) -> Scene:
-    """The scene that ``given`` stands for; as `halfstep.scene.as_scene`, and others' files."""
+    """The scene of ``given``; see `halfstep.scene.as_scene`. Also reads files of other programs."""
     if isinstance(given, str | os.PathLike) and is_model(given):
         return load(given)
     return reading.as_scene(given)
 
 
 def check(path: str | os.PathLike[str], *, rays: int = RAYS, points: int = 0) -> Report:
-    """Overlaps and gaps of a file of another program.
+    """Find overlaps and gaps in a geometry of OpenMC.
 
     Args:
-        path: of the file.
-        rays: how many lie side by side on a side of the square from which they come.
-        points: how many are asked besides, drawn in the box around the model.
+        path: path of the file.
+        rays: from each of six sides come rays × rays rays.
+        points: the number of random points in the bounding box to test as well.
 
     Raises:
-        SceneError: with every fault of the text.
+        SceneError: the text has faults, all of which the message lists.
     """
     geometry = read_geometry(Path(path), os.fspath(path))
     return Checker(geometry, box_around(geometry)).check(rays, points)

@@ -1,6 +1,6 @@
-"""Regions over numbered surfaces: what they are over, and boxes (2, 3) around them.
+"""Regions over numbered surfaces: the surfaces that they use, and their bounding boxes (2, 3).
 
-A box holds least and greatest coordinates, which are infinite where nothing ends something.
+A box has least and greatest coordinates, which are infinite if nothing bounds them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def sides_of(formula: Formula) -> Iterator[tuple[int, int]]:
 
 
 def region_of(formula: Formula) -> tuple[list[int], Region]:
-    """The numbers of the surfaces of a region, and the region over these."""
+    """The numbers of the surfaces of a region, and the region over indices of these numbers."""
     numbers = list(dict.fromkeys(number for number, _ in sides_of(formula)))
     return numbers, _region({number: index for index, number in enumerate(numbers)}, formula)
 
@@ -44,14 +44,14 @@ def _region(index: dict[int, int], formula: Formula) -> Region:
 
 
 def box_of_region(formula: Formula, matrices: Mapping[int, Array]) -> Array | None:
-    """The box of a region, given the matrix (4, 4) of each surface; None of one without a point."""
+    """The bounding box of a region, from the matrix (4, 4) of each surface; None if it is empty."""
     numbers, region = region_of(formula)
     own = np.array([matrices[number] for number in numbers])
     return box_of(normal_form(region, Senses(range(len(own)), [False] * len(own))), own)
 
 
 def common(first: Array | None, second: Array | None) -> Array | None:
-    """What two boxes have in common, None where that is nothing."""
+    """The intersection of two boxes; None if it is empty."""
     if first is None or second is None:
         return None
     low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
@@ -59,7 +59,7 @@ def common(first: Array | None, second: Array | None) -> Array | None:
 
 
 def hull(boxes: Iterable[Array | None]) -> Array | None:
-    """The box around boxes, None around none."""
+    """The box around all boxes; None if there are none."""
     found = [box for box in boxes if box is not None]
     if not found:
         return None
@@ -67,9 +67,9 @@ def hull(boxes: Iterable[Array | None]) -> Array | None:
 
 
 def moved(box: Array, linear: Array, shift: Array) -> Array:
-    """The box around a box that was turned by (3, 3), and then moved by (3,)."""
+    """The box around a box that is turned by ``linear`` (3, 3), then moved by ``shift`` (3,)."""
     with np.errstate(invalid="ignore"):
         ends = linear[None] * box[:, None]
-    # What does not go along an axis has no part in it, however far it goes.
+    # A zero coefficient contributes nothing, even times an infinite extent.
     ends = np.where(linear[None] == 0.0, 0.0, ends)
     return np.array([ends.min(axis=0).sum(axis=1) + shift, ends.max(axis=0).sum(axis=1) + shift])

@@ -1,4 +1,4 @@
-"""A model of another program on its way to a scene: what ends it, and what of it is empty."""
+"""Converts a model's tables to a scene: adds camera and lights, bounds it, hides empty cells."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from halfstep.scene.formula import Formula, Sense
 from halfstep.scene.region import Intersection
 from halfstep.scene.values import LARGEST, Array
 
-# Where nothing ends a model, this part of its size on each side of its middle is shown.
+# Along an axis without an end, this part of the model's size is shown on each side of the middle.
 OPEN_PART = 0.25
-# The volume is wider than the model by this part of its size, so that no face lies in a base plane.
+# The volume is larger than the model by this part of its size, so no face lies in a base plane.
 VOLUME_MARGIN = 2.0**-10
-# Cells meet everywhere in a model, and where they do a ray may pass one of them within a step: so
-# the step is small.
+# Cells of a model touch everywhere. A ray near such a place may cross a cell within one step, so
+# steps must be small.
 TOLERANCE_PIXELS = 0.02
 NOTHING = "nothing of it is shown"
 FragmentT = TypeVar("FragmentT", bound=Fragment)
@@ -35,10 +35,10 @@ class Model:
     """The tables of a scene without camera and lights.
 
     Attributes:
-        name: of the file, for people.
-        tables: of the scene, by their keys.
-        box: (2, 3), around all that is shown.
-        camera: keys of the camera that the file asks for, None where it asks for none.
+        name: name of the file, for people.
+        tables: the tables of the scene by their keys.
+        box: (2, 3), bounds everything that is shown.
+        camera: keys of the file's camera; None if it has none.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Model:
 
 
 def scene_of(model: Model, look: Look) -> Scene:
-    """The scene of a model, seen by the camera that is asked for, or else from three quarters.
+    """The scene of a model, with the requested camera, by default a view from three quarters.
 
     Raises:
         SceneError: there is more in it than a scene may hold, it is too large, or nothing is shown.
@@ -78,9 +78,9 @@ def scene_of(model: Model, look: Look) -> Scene:
 
 
 def without_empty(fragment: FragmentT) -> FragmentT:
-    """A scene or group whose cells are not visible where no point is in them.
+    """A scene or group in which empty cells are invisible.
 
-    A clip leaves nothing of some cells, and of others a face without thickness.
+    A clip may leave nothing of a cell, or only a face without thickness.
     """
     groups = tuple(map(without_empty, fragment.groups))
     shown = np.array([cell.is_shown for cell in fragment.cells], np.bool_)
@@ -113,11 +113,11 @@ def _is_something_shown(fragment: Fragment) -> bool:
 
 @dataclass(frozen=True)
 class Ended:
-    """What ends a model.
+    """The bounds of a model.
 
     Attributes:
         surfaces: tables of the planes that cut it.
-        box: (2, 3), around all that is shown.
+        box: (2, 3), bounds everything that is shown.
     """
 
     surfaces: list[Table]
@@ -131,17 +131,17 @@ def end_of(
     clip: Clip,
     around: Array | None = None,
 ) -> Ended:
-    """Hide the cells outside of a model, and cut all others where it is cut or nothing ends it.
+    """Hide the cells around a model; cut all others by the clip and along axes without an end.
 
-    A cell without an end along an axis along which others end is what is around the model.
+    A cell is around the model if it has no end along an axis along which other cells end.
 
     Args:
-        name: of the file, for people.
+        name: name of the file, for people.
         cells: tables of the outermost cells; they are changed.
-        boxes: around what is seen of each, None where that is nothing.
-        clip: what is left of it.
-        around: (2, 3), the part of the world that is looked at, if that is known: it ends what
-            nothing else ends, so that no cell is outside.
+        boxes: bounds each cell's visible part; None if the cell is not seen.
+        clip: the part of the model to keep.
+        around: (2, 3), the part of the world that is shown, if known. It bounds all cells that
+            have no end, so no cell counts as around the model.
 
     Raises:
         SceneError: nothing is shown.
@@ -189,14 +189,14 @@ def end_of(
 
 
 def _open_ends(box: Array, around: Array) -> list[tuple[int, int, float]]:
-    """`_missing_ends`, where the part of the world that is looked at has them."""
+    """The planes of `_missing_ends`, at the ends of the part of the world that is shown."""
     sides, axes = np.nonzero(np.isinf(box))
     pairs = zip(sides.tolist(), axes.tolist(), strict=True)
     return [(axis, side, float(around[side, axis])) for side, axis in pairs]
 
 
 def _missing_ends(box: Array) -> list[tuple[int, int, float]]:
-    """Axis, side and place of the planes that a box lacks."""
+    """Axis, side and coordinate of the planes that must bound a box along axes without an end."""
     sizes = np.ptp(np.where(np.isfinite(box), box, 0.0), axis=0)[np.isfinite(box).all(axis=0)]
     reach = OPEN_PART * float(sizes.max(initial=0.0)) or 1.0
     found: list[tuple[int, int, float]] = []

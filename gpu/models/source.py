@@ -8,7 +8,7 @@ from pathlib import Path
 from halfstep.errors import SceneError
 from halfstep.text import decoded, place
 
-# Larger files are refused: a core with all its particles has some 20 MB.
+# Larger files are refused. A reactor core with all its fuel particles takes some 20 MB.
 MAX_BYTES = 1 << 28
 
 
@@ -16,8 +16,8 @@ class Source:
     """A file, and the faults found in it so far.
 
     Attributes:
-        name: of the file, for people.
-        text: all of it.
+        name: name of the file, for people.
+        text: the whole text.
     """
 
     def __init__(self, name: str, text: str) -> None:
@@ -25,29 +25,29 @@ class Source:
         self._faults: dict[tuple[int, str], None] = {}
 
     def fault(self, at: int, what: str) -> None:
-        """Note what is wrong at a character."""
+        """Record a fault at the character with index ``at``."""
         self._faults[at, what] = None
 
     def check(self) -> None:
-        """Raise a `SceneError` with the faults that were noted, if there are any."""
+        """Raise a `SceneError` with all recorded faults, if there are any."""
         if self._faults:
             raise SceneError(*(self.line(at, what) for at, what in sorted(self._faults)))
 
     def line(self, at: int, what: str) -> str:
-        """``part.csg: line 3, column 5: what``."""
+        """The line of a message about a fault: ``part.csg: line 3, column 5: what``."""
         return f"{self.name}: {place(self.text[:at])}: {what}"
 
 
 def read_source(path: Path, given: str, decode: Callable[[bytes], str] = decoded) -> Source:
-    """The text of a file.
+    """Read a text file.
 
     Args:
-        path: of the file.
-        given: how the user named it.
-        decode: how bytes are text; raises ValueError where they are none.
+        path: path of the file.
+        given: the user's name for the file.
+        decode: decodes bytes to text; raises ValueError if they are not text.
 
     Raises:
-        SceneError: it cannot be read, or is no text.
+        SceneError: the file cannot be read, is too large, or is not text.
     """
     try:
         if path.stat().st_size > MAX_BYTES:

@@ -1,8 +1,8 @@
-"""Surfaces of SURFER: a formula, shown in a ball, with camera, lights and a finish.
+"""Reads surfaces of SURFER: a formula in a ball, with camera, lights and a finish.
 
-A ``.jsurf`` file has properties as Java reads them. Three spaces are in it: that of the camera,
-that of the ball, whose radius is 1 there, and that of the formula. Scenes are in the last one, so
-that the formula stays as it is and the ball gets another radius.
+A ``.jsurf`` file is a Java properties file. It uses three spaces: those of the camera, of the ball,
+whose radius is 1, and of the formula. Scenes use the last one, so that the formula stays unchanged
+and the ball gets another radius.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from halfstep.scene.values import LARGEST, Array
 SIDE = 640
 LIGHTS = 8
 MOST_SHININESS = 1024
-# How far a rotation that was turned by hand, in single precision, may be off.
+# The largest error of a rotation: SURFER accumulates it in single precision while a user turns it.
 ROUNDING = 1e-3
 CAMERAS = ("ORTHOGRAPHIC_CAMERA", "PERSPECTIVE_CAMERA")
-# The camera that a file without one has: one radius before the middle of the ball.
+# The default camera, one radius before the middle of the ball.
 _BEFORE = "1 0 0 0  0 1 0 0  0 0 1 -1  0 0 0 1"
 _IDENTITY = "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"
 _ESCAPES = {"t": "\t", "n": "\n", "r": "\r", "f": "\f"}
@@ -40,25 +40,25 @@ _PARAMETER = "surface_parameter_"
 
 
 class Property(NamedTuple):
-    """A value, and the index in the text of each of its characters, and of its end."""
+    """A value, and the indices in the text of each of its characters and of its end."""
 
     value: str
     places: list[int]
 
 
 def decoded(content: bytes) -> str:
-    """The text of a file of properties, in which all beyond Latin-1 is escaped."""
+    """The text of a properties file, which is Latin-1 with escapes for all other characters."""
     return content.decode("latin-1")
 
 
 def scene_of(source: Source, look: Look) -> Scene:
     """The scene that shows a surface as SURFER does.
 
-    Both sides of a surface have the colour of its front.
+    Both sides of a surface get the colour of its front.
 
     Raises:
-        SceneError: with every fault of the file.
-        UsageError: an option is not of these files.
+        SceneError: the file has faults, all of which the message lists.
+        UsageError: an option does not apply to these files.
     """
     for option, value in (
         ("--color-by", look.color_by),
@@ -73,7 +73,7 @@ def scene_of(source: Source, look: Look) -> Scene:
 
 
 def properties_of(source: Source) -> dict[str, Property]:
-    """The properties of a text by their keys; of those with one key the last."""
+    """The properties of a text by key. If a key occurs again, the last one counts."""
     found: dict[str, Property] = {}
     for text, places in _lines(source.text):
         key = _KEY.match(text)
@@ -86,7 +86,7 @@ def properties_of(source: Source) -> dict[str, Property]:
 
 
 def _lines(text: str) -> Iterator[tuple[str, list[int]]]:
-    """Lines that say something, joined where they go on, and the place of each character."""
+    """The lines that are not empty or comments, continued lines joined, and each one's indices."""
     joined, places = "", [0]
     for match in re.finditer(r"[^\r\n]*(?:\r\n|\r|\n|$)", text):
         line = match[0].rstrip("\r\n")
@@ -120,7 +120,7 @@ def _is_constant(name: str) -> bool:
 
 
 def _renamed(formula: Property, name: str, other: str) -> Property:
-    """A formula in which a name is another one; the exponent of a number is no name."""
+    """A formula with the name ``name`` replaced by ``other``, except in exponents of numbers."""
     value, places = formula
     for match in reversed([*re.finditer(rf"(?<![\w.]){name}(?!\w)", value)]):
         start, end = match.span()
@@ -131,11 +131,14 @@ def _renamed(formula: Property, name: str, other: str) -> Property:
 
 @dataclass(frozen=True)
 class _Finish:
-    """What a material makes of light.
+    """The reflection of a material.
 
     Attributes:
         color: sRGB.
-        ambient: parts of light from everywhere, from lights, and in highlights; so are the next.
+        ambient: the part of ambient light that it reflects.
+        diffuse: the part of the lights' light that it reflects diffusely.
+        specular: the part of the lights' light in highlights.
+        shininess: the exponent of highlights.
     """
 
     color: list[float]
@@ -146,7 +149,7 @@ class _Finish:
 
 
 class _Reading:
-    """A file while it is read; its faults are noted in its source."""
+    """Reads a file, and records its faults in its source."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -154,10 +157,10 @@ class _Reading:
         self._formula = Property("", [])
 
     def scene(self, look: Look) -> Scene:
-        """What the file shows, seen by the camera that is asked for.
+        """The scene of the file, seen by the requested camera.
 
         Raises:
-            SceneError: with every fault.
+            SceneError: the file has faults, all of which the message lists.
         """
         name = self._source.name
         to_ball = self._matrix("transform_matrix") @ self._matrix("rotation_matrix")
@@ -203,7 +206,7 @@ class _Reading:
     # ---------------------------------------------------------------------------- parts
 
     def _solid(self, radius: float) -> Table:
-        """The surface in its ball."""
+        """The table of the surface in its ball."""
         if "surface_equation" not in self._properties:
             self._source.fault(0, "surface_equation: missing")
         parameters = {
@@ -213,7 +216,7 @@ class _Reading:
         }
         formula = self._properties.get("surface_equation", Property("x", []))
         for name in filter(_is_constant, [*parameters]):
-            # It is a number of its own in formulas of scenes.
+            # Formulas of scenes have a constant of this name, so the parameter gets another name.
             other = next(new for k in range(1, 99) if (new := name + k * "_") not in parameters)
             formula = _renamed(formula, name, other)
             parameters[other] = parameters.pop(name)
@@ -228,7 +231,7 @@ class _Reading:
         }
 
     def _camera_matrix(self) -> Array:
-        """From the space of the camera to that before ``rotation_matrix``."""
+        """The matrix (4, 4) from camera space to the space on which ``rotation_matrix`` acts."""
         matrix = self._matrix("camera_transform", _BEFORE)
         self._similar(matrix, "camera_transform")
         if not abs(np.linalg.det(matrix)) > 0:
@@ -236,7 +239,7 @@ class _Reading:
         return np.asarray(np.linalg.inv(matrix))
 
     def _camera(self, whole: Array, size: float) -> Table:
-        """The camera, in the space of the formula."""
+        """The table of the camera, in the space of the formula."""
         kind = self._text("camera_type", CAMERAS[0])
         if kind not in CAMERAS:
             self._fault("camera_type", f"{show(kind)} is none of {', '.join(CAMERAS)}")
@@ -253,7 +256,7 @@ class _Reading:
         return {**table, "fov_degrees": angle}
 
     def _lights(self, whole: Array, finish: _Finish) -> list[Table]:
-        """Those that are on; their places are in the space of the camera."""
+        """The tables of the lights that are on. The file gives their positions in camera space."""
         found = []
         for number in range(LIGHTS):
             key = f"light_status_{number}"
@@ -270,7 +273,7 @@ class _Reading:
         return found
 
     def _finish(self) -> _Finish:
-        # Older files have a slip of the pen in this key.
+        # Older files misspell this key.
         older = "front_material_specular_iIntensity"
         specular = older if older in self._properties else "front_material_specular_intensity"
         return _Finish(
@@ -296,7 +299,7 @@ class _Reading:
         return self._numbers(key, 3 * [otherwise], 0.0, 1.0)
 
     def _matrix(self, key: str, otherwise: str = _IDENTITY) -> Array:
-        """A matrix (4, 4), by rows."""
+        """A matrix (4, 4), given by rows."""
         numbers = self._numbers(key, [float(word) for word in otherwise.split()])
         matrix = np.array(numbers).reshape(4, 4)
         if not np.array_equal(matrix[3], [0, 0, 0, 1]):
@@ -311,7 +314,7 @@ class _Reading:
         low: float = -math.inf,
         high: float = math.inf,
     ) -> list[float]:
-        """As many numbers as there are otherwise."""
+        """The numbers of a key, or ``otherwise``, which also sets how many there must be."""
         if key not in self._properties:
             return otherwise
         words = self._properties[key].value.split()
@@ -335,7 +338,7 @@ class _Reading:
         return found
 
     def _similar(self, matrix: Array, key: str) -> float:
-        """By how much a matrix enlarges; one that does more than to turn and move is a fault."""
+        """The scale of a matrix that scales, turns and moves. Any other matrix is a fault."""
         linear_part = matrix[:3, :3]
         scale = float(np.cbrt(np.linalg.det(linear_part)))
         if scale > 0:
@@ -350,7 +353,7 @@ class _Reading:
         self._source.fault(place, f"{key}: {what}")
 
     def _as_in_file(self, fault: str) -> str:
-        """A fault of the scene as one of the file that it was made of."""
+        """A fault of the scene, rewritten as a fault of the file."""
         places = self._formula.places
         match = re.search(r"solid\[0\]\.(\w+)\.?(\w*): (?:column (\d+): )?(.*)", fault, re.DOTALL)
         if match is None:

@@ -1,1 +1,1 @@
-"""A band of a frame, rendered by a device or by the twin."""
+"""A device or the twin renders a band of a frame: some of its rows of pixels."""

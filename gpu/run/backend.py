@@ -1,4 +1,4 @@
-"""What renders bands of a frame: a Vulkan device, or NumPy where there is none."""
+"""A backend renders bands of a frame: a Vulkan device, or NumPy where no device is found."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from halfstep.host.pack import Packed
 from halfstep.host.steps import format_for
 from halfstep.scene import Accuracy, Scene
 
-# The twin has this many pixels in a band, so that its arrays stay small for any picture.
+# A band of the twin has about this many pixels, so that the arrays of any picture stay small.
 TWIN_PIXELS = 1 << 20
 
 
 @runtime_checkable
 class Backend(Protocol):
-    """Renders bands, whole frames by one thread at a time.
+    """Renders bands. One thread at a time renders all bands of a frame.
 
     Attributes:
-        facts: names of the adapter and of its driver.
-        most_steps: halvings that a tolerance gets at most; None where the number format decides.
+        facts: the names of the adapter and of its driver.
+        most_steps: the most halvings that a tolerance may use; None if only the number format
+            limits them.
     """
 
     @property
@@ -36,26 +37,26 @@ class Backend(Protocol):
     def most_steps(self) -> int | None: ...  # noqa: D102 - the class says it
 
     def check_usable(self) -> None:
-        """See that bands can be rendered.
+        """Check that the backend can render.
 
         Raises:
-            UsageError: it is closed.
-            DeviceError: its device is that of another process.
+            UsageError: the backend is closed.
+            DeviceError: the device belongs to another process.
         """
 
     def turn(self) -> AbstractContextManager[None]:
-        """Be alone with it for the bands of one frame."""
+        """Keep other threads out while the bands of one frame are rendered."""
 
     def band_rows(self, width: int, outputs: frozenset[str]) -> int:
-        """Rows of pixels of a band of ``width`` pixels, a multiple of the tile."""
+        """The number of rows in a band of ``width`` pixels, a multiple of the tile's height."""
 
     def render_band(
         self, scene: Scene, packed: Packed, first_row: int, rows: int, outputs: frozenset[str]
     ) -> tuple[Planes, float | None]:
-        """Outputs (rows, width, …) of a band, and the device's time in ms where it is known."""
+        """Outputs (rows, width, …) of a band, and the device time in ms; None if not measured."""
 
     def close(self) -> None:
-        """Give back what it holds, after the frame that is rendered at this moment."""
+        """Free the device once the frame that is being rendered is done."""
 
 
 class NumPy:
@@ -68,37 +69,37 @@ class NumPy:
         self._closed = False
 
     def check_usable(self) -> None:
-        """As of `Backend`."""
+        """See `Backend`."""
         if self._closed:
             raise UsageError("the renderer is closed")
 
     def turn(self) -> AbstractContextManager[None]:
-        """Threads need not wait for one another."""
+        """Return a context that lets every thread in: the twin has no state to protect."""
         return nullcontext()
 
     def band_rows(self, width: int, outputs: frozenset[str]) -> int:  # noqa: ARG002 - of a device
-        """As of `Backend`."""
+        """See `Backend`."""
         return max(TWIN_PIXELS // width // TILE, 1) * TILE
 
     def render_band(
         self, scene: Scene, packed: Packed, first_row: int, rows: int, outputs: frozenset[str]
     ) -> tuple[Planes, None]:
-        """As of `Backend`."""
+        """See `Backend`."""
         from halfstep.run.twin import render_band
 
         return render_band(scene, packed, first_row, rows, outputs), None
 
     def close(self) -> None:
-        """There is nothing to give back."""
+        """Refuse further frames. NumPy holds nothing that must be freed."""
         self._closed = True
 
 
 def open_backend(backend: str, adapter: str | int | None, accuracy: Accuracy) -> Backend:
-    """The backend of a name in `BACKENDS`; ``adapter`` is as for `choose_adapter`.
+    """Open the backend with a name of `BACKENDS`; `choose_adapter` describes ``adapter``.
 
     Raises:
-        UsageError: there is no such backend.
-        AdapterError: no suitable adapter.
+        UsageError: no backend has this name.
+        AdapterError: no adapter is suitable.
         DeviceError: the driver refuses.
     """
     if backend not in BACKENDS:

@@ -1,4 +1,4 @@
-"""The frame buffer that a shader writes: where each output is in it, and copies of them."""
+"""The frame buffer that a shader writes: the offsets of its outputs, and copies of them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import MOST_TAGS, byte_offsets, plane_offsets
 
-# What is bound begins at a multiple of this many bytes, and so does what a query is resolved to.
-# All parts of a frame buffer do, because a tile has as many pixels.
+# Bindings and resolved queries must begin at a multiple of this many bytes. Every part of a frame
+# buffer does, because a tile has 256 pixels.
 ALIGNMENT = 256
 
 
 @dataclass(frozen=True)
 class FrameBuffer:
-    """Planes of words of a band, then its outputs of bytes, then two times of the device."""
+    """The layout of a band's buffer: planes of words, outputs of bytes, two device timestamps."""
 
     written: frozenset[str]
     width: int  # pixels
@@ -28,33 +28,33 @@ class FrameBuffer:
 
     @cached_property
     def shape(self) -> tuple[int, int]:
-        """Rows, and pixels of a row, in whole tiles."""
+        """Rows, and pixels in a row, both rounded up to whole tiles."""
         return -(-self.rows // TILE) * TILE, -(-self.width // TILE) * TILE
 
     @cached_property
     def pixels_at(self) -> int:
-        """Where outputs of bytes begin."""
+        """Offset in bytes of the outputs of bytes."""
         height, stride = self.shape
         return 4 * plane_offsets(self.written)["total"] * height * stride
 
     @cached_property
     def times_at(self) -> int:
-        """Where the times are."""
+        """Offset in bytes of the two timestamps."""
         height, stride = self.shape
         return pixel_bytes(self.written) * height * stride
 
     @property
     def size(self) -> int:
-        """Of all, in bytes."""
+        """Size of the buffer in bytes."""
         return self.times_at + 16
 
     def milliseconds(self, content: Bytes) -> float:
-        """From one of the times to the other."""
+        """Milliseconds between the two timestamps, which count nanoseconds."""
         begin, end = content[self.times_at : self.size].view(np.uint64).tolist()
         return float(end - begin) / 1e6
 
     def copies(self, content: Bytes, outputs: frozenset[str]) -> Planes:
-        """An array (rows, width, …) for each output, as ``twin.render_band`` gives them."""
+        """An array (rows, width, …) for each output, in the form of ``twin.render_band``."""
         height, stride = self.shape
         first_plane, first_byte = plane_offsets(self.written), byte_offsets(self.written)
         words = content[: self.pixels_at].view(np.uint32).reshape(-1, height, stride)
@@ -82,12 +82,12 @@ class FrameBuffer:
 
 
 def pixel_bytes(outputs: frozenset[str]) -> int:
-    """Bytes of a frame buffer for each pixel."""
+    """Bytes that each pixel takes in a frame buffer."""
     return 4 * plane_offsets(outputs)["total"] + byte_offsets(outputs)["total"]
 
 
 def written_for(outputs: frozenset[str], packed: Packed) -> frozenset[str]:
-    """What the shader writes for ``outputs``: tags for surfaces if they are few."""
+    """The outputs that the shader writes: the byte ``tag`` for ``surface`` if surfaces are few."""
     if packed.surface_count <= MOST_TAGS:
         return outputs - {"surface"} | {"tag"}
     return outputs

@@ -46,18 +46,19 @@ from halfstep.shader.source import (
     SHADOW_BINDINGS,
 )
 
-# A band's frame buffer is at most this large, so that memory stays bounded for any picture.
+# The largest frame buffer of a band, in bytes: large pictures must not take more memory.
 BAND_BYTES = 128 << 20
 SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
 RECORD_BYTES = 4 * TILE_WORDS
 RECORDS_ALIGNMENT = ALIGNMENT // RECORD_BYTES
-# The most workgroups of a dispatch.
+# The most workgroups in one dispatch.
 MOST_WORKGROUPS = 1 << 13
 PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
-# A record has at most ten pieces; invocations beyond that would load nothing.
+# The most invocations that load a record together. A record has at most ten pieces, so more
+# invocations would load nothing.
 MOST_BROADCAST = 16
-# What the bindings hold; 5 and 6 are parts of the frame buffer.
+# The content of each binding, named in error messages. 5 and 6 are parts of the frame buffer.
 _NAMES = {
     0: "frame",
     1: "solids",
@@ -83,14 +84,14 @@ _NAMES = {
     23: "balls around bodies",
     24: "formulas",
 }
-# A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
+# A binding: a buffer, and the offset and length of its bound part in bytes.
 _Binding = tuple[GpuBuffer, int, int]
 
 
 class Device(Turns):
-    """A device with its pipelines and buffers, kept from frame to frame.
+    """An open device that keeps its pipelines and buffers from frame to frame.
 
-    The buffers hold one frame at a time, so each frame is rendered in one `turn`.
+    The buffers hold one frame at a time, so each frame is rendered within one `turn`.
     """
 
     def __init__(
@@ -100,27 +101,27 @@ class Device(Turns):
         *,
         conveyor: str = "conveyor",
     ) -> None:
-        """Open ``adapter``, with 64-bit integers in shaders where it has them.
+        """Open ``adapter``, with 64-bit integers in shaders if the adapter has them.
 
-        ``conveyor`` is the stage that finds where roots are: the benchmark has another one.
+        ``conveyor`` names the stage that locates roots; the benchmark passes its own.
 
         Raises:
-            AdapterError: it cannot work in ``number_format``.
+            AdapterError: the adapter cannot work in ``number_format``.
             DeviceError: the driver refuses.
         """
         super().__init__()
         self.adapter = adapter
         self.check_format(number_format)
         self._is_software = adapter.summary.kind == "cpu"
-        # The memory of a software adapter is that of the host.
+        # A software adapter uses the host's memory, so the host can map the frame buffer itself.
         shared = {MAPPABLE} if self._is_software else set()
         wanted = {INT64, SUBGROUP} | shared
         features = wanted & adapter.handle.features
         self._open: GpuDevice | None = open_device(adapter, features=features)
         self._mapped = MAPPABLE in self._device.features
-        # A software adapter serves the loads of one invocation after another, and runs code that no
-        # invocation needs. Fetching together avoids the one, a shader for each set of classes the
-        # other. Each is worth a factor of 1.3 to 2, measured.
+        # A software adapter loads for one invocation after another, and runs code that no
+        # invocation needs. Loading together (broadcast) avoids the first, a shader for each set of
+        # classes avoids the second. Each makes frames 1.3 to 2 times as fast, measured.
         self._broadcast = 1
         compute = Compute(self._device)
         self.loop_rounds = loop_limit(compute) or MOST_ROUNDS
@@ -135,9 +136,9 @@ class Device(Turns):
         )
         self._conveyor = conveyor
         self._shaders = ShaderStore(self._device, in_parts=self._is_software)
-        # The layout and the bindings of the last frame, and the bind group made of them.
+        # The layout and bindings of the last frame, and their bind group.
         self._bound: tuple[object, object] = None, None
-        # What the frame buffer shows where nothing is hit, and which of its tiles show only that.
+        # The frame buffer with its layout and background, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
         self._buffers: dict[str, GpuBuffer] = {}
         self._timed = "timestamp-query" in self._device.features
@@ -147,7 +148,7 @@ class Device(Turns):
 
     @property
     def _device(self) -> GpuDevice:
-        assert self._open is not None  # there are no turns once it is given back
+        assert self._open is not None  # `turn` refuses once the device is given back
         return self._open
 
     def _give_back(self) -> None:
@@ -156,22 +157,22 @@ class Device(Turns):
             return
         self._drop_buffers()
         self._shaders.clear()
-        del self._shaders  # it knows the device
+        del self._shaders  # it refers to the device
         self._queries = None
         close_device(device)
 
     def _drop_buffers(self) -> None:
-        """Destroy all buffers, and forget what they hold."""
+        """Destroy all buffers, and forget their content."""
         self._bound = None, None
         self._blank = None, np.zeros(0, bool)
         while self._buffers:
             self._buffers.popitem()[1].destroy()
 
     def check_format(self, number_format: Format) -> None:
-        """See that the device can work in a number format.
+        """Check that the device can work in a number format.
 
         Raises:
-            AdapterError: it needs 64-bit integers and the device has none.
+            AdapterError: the format needs 64-bit integers and the device has none.
         """
         if number_format.integer and INT64 not in self.adapter.handle.features:
             needed_by = f"more than {FLOAT_STEPS} steps need; use fewer"
@@ -184,16 +185,16 @@ class Device(Turns):
 
     @property
     def facts(self) -> Facts:
-        """Facts of the adapter and of its driver."""
+        """The names of the adapter and of its driver."""
         return self.adapter.summary.facts
 
     @property
     def most_steps(self) -> int | None:
-        """Halvings that a tolerance can get at most; None where the number format decides."""
+        """The most halvings that a tolerance may use; None: only the number format limits them."""
         return None if INT64 in self._device.features else FLOAT_STEPS
 
     def band_rows(self, width: int, outputs: frozenset[str]) -> int:
-        """Picture rows of a band whose frame buffer fits the device, a multiple of the tile."""
+        """The rows of a band that fits the device's memory, a multiple of the tile's height."""
         size = min(BAND_BYTES, self.largest_binding)
         stride = -(-width // TILE) * TILE
         return max(size // (pixel_bytes(outputs) * stride) // TILE, 1) * TILE
@@ -206,7 +207,9 @@ class Device(Turns):
         rows: int,
         outputs: frozenset[str],
     ) -> tuple[Planes, float | None]:
-        """Outputs of a band as ``twin.render_band`` gives them, and the device time in ms.
+        """Outputs of a band in the form of ``twin.render_band``, and the device time in ms.
+
+        The time is None if the device has no timestamps.
 
         Raises:
             AdapterError: the frame needs 64-bit integers and the device has none.
@@ -276,24 +279,30 @@ class Device(Turns):
                 milliseconds = layout.milliseconds(content) if self._timed else None
                 memory.unmap()
         except BaseException:
-            # An exception, such as that of Ctrl-C, may leave a buffer mapped or about to be mapped.
-            # The next frame takes new ones.
+            # An exception, such as KeyboardInterrupt, may leave a buffer mapped or about to be
+            # mapped. The next frame takes new buffers.
             self._drop_buffers()
             raise
         self._blank = ground, blank
         return planes, milliseconds
 
     def _left_out(self, shaders: Shaders, ground: object, blank: Bools) -> Bools:
-        """Which of the ``blank`` tiles were rendered blank before, and need no rendering."""
+        """Which of the ``blank`` tiles the frame buffer already shows blank: they are skipped."""
         shown, before = self._blank
         # Unknown until this frame succeeds.
         self._blank = None, blank
-        # The frame that picks the shaders renders blank tiles too, so that all compile now.
+        # The frame that picks the shaders renders blank tiles too, so that all shaders compile now.
         decided = not shaders.compiles_later
         return blank & before if decided and shown == ground else np.zeros_like(blank)
 
     def _check_rounds_of_light(self, needs: Needs, packed: Packed) -> None:
-        """See that loops for shadows and mirrors are not cut short, which no halves would mend."""
+        """Check that the driver does not end loops for shadows and mirrors early.
+
+        Each half of the solids would take the same rounds, so splitting the frame does not help.
+
+        Raises:
+            DeviceError: an invocation may take more rounds than the driver grants.
+        """
         of_light = rounds.rounds_of_light(needs, packed)
         if of_light > self.loop_rounds:
             raise DeviceError(
@@ -303,7 +312,7 @@ class Device(Turns):
             )
 
     def _is_too_large(self, packed: Packed, lists: Lists) -> bool:
-        """Whether a binding cannot hold the solids, what they have, or the lists of tiles."""
+        """Whether solids, half-spaces, regions or lists of tiles exceed the largest binding."""
         held = [packed.solids, packed.half_spaces, lists.members]
         held += [] if lists.regions is None else lists.regions.arrays
         return max(array.nbytes for array in held) > self.largest_binding
@@ -316,7 +325,7 @@ class Device(Turns):
         rows: int,
         outputs: frozenset[str],
     ) -> tuple[Planes, float | None]:
-        """`render_band`, one half of the solids after the other."""
+        """`render_band` for each half of the solids, joined by the nearest point of each pixel."""
         found: list[Planes] = []
         times: list[float] = []
         for half in split.halves(packed):
@@ -330,27 +339,27 @@ class Device(Turns):
         return joined, sum(times) if times else None
 
     def _upload(self, number: int, type_: str, content: Array) -> _Binding:
-        """A part of a buffer that holds ``content``."""
-        # An empty binding is not allowed: nothing reads this one record of zeros.
+        """Write ``content`` to the buffer of binding ``number``, and return the part to bind."""
+        # WebGPU forbids an empty binding. No shader reads this record of zeros.
         content = content if len(content) else np.zeros(1, content.dtype)
         size, bound = content.nbytes, None
         if number == 3:
-            # It is bound in parts of one size, so there must be room beyond the last one.
+            # Dispatches bind parts of one size, so the buffer needs room beyond the last part.
             size, bound = size + PART_BYTES, PART_BYTES
         elif number in (1, 2) and type_ == "uniform":
-            # As large as the shader declares it.
+            # The size that the shader declares.
             size = bound = UNIFORM_BYTES
         buffer = self._buffer(_NAMES[number], size, "UNIFORM|STORAGE|COPY_DST")
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
         return buffer, 0, bound or buffer.size
 
     def _frame_buffer(self, layout: FrameBuffer) -> GpuBuffer:
-        """The buffer that a band is rendered to."""
+        """The buffer that the shader writes a band to."""
         access = "MAP_READ" if self._mapped else "COPY_SRC"
         return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|{access}")
 
     def _buffer(self, name: str, size: int, usage: str) -> GpuBuffer:
-        """A kept buffer of at least ``size`` bytes."""
+        """The kept buffer called ``name``, replaced if it has fewer than ``size`` bytes."""
         buffer = self._buffers.get(name)
         if buffer is None or buffer.size < size:
             if buffer is not None:
@@ -369,7 +378,7 @@ class Device(Turns):
         frame: GpuBuffer,
         layout: FrameBuffer,
     ) -> GpuBuffer:
-        """Render to the buffer ``frame``, and wait: a mapped buffer with what it holds."""
+        """Render to the buffer ``frame``, wait, and return a mapped buffer with its content."""
         encoder = self._device.create_command_encoder()
         timing = {}
         if self._timed:
@@ -396,7 +405,7 @@ class Device(Turns):
         return memory
 
     def _bind_group(self, layout: object, bindings: dict[int, _Binding]) -> object:
-        """A bind group of parts of buffers, most often that of the last frame."""
+        """The bind group of ``bindings``; frames most often reuse that of the last one."""
         if (layout, bindings) != self._bound[0]:
             group = self._device.create_bind_group(
                 layout=layout,
@@ -413,7 +422,7 @@ class Device(Turns):
 
 
 def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
-    """What bindings hold that some scenes have, by number."""
+    """The content of the bindings that only some scenes have, by binding number."""
     found: dict[int, Array] = {}
     if lists.regions is not None:
         found |= dict(enumerate(lists.regions.arrays, start=9))
@@ -431,15 +440,15 @@ def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
 
 
 class _Part(NamedTuple):
-    """Tiles that are rendered by one dispatch."""
+    """Tiles that one dispatch renders."""
 
     classes: Classes
-    first: int  # record
+    first: int  # index of the first tile's record
     tiles: int
 
 
 def _parts(groups: list[TileGroup]) -> tuple[U32, list[_Part]]:
-    """The records of all tiles in one array, and the dispatches that take them."""
+    """The records of all tiles in one array (N, TILE_WORDS), and the dispatches that read them."""
     parts, pieces, end = [], [np.zeros((0, TILE_WORDS), np.uint32)], 0
     for group in groups:
         for begin in range(0, len(group.records), MOST_WORKGROUPS):

@@ -1,4 +1,4 @@
-"""What the shader of a frame must hold, from the frame's records."""
+"""`needs_of` reads from a frame's records what the frame's shader must contain."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ def needs_of(
     broadcast: int = 1,
     uniform: bool = False,
 ) -> Needs:
-    """What the shader of a frame must hold.
+    """What the shader of a frame must contain.
 
     Args:
-        packed: the frame.
-        regions: what its tiles see of copies of groups.
-        method: of the scene.
-        outputs: of the device.
-        broadcast: as in `Needs`.
-        uniform: if its solids are few enough for it.
+        packed: the frame's records.
+        regions: records of the copies of groups that tiles of the frame see, if any.
+        method: the scene's method.
+        outputs: the device outputs.
+        broadcast: see `Needs`.
+        uniform: put solids and half-spaces in uniform memory if they fit.
     """
     shadows = packed.shadows
     return Needs(
@@ -59,18 +59,18 @@ def needs_of(
 
 
 def needs_of_frame(packed: Packed, method: str, outputs: frozenset[str]) -> Needs:
-    """What the shader of a whole frame must hold; arguments are those of `needs_of`."""
+    """What the shader of a whole frame must contain; `needs_of` describes the arguments."""
     lists = lists_of(packed, 0, packed.setup.view.height, outputs)
     return needs_of(packed, lists.regions, method, outputs)
 
 
 def _enough(count: int) -> int:
-    """Room for so many: a power of two, so that scenes share shaders."""
+    """Room for ``count`` surfaces: a power of two, so that scenes share shaders."""
     return max(4, 1 << (count - 1).bit_length())
 
 
 def _fits_uniform(packed: Packed) -> bool:
-    """Whether the scene's solids and half-spaces fit uniform memory, whatever the camera sees."""
+    """Whether all solids and half-spaces of the scene, seen or not, fit uniform memory."""
     solids = packed.solid_count * packed.solids.itemsize
     half_spaces = (packed.surface_count - packed.solid_count) * packed.half_spaces.itemsize
     return max(solids, half_spaces) <= UNIFORM_BYTES

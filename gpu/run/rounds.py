@@ -1,8 +1,8 @@
-"""Rounds of loops that an invocation takes, counted on the host before a device runs them.
+"""The host counts the loop rounds of an invocation before the device runs them.
 
-A driver may end the loops of an invocation early without a word (``device.probe.loop_limit``). A
-loop of k iterations takes k rounds, and one more where it is tested first: every count here has
-that one.
+A driver may end the loops of an invocation early and report nothing (``device.probe.loop_limit``).
+A loop of k iterations takes k rounds, or k + 1 if its condition is tested first. Every count here
+assumes k + 1.
 """
 
 from __future__ import annotations
@@ -20,33 +20,34 @@ from halfstep.shader.needs import Needs
 
 
 def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
-    """The most rounds (V,) that each solid of a frame takes of an invocation that tries it."""
+    """The most rounds (V,) that an invocation takes to try each of the frame's V solids."""
     steps = packed.solids["steps"].astype(np.int64) + 1
     planes = packed.solids["plane_count"].astype(np.int64) + 1
     rounds = steps + planes
     if needs.method == "article":
-        # A patch tries its bounds at one point. Sequences I and O try all planes of another solid
-        # at every halving, and at six points more. The normals of planes are read last.
+        # A patch tests its half-spaces at one point. For other solids, sequences I and O test all
+        # half-spaces at every halving and at six points more. Reading their normals comes last.
         is_patch = packed.classes == Class.PATCH
         rounds += planes * np.where(is_patch, 2, 2 * steps + 7)
-        if "error" in needs.outputs:  # the other method certifies in the loop that clips
+        if "error" in needs.outputs:  # the method visible certifies in its clipping loop
             rounds += planes
-    # One walk through cells and one finish, twice for the exit, and the bounds that are tried.
+    # Rounds of one walk through cells and one finish, twice if the exit is asked for, and one
+    # round for each error bound that is tried.
     walks = 2 if "exit" in needs.outputs else 1
     tried = (BOUNDS + 1) * ("error" in needs.outputs)
     of_polynomial = packed.classes == Class.POLYNOMIAL
     rounds[of_polynomial] += (walks * (CLOCKS + 1 + steps) + tried)[of_polynomial]
-    # A formula tries both sides of a bound and both ends in rounds of their own, and has one for
-    # each axis; where there are several, each of these asks all of them.
+    # A formula takes a round for each side of an error bound, for each end of the interval and for
+    # each axis. If there are several programs, each of these rounds asks every program.
     of_formula = packed.classes == Class.FORMULA
     asked = walks * (CLOCKS + 1 + steps) + 2 * tried + 8
     rounds[of_formula] += (asked * (1 + 2 * len(needs.programs)))[of_formula]
-    # It is come to in its list, and again where places of points are asked for.
+    # One round comes to the solid in the tile's list, and one more if places of points are needed.
     return np.asarray(rounds + 1 + ("places" in needs.facts))
 
 
 def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> Ints:
-    """The most rounds (E,) that each record of a region takes of an invocation that tries it."""
+    """The most rounds (E,) that an invocation takes to try each of the E records of regions."""
     records = regions.records
     steps = packed.solids["steps"][records["solid"]].astype(np.int64) + 1
     flat, curved, cells, faces = (
@@ -54,19 +55,19 @@ def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> I
     )
     surfaces, certified = flat + curved, "error" in needs.facts
     groups = records["end_group"].astype(np.int64) - records["first_group"]
-    # All surfaces are crossed, with errors twice more, and looked up for normals and looks once for
-    # all pixels that show the region.
+    # Every surface is crossed once, and twice more for `error`. Every surface is looked up for
+    # normals and appearances once for all pixels that show the region.
     rounds = surfaces * (steps + 2) + 2
     rounds += certified * surfaces * (2 * steps + 5)
     rounds += 2 * surfaces + cells + faces + 5
-    # A leap ends where a surface is crossed, a quadric at two places; a walk looks once more where
-    # it begins and where it ends.
+    # A walk leaps from crossing to crossing: two for a quadric, one for a plane. It looks once
+    # more at its begin and at its end.
     looks = 2 * curved + flat + 2
     walks = 6 if certified else 2
     rounds += walks * (looks * (groups + 2) + 2)
     return np.asarray(
         rounds + 3
-    )  # the last: to come to it in its list, and to see whether to try it
+    )  # the 3: to come to the record in the tile's list, and to decide whether to try it
 
 
 def rounds_of_finish(needs: Needs) -> int:
@@ -75,10 +76,10 @@ def rounds_of_finish(needs: Needs) -> int:
 
 
 def rounds_of_light(needs: Needs, packed: Packed) -> int:
-    """The most rounds that an invocation takes for shadows and mirrors: it tries all solids."""
+    """The most rounds that an invocation takes for shadows and mirrors, which try all solids."""
     of_shadows = of_mirrors = 0
     if packed.shadows is not None and "shadows" in needs.facts:
-        # A box may be looked at alone, and so may that of its group, and of that one's.
+        # The box of an occluder, of its group and of that group's group take a round each.
         slabs = packed.shadows.occluders["slab_count"].astype(np.int64)
         of_shadows = int((slabs + 5).sum()) + 2 * len(packed.shadows.views)
     if packed.mirrors is not None and "mirrors" in needs.facts:
@@ -99,7 +100,7 @@ def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
 
 
 def rounds_of_members(needs: Needs, packed: Packed, lists: Lists) -> Ints:
-    """The most rounds that each member of the lists of tiles takes."""
+    """The most rounds (M,) that each of the M members of the tiles' lists takes."""
     if lists.regions is None:
         return rounds_of_solids(needs, packed)[lists.members]
     slot = np.repeat(np.arange(len(lists.starts) - 1) % len(needs.classes), np.diff(lists.starts))

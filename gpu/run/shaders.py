@@ -1,4 +1,4 @@
-"""The shaders that a device keeps from frame to frame, and which of them render a frame."""
+"""The shaders that a device keeps from frame to frame, and the choice among them for a frame."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from halfstep.shader.source import binding_types, compose
 
 
 class Shaders:
-    """The shaders of all frames that need the same: one of all classes, and some of fewer.
+    """The shaders for one `Needs`: one with all classes of solids, and some with fewer.
 
     All have the same bindings.
     """
 
     def __init__(self, needs: Needs, store: ShaderStore) -> None:
-        """`ShaderStore.of` makes them."""
+        """`ShaderStore.of` calls this."""
         self.needs = needs
         self.types = binding_types(needs)
         self.layout = store.layout(self.types)
-        # Code for mirrors is the same for all classes, and takes longer still to compile.
+        # The code for mirrors does not depend on the classes and compiles even longer, so shaders
+        # with fewer classes would cost more than they save.
         self._may_have_parts = store.in_parts and "mirrors" not in needs.facts
         self._whole = [needs.classes]
         self._sets: list[Classes] | None = None
@@ -31,14 +32,14 @@ class Shaders:
 
     @property
     def compiles_later(self) -> bool:
-        """Whether the next frame may need shaders that no frame had before."""
+        """Whether the next frame may compile shaders that no frame had before."""
         return self._may_have_parts and not self._sets
 
     def sets(self, starts: U32) -> list[Classes]:
         """The classes of each shader of a frame whose lists begin at ``starts``, all classes last.
 
-        A single frame has one shader, as compiling takes longer than rendering. On a software
-        adapter the second frame picks the sets of classes that get a shader of their own.
+        The first frame uses one shader, because compiling takes longer than rendering. On a
+        software adapter the second frame picks the sets of classes that get their own shader.
         """
         if not self._may_have_parts:
             return self._whole
@@ -50,7 +51,7 @@ class Shaders:
         return self._sets
 
     def pipeline(self, classes: Classes) -> object:
-        """The shader that knows these classes."""
+        """The compiled shader for these classes."""
         if classes not in self._pipelines:
             needs = replace(self.needs, classes=classes)
             self._pipelines[classes] = self._store.pipeline(needs, self.layout)
@@ -61,7 +62,7 @@ class ShaderStore:
     """All shaders of a device, compiled when a frame first needs them."""
 
     def __init__(self, device: GpuDevice, *, in_parts: bool) -> None:
-        """``in_parts``: tiles that see few classes get shaders of their own."""
+        """``in_parts``: tiles that see few classes get their own shaders."""
         self.in_parts = in_parts
         self._device = device
         self._of: dict[Needs, Shaders] = {}
@@ -69,19 +70,19 @@ class ShaderStore:
         self._pipelines: dict[Needs, object] = {}
 
     def of(self, needs: Needs) -> Shaders:
-        """The shaders of frames that need this."""
+        """The shaders of frames with these needs."""
         if needs not in self._of:
             self._of[needs] = Shaders(needs, self)
         return self._of[needs]
 
     def clear(self) -> None:
-        """Forget all shaders, and that each knows of this store: nothing keeps them then."""
+        """Forget all shaders. This breaks the reference cycle between them and the store."""
         self._of.clear()
         self._layouts.clear()
         self._pipelines.clear()
 
     def layout(self, types: dict[int, str]) -> object:
-        """The layout of bindings of these types."""
+        """The bind group layout for these types by binding number."""
         key = tuple(types.items())
         if key not in self._layouts:
             entries = [

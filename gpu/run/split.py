@@ -1,4 +1,4 @@
-"""Frames of more solids than one binding of the device holds: rendered in parts, then joined."""
+"""Split a frame whose solids exceed one binding of the device, and join the rendered parts."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from halfstep.host.pack import Packed
 
 
 def halves(packed: Packed) -> tuple[Packed, Packed]:
-    """The frame with the first half of its solids, and with the others, in the same depth keys."""
+    """The frame with the first half of its solids, and with the second. Depth keys are the same."""
     middle = len(packed.order) // 2
     return _part(packed, slice(0, middle)), _part(packed, slice(middle, None))
 
 
 def _part(packed: Packed, rows: slice) -> Packed:
-    """The frame with some of its solids and their half-spaces only."""
+    """The frame with only some of its solids and their half-spaces."""
     solids = packed.solids[rows].copy()
     count = solids["plane_count"].astype(np.int64)
     start = np.cumsum(count) - count
     moved = np.repeat(solids["plane_start"].astype(np.int64) - start, count)
     half_spaces = np.take(packed.half_spaces, np.arange(count.sum()) + moved)
     solids["plane_start"] = start
-    # What hides lights, and what mirrors show, is the same of the points of either half.
+    # Shadows and mirrors keep all solids: those of the other half cast shadows and are reflected.
     return replace(
         packed,
         order=packed.order[rows],
@@ -37,9 +37,9 @@ def _part(packed: Packed, rows: slice) -> Packed:
 
 
 def nearest(first: Planes, second: Planes) -> Planes:
-    """What is seen of two parts of the solids, from what is seen of each; both have ``key``.
+    """Join the planes of two parts: each pixel shows the nearer point. Both need ``key``.
 
-    At equal depth it is the earlier surface of the file, as within a part.
+    At equal depth the surface that is earlier in the file wins, as within a part.
     """
     a, b = first["key"], second["key"]
     ahead = (b < a) | ((b == a) & (second["surface"] < first["surface"]))

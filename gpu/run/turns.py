@@ -1,4 +1,4 @@
-"""Turns with what one thread at a time may use."""
+"""Turns: threads use a device one after another."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from halfstep.errors import UsageError
 
 
 class Turns(ABC):
-    """What threads use one after another, each for a whole frame, until it is closed."""
+    """Something that threads use one after another, each for a whole frame, until it is closed."""
 
     def __init__(self) -> None:
-        # A lock that the same thread can take again: a signal handler or a finalizer, which may
-        # come at any time, finds its own thread in the middle of a turn. It must not wait for it.
+        # The same thread can take this lock again. A signal handler or a finalizer may run in the
+        # middle of a turn of its own thread, and would otherwise wait for itself forever.
         self._lock = threading.RLock()
         self._taken = False
         self._closed = False
 
     def check_usable(self) -> None:
-        """See that turns can be had.
+        """Check that turns can be taken.
 
         Raises:
-            UsageError: it is closed.
-            DeviceError: this process was forked from the one whose device it is.
+            UsageError: the object is closed.
+            DeviceError: this process was forked from the process that opened the device.
         """
         if self._closed:
             raise UsageError("the renderer is closed")
@@ -34,11 +34,11 @@ class Turns(ABC):
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """Be alone in what is done inside; until then, wait for other threads.
+        """Wait for other threads, then keep them out until the context ends.
 
         Raises:
-            UsageError: it is closed, or this thread is in the middle of a turn.
-            DeviceError: this process was forked from the one whose device it is.
+            UsageError: the object is closed, or this thread is in the middle of a turn.
+            DeviceError: this process was forked from the process that opened the device.
         """
         check_process()
         with self._lock:
@@ -58,10 +58,10 @@ class Turns(ABC):
                     self._give_back()
 
     def close(self) -> None:
-        """Give everything back once no thread is in its turn, at once if none is.
+        """Give everything back as soon as no thread is in a turn.
 
-        Called in the middle of a turn of the same thread, it leaves that to the end of the turn. A
-        forked process gives nothing back: all is its parent's.
+        If the calling thread is in a turn, the end of that turn gives everything back. A forked
+        process gives nothing back, because the device belongs to its parent.
         """
         self._closed = True
         if not is_forked():
@@ -71,4 +71,4 @@ class Turns(ABC):
 
     @abstractmethod
     def _give_back(self) -> None:
-        """Give everything back; once more does nothing."""
+        """Give everything back. A second call does nothing."""

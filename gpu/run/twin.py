@@ -1,4 +1,4 @@
-"""A band of a frame in NumPy: the same stages in the same order as the shader of ``source``."""
+"""The twin renders a band in NumPy with the stages of ``shader.source``, in the same order."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Band:
         outputs: frozenset[str],
         chosen: Chosen | None = None,
     ) -> None:
-        """``chosen``: other stages than those of the number format."""
+        """``chosen``: stages to use in place of those of the number format."""
         self._lists = lists_of(packed, first_row, rows, outputs)
         needs = needs_of(packed, self._lists.regions, scene.accuracy.method, outputs)
         self._packed, self._first_row, self._outputs = packed, first_row, outputs
@@ -53,7 +53,7 @@ class Band:
         self._nearest = _each(_filled, keep.nothing(self._keys), shape=self._shape)
 
     def visit(self) -> None:
-        """Try what the tiles list, each thing on the pixels of all tiles that list it."""
+        """Try each solid and region of the tiles' lists on all tiles that list it."""
         lists, classes = self._lists, self._packed.present
         tile, slot = np.divmod(
             np.repeat(np.arange(len(lists.starts) - 1), np.diff(lists.starts)), len(classes)
@@ -66,11 +66,11 @@ class Band:
             self._try(klass, member, tile[entries])
 
     def _try(self, klass: Class, member: int, tiles: Ints) -> None:
-        """Try a solid, or a record of a region, on the pixels of some tiles."""
+        """Try a solid, or a region by its record, on the pixels of some tiles."""
         rows, width = self._shape
         top, left = np.divmod(tiles, -(-width // TILE))
         down, right = np.divmod(np.arange(TILE * TILE), TILE)
-        # Rows of tiles side by side: an array of pixels.
+        # The tiles lie one below the other in one array of pixels.
         shape = len(tiles) * TILE, TILE
         j = (top[:, None] * TILE + down).reshape(shape).astype(np.int32)
         i = (left[:, None] * TILE + right).reshape(shape).astype(np.int32)
@@ -94,7 +94,7 @@ class Band:
         y = j + np.int32(self._first_row) - solid["center_y"]
         seen: Seen = run(*region, solid, *rest, x, y, self._chosen, facts)
         claims = seen.claims
-        # A tile at the end of the picture has pixels beyond it.
+        # Tiles at the right and lower edge have pixels outside the picture.
         here = np.minimum(j, rows - 1), np.minimum(i, width - 1)
         old = _each(_part, self._nearest, window=here)
         new = keep.keep(
@@ -118,7 +118,7 @@ class Band:
         _each(_put, self._nearest, new, window=(j[shown], i[shown]), shown=shown)
 
     def _darkened(self, nearest: Nearest, points: Point) -> Nearest:
-        """Nearest points, with the lights that do not reach them."""
+        """Nearest points, with the lights that do not reach them as bits of ``dark``."""
         hidden = self._packed.shadows
         if hidden is None or "shadows" not in self._facts:
             return nearest
@@ -127,7 +127,7 @@ class Band:
         return nearest._replace(dark=dark)
 
     def _lights(self) -> list[Light]:
-        """The lights of the frame; the first have shadows."""
+        """The lights of the frame. Those with shadows come first."""
         hidden = self._packed.shadows if "shadows" in self._facts else None
         dark = 0 if hidden is None else len(hidden.views)
         rows = enumerate(self._packed.lights)
@@ -151,7 +151,7 @@ class Band:
         return planes
 
     def _found(self) -> dict[str, Any]:
-        """What is known of all pixels: members of their nearest points, and of what is shown."""
+        """Values (rows, width) of all pixels by name: of `Nearest`, and of the finish stage."""
         nearest = self._nearest
         if self._facts.isdisjoint({"normal", "places"}):
             return nearest._asdict()
@@ -180,7 +180,7 @@ class Band:
         return nearest._asdict() | shown._asdict()
 
     def _finish_regions(self) -> None:
-        """Look up what copies of groups show, each on the pixels that show it."""
+        """Look up the appearance of each copy of a group, on the pixels that show the copy."""
         regions, shown = self._lists.regions, self._nearest.met.region
         for number in np.unique(shown[shown != NO_REGION]).tolist():
             assert regions is not None
@@ -200,13 +200,13 @@ class Band:
 
 
 def image_of(color: F32) -> Bytes:
-    """Pixels (H, W, 3) of linear colours (H, W, 3)."""
+    """sRGB pixels (H, W, 3), uint8, of linear colours (H, W, 3)."""
     words = encode.encode(srgb_table(), Vector(*np.moveaxis(color, -1, 0)))
     return words.view(np.uint8).reshape(*words.shape, 4)[..., :3].copy()
 
 
 def _each(function: Callable[..., Any], *values: Any, **named: Any) -> Any:
-    """``function`` of each array of structs of the twin that are formed alike."""
+    """Apply ``function`` to each array of nested named tuples that have the same members."""
     if not isinstance(values[0], tuple):
         return function(*values, **named)
     parts = [_each(function, *members, **named) for members in zip(*values, strict=True)]
@@ -234,10 +234,10 @@ def render_band(
 ) -> Planes:
     """Outputs (rows, width, …) of picture rows ``first_row`` … ``first_row + rows - 1``.
 
-    ``surface`` (0 where nothing is hit), ``key`` and ``exit`` uint64 depth keys, ``image`` uint8
-    (…, 3), ``color`` and ``normal`` float32 (…, 3); for ``error`` uint64 keys ``low``,
-    the least depth of what is certain, and ``doubt``, where what is not begins, and float32
-    ``bound``, the error of the visible point in its u.
+    ``surface`` is 0 where nothing is hit. ``key`` and ``exit`` are uint64 depth keys, ``image`` is
+    uint8 (…, 3), ``color`` and ``normal`` are float32 (…, 3). ``error`` gives three planes: uint64
+    keys ``low``, the least depth of a certain point, and ``doubt``, the least depth of an uncertain
+    one, and float32 ``bound``, the error bound of the visible point in its own u.
     """
     band = Band(scene, packed, first_row, rows, outputs)
     band.visit()

@@ -1,1 +1,1 @@
-"""Text of the shaders: what they depend on, and what they are written from."""
+"""Composes the text of shaders from WGSL files, for the needs of a frame."""

@@ -1,17 +1,18 @@
-"""WGSL files as a shader needs them: marks in comments, and loops that are left at their end.
+"""Expands WGSL files for a shader: applies marks in comments, and tests loops at their end.
 
-A file as it lies is WGSL, the text for a block of one quad. The marks are comments:
+An unexpanded file is valid WGSL: the text for a block of one quad. The marks are comments:
 
-- ``//? fact`` at the end of a line keeps the line only where the fact holds. ``!fact`` asks that it
-  does not, and ``&`` joins facts that must all hold. On a line that opens a bracket, the mark
-  decides on all lines up to the one that closes it.
-- ``// each quad`` above a statement repeats the statement for each quad of a block, with the number
-  of the quad for the 0 at the end of names, as in ``root_0``.
-- ``// written out`` above a ``for`` writes its body for each number, in brackets, in place of the
-  loop. Its bounds are numbers, constants of the shader, and counters of such loops around it.
+- ``//? fact`` at the end of a line keeps the line only if the fact holds. ``!fact`` keeps it only
+  if the fact does not hold, and ``&`` joins facts that must all hold. On a line that opens a
+  bracket, the mark decides about all lines up to the one that closes it.
+- ``// each quad`` above a statement repeats the statement for each quad of a block. The quad's
+  number replaces the 0 at the end of names, as in ``root_0``.
+- ``// written out`` above a ``for`` replaces the loop by its body, in brackets, once for each
+  number. The loop's limits are numbers, constants of the shader, and counters of such loops around
+  it.
 
-Quads and loops are written out because arrays that a loop indexes cost a compiler more and the
-device most.
+Quads and loops are written out because arrays indexed by a loop counter compile longer and, above
+all, run slower on a device.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ _FOR = re.compile(r"( *)for \(var (\w+) = ([^;]+); \2 < ([^;]+); \2\+\+\) \{")
 def expand(
     text: str, facts: Collection[str], quads: int, constants: Mapping[str, int] | None = None
 ) -> str:
-    """``text`` without what ``facts`` leave out, for a block of ``quads`` quads.
+    """``text`` with only the lines that ``facts`` keep, for a block of ``quads`` quads.
 
-    Bounds of loops that are written out may have the names of ``constants``.
+    Limits of loops that are written out may be names of ``constants``.
     """
     bounds = tuple(sorted((constants or {}).items())) if WRITTEN_OUT in text else ()
     return _expanded(text, marks(text) & frozenset(facts), quads, bounds)
@@ -40,7 +41,7 @@ def expand(
 
 @functools.cache
 def marks(text: str) -> frozenset[str]:
-    """The facts that the marks of ``text`` ask for."""
+    """The facts that the marks in ``text`` name."""
     matches = filter(None, map(_MARKED.fullmatch, text.splitlines()))
     return frozenset(fact.removeprefix("!") for match in matches for fact in match[2].split(" & "))
 
@@ -71,7 +72,7 @@ def _depth(line: str) -> int:
 def _kept(lines: list[str], facts: Collection[str]) -> list[str]:
     """The lines whose facts hold, without their marks."""
     kept: list[str] = []
-    depth = 0  # of brackets in what is left out
+    depth = 0  # brackets that are open in the omitted lines
     for line in lines:
         match = _MARKED.fullmatch(line)
         if depth:
@@ -88,7 +89,7 @@ def _kept(lines: list[str], facts: Collection[str]) -> list[str]:
 
 
 def _written_out(lines: list[str], constants: Mapping[str, int]) -> list[str]:
-    """The lines with the loops written out that are to be."""
+    """The lines, with marked loops replaced by their written-out bodies."""
     found: list[str] = []
     rest = iter(lines)
     for line in rest:
@@ -110,7 +111,7 @@ def _written_out(lines: list[str], constants: Mapping[str, int]) -> list[str]:
 
 
 def _number(text: str, constants: Mapping[str, int]) -> int:
-    """A sum of numbers and constants."""
+    """The value of a sum of numbers and constants."""
     total = 0
     for sign, word in _TERM.findall(text):
         value = constants[word] if word in constants else int(word.rstrip("u"))
@@ -119,7 +120,7 @@ def _number(text: str, constants: Mapping[str, int]) -> int:
 
 
 def _repeated(lines: list[str], quads: int) -> Iterator[str]:
-    """The lines with statements for each quad written out."""
+    """The lines, with marked statements repeated for each quad."""
     rest = iter(lines)
     for line in rest:
         if line.strip() != EACH_QUAD:
@@ -135,11 +136,11 @@ def _repeated(lines: list[str], quads: int) -> Iterator[str]:
 
 
 def _ended_late(lines: Iterator[str]) -> Iterator[str]:
-    """The lines with each ``for`` as a loop that is left at the end of its body.
+    """The lines, with each ``for`` as a loop that tests its condition at the end of its body.
 
-    llvmpipe runs a loop that is tested first once more, with every invocation masked.
+    llvmpipe runs a loop that tests first one round longer, with every invocation masked.
     """
-    loops: list[tuple[str, str, str]] = []  # indentation, counter and end of those that are open
+    loops: list[tuple[str, str, str]] = []  # indentation, counter and end of open loops
     for line in lines:
         indent = "  " * len(loops)
         match = _FOR.fullmatch(line)

@@ -1,7 +1,7 @@
-"""Functions that fetch records, as the layout, the number format and the device want it.
+"""Writes WGSL functions that fetch records, for a layout, a number format and a device.
 
-Where invocations fetch together, each loads some words of a record, as 64 bits, and gives them to
-all.
+If invocations fetch together, each loads some words of a record as 64-bit integers and broadcasts
+them to the others.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ from halfstep.contract.powers import term_count
 from halfstep.contract.program import GROUP
 from halfstep.shader.needs import Needs
 
-# Bytes that an invocation loads at once: four numbers of 64 bits, in as many loads as of 32.
+# Bytes that an invocation loads at once: four 64-bit integers, which take as many loads as four
+# 32-bit integers.
 FETCHED = 32
 
-# What regions have in buffers of their own, in the order of the bindings.
+# The arrays of regions, in the order of their bindings.
 REGION_RECORDS = {
     "regions": REGION,
     "flats": FLAT,
@@ -47,7 +48,7 @@ REGION_RECORDS = {
 }
 
 
-# Where points are, what hides lights, and what mirrors show.
+# The arrays for positions of points, for shadows and for mirrors, in the order of their bindings.
 PLACE_RECORDS = {"locations": LOCATION}
 SHADOW_RECORDS = {
     "light_views": LIGHT_VIEW,
@@ -65,7 +66,7 @@ _NAMES = {"light_views": "light_view", "bodies": "body", "boxes": "box", "mirror
 
 
 def fetches(needs: Needs) -> str:
-    """The functions ``solid_at``, ``half_space_at`` and ``tile_at``, with the struct of a tile."""
+    """The functions ``solid_at``, ``half_space_at``, ``tile_at`` and others that a shader needs."""
     functions = [
         _record_at(needs, SOLID, "solids", "solid"),
         _record_at(needs, HALF_SPACE, "half_spaces", "half_space"),
@@ -96,7 +97,7 @@ def fetches(needs: Needs) -> str:
 
 
 def _alone(needs: Needs, record: Record, array: str, name: str) -> str:
-    """The function that fetches a record of eight floats at most for one invocation."""
+    """The function by which one invocation alone fetches a record of at most eight floats."""
     body = f"  return {array}[number];\n"
     if needs.broadcast > 1:
         words = iter(f"bitcast<f32>({half}.{axis})" for axis in "xyzw" for half in ("low", "high"))
@@ -119,7 +120,7 @@ def _alone(needs: Needs, record: Record, array: str, name: str) -> str:
 
 
 def _tile_at(needs: Needs) -> str:
-    """The function that fetches a tile: its place, and where its lists begin and the last ends."""
+    """The function that fetches a tile: its place, the starts of its lists, the end of the last."""
     count = len(needs.classes) + 1
     words = [f"tiles[first + {k}u]" for k in range(count + 1)]
     body = f"  let first = number * {TILE_WORDS}u;\n"
@@ -155,7 +156,10 @@ def _words_at(needs: Needs) -> str:
 
 
 def _anywhere(needs: Needs) -> str:
-    """The function that asks all invocations that fetch together, which must go on together."""
+    """The function that tells whether something holds in any invocation that fetches together.
+
+    Such invocations must branch together.
+    """
     found = "any(holds)" if needs.broadcast == 1 else "subgroupAny(any(holds))"
     return (
         "// Whether something holds in any pixel of the invocations that fetch together.\n"
@@ -164,7 +168,7 @@ def _anywhere(needs: Needs) -> str:
 
 
 def _least_number(needs: Needs) -> str:
-    """The function that finds the least of numbers of invocations that must go on together."""
+    """The function for the least number of all invocations that fetch together."""
     found = "min(min(numbers.x, numbers.y), min(numbers.z, numbers.w))"
     if needs.broadcast > 1:
         found = f"subgroupMin({found})"
@@ -181,7 +185,7 @@ def _record_at(needs: Needs, record: Record, array: str, name: str) -> str:
 
 
 def _shared(needs: Needs, record: Record, array: str) -> str:
-    """Statements that return a record that invocations fetch together."""
+    """Statements by which invocations fetch a record together and return it."""
     dtype = record.dtype(needs.format)
     places = dict(dtype.fields or {})
     pieces = dtype.itemsize // FETCHED
@@ -189,7 +193,7 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
     for first in range(0, pieces, needs.broadcast):
         piece = f"piece_{first}"
         load = f"{piece} = {array}[place + {first}u];\n"
-        # A load serves one invocation after another, so it pays to leave out most, not a few.
+        # A load serves one invocation after another. Skipping it pays only if most skip it.
         if pieces - first > needs.broadcast // 2:
             text += f"  let {load}"
         else:
@@ -205,7 +209,7 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
 
     def scalar(type_: str, k: int) -> str:
         if type_ == "i64":
-            # The mask: Mesa 22.3's lavapipe extends the sign of i64(u32).
+            # The mask is needed because lavapipe of Mesa 22.3 extends the sign in i64(u32).
             return f"((i64(bitcast<i32>({word(k + 1)})) << 32u) | (i64({word(k)}) & 0xFFFFFFFFli))"
         return word(k) if type_ == "u32" else f"bitcast<{type_}>({word(k)})"
 

@@ -1,7 +1,8 @@
-"""The functions of a scene's formulas, written from their operations.
+"""Writes the WGSL functions of a scene's formulas from their operations.
 
-No text of a scene is in them: operations have names of the project's own, and numbers stand in
-records.  A formula of a scene that has several is skipped by a loop that no invocation enters.
+They contain no text from the scene: this project names the operations, and constants stand in
+records. If a scene has several formulas, each is called in a loop of one round or none: a formula
+that no invocation needs is skipped.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from halfstep.contract.expressions import NO_NUMBER, Operation, Program
 from halfstep.shader.expand import expand
 from halfstep.shader.needs import Needs
 
-# The values of operations, of values of operands and of the number that some take.
+# The WGSL expression for the value of each operation, from its operands and its constant if any.
 _VALUES: Mapping[str, str] = {
     "number": "f4({0})",
     "checked": "{0}",
@@ -51,7 +52,7 @@ def _parameters(type_: str) -> str:
 
 
 def _function(name: str, type_: str, program: Program) -> str:
-    """The operations of a formula one after another."""
+    """A function with the operations of a formula one after another."""
     found = ["x", "y", "z"]
     lines = []
     for step in program:
@@ -70,7 +71,7 @@ def _operation(step: Operation, type_: str, found: list[str]) -> str:
 
 
 def _choice(name: str, type_: str, count: int) -> str:
-    """That of the formula that a solid has."""
+    """The function that calls the formula of a solid."""
     head = f"// The formula of a solid.\nfn {name}({_parameters(type_)}) -> {type_} {{\n"
     if count == 1:
         return f"{head}  return {name}_0(form, x, y, z);\n}}\n"

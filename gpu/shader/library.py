@@ -1,4 +1,4 @@
-"""The WGSL files of the stages, and which of their definitions a shader needs."""
+"""The WGSL files of the stages, and the choice of the definitions that a shader needs."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from importlib.resources import files
 
 @functools.cache
 def stage(name: str) -> str:
-    """Text of the WGSL file of a stage."""
+    """The text of the WGSL file of a stage."""
     return files("halfstep.wgsl").joinpath(f"{name}.wgsl").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
 class Definition:
-    """What a stage file defines for all functions, with the comment above it."""
+    """A module-scope definition of a stage file, with the comment above it."""
 
-    name: str  # of a function with a bracket, so that no member is taken for it
+    name: str  # a function's name ends in a bracket, so that no struct member is mistaken for it
     text: str
-    words: frozenset[str]  # identifiers in its code, and those of calls with their bracket
+    words: frozenset[str]  # identifiers in its code; those of calls also with their bracket
 
 
 _DEFINITION = re.compile(
@@ -33,7 +33,7 @@ _DEFINITION = re.compile(
 
 @functools.cache
 def definitions(text: str) -> tuple[Definition, ...]:
-    """What a stage file defines, in order."""
+    """The definitions of a stage file, in order."""
     return tuple(
         Definition(f"{name}(" if kind == "fn" else name or constant, match[0], _words(match[0]))
         for match in _DEFINITION.finditer(text)
@@ -59,7 +59,7 @@ def reached(library: Iterable[Definition], kernel: str) -> list[Definition]:
 
 
 def joined(items: Iterable[Definition]) -> str:
-    """Definitions as a text, with a line between those that have more than one line."""
+    """The text of definitions, with blank lines around those that have more than one line."""
     text, short = "", True
     for item in items:
         is_short = item.text.count("\n") == 1

@@ -1,4 +1,4 @@
-"""What the shaders of a frame depend on."""
+"""`Needs`: everything that the shaders of a frame depend on."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 from halfstep.contract.shadows import GROUP
 
-# A tag is the number of a surface, where a scene has no more than this.
+# If a scene has at most this many surfaces, a surface number fits a byte, the tag.
 MOST_TAGS = 255
-# Bytes of what is bound as uniform memory, where a device has so many: WebGPU asks for no less.
+# Bytes of a uniform binding. WebGPU requires every device to allow this size.
 UNIFORM_BYTES = 1 << 16
-# Above this, code for polynomials is too long to be there for each quad.
+# Above this degree, the code for a polynomial is too long to repeat for each quad.
 MOST_DEGREE_OF_BLOCKS = 4
-# Above this, shading takes far longer than fetching, and blocks of one quad leave more rounds.
+# Above this, shading takes far longer than fetching. Blocks of one quad then leave more of the
+# rounds that a driver grants an invocation.
 MOST_LIGHT_ROUNDS = 1 << 12
 
 
-# Levels of programs that shaders have in variables of their own.
+# The most levels of programs for which shaders use separate variables.
 FEW_LEVELS = 6
-# Surfaces of regions that have their crossings in variables of their own.
+# The most surfaces of regions for whose crossings shaders use separate variables.
 FEW_SURFACES = 8
 
 
 @dataclass(frozen=True)
 class Needs:
-    """All that a shader's text depends on; equal needs share one compiled pipeline."""
+    """Everything that a shader's text depends on. Equal needs share one compiled pipeline."""
 
     classes: tuple[Class, ...]
     outputs: frozenset[str]  # of DEVICE_OUTPUTS and OUTPUT_BYTES
@@ -38,34 +39,34 @@ class Needs:
     format: Format
     lights: int
     point_lights: bool
-    shininess_bits: int  # of the largest exponent of a highlight, 0 where nothing shines
-    short_keys: bool  # depth keys fit a word
-    # How many invocations of a subgroup share a load: each loads some words, as 64 bits,
-    # and gives them to all.  A device that a processor plays does a load for one invocation after
-    # another, and all invocations of a tile want the same record.
+    shininess_bits: int  # bits of the largest exponent of a highlight; 0 if nothing shines
+    short_keys: bool  # depth keys fit one word
+    # How many invocations of a subgroup share a load: each loads some words as 64-bit integers and
+    # broadcasts them. A software adapter loads for one invocation after another, and all
+    # invocations of a tile need the same record.
     broadcast: int = 1
-    # Solids and half-spaces are few enough for uniform memory, of which such a device has less, but
-    # where a load takes a third of the time; for records fetched together only.
+    # Solids and half-spaces are in uniform memory, because they are few enough. A software adapter
+    # has less of it, but loads from it in a third of the time. Needs broadcast above 1.
     uniform: bool = False
-    surfaces: int = 0  # the most of a region, or a little more
-    levels: int = 0  # the most that a region's program opens at once
+    surfaces: int = 0  # the most surfaces of a region, or a little more
+    levels: int = 0  # the most levels that a region's program opens at once
     hidden: bool = False  # programs have cells that are not shown
-    degree: int = 0  # the highest of a polynomial of the scene
-    programs: tuple[Program, ...] = ()  # formulas of the scene that are no polynomials
-    numbers: int = 0  # that a record has room for
-    balls: bool = False  # a ball bounds a solid with a polynomial or a formula
-    conveyor: str = "conveyor"  # the stage that finds where roots are
-    parallel: bool = False  # rays are
-    shadows: int = 0  # lights that have them
-    bounces: int = 0  # between mirrors, 0 where there are none
-    far_lights: int = 0  # of these, such as have no place
-    curves: bool = False  # a solid before these has a quadric
-    encloses: bool = False  # a light may be inside a solid
-    many: bool = False  # more than a few solids are before a light
+    degree: int = 0  # the highest degree of a polynomial in the scene
+    programs: tuple[Program, ...] = ()  # the scene's formulas that are not polynomials
+    numbers: int = 0  # the constants that a formula's record has room for
+    balls: bool = False  # a bounding ball cuts a solid with a polynomial or a formula
+    conveyor: str = "conveyor"  # the stage that locates roots
+    parallel: bool = False  # the camera's rays are parallel
+    shadows: int = 0  # number of lights with shadows
+    bounces: int = 0  # the most reflections of a ray; 0 if nothing reflects
+    far_lights: int = 0  # how many of the lights with shadows are far away
+    curves: bool = False  # an occluder has a quadric
+    encloses: bool = False  # a light may be inside an occluder
+    many: bool = False  # a light has so many occluders that groups of boxes pay
 
     @cached_property
     def facts(self) -> frozenset[str]:
-        """What the marks of WGSL files may ask for, but for what holds of a class of solids."""
+        """The facts of `FACTS` that hold for the frame; visits add those of a class of solids."""
         wanted = {f"store_{name}" for name in self.outputs}
         wanted |= {f"list_{klass.name.lower()}" for klass in self.classes}
         in_words = self.outputs & DEVICE_OUTPUTS.keys()
@@ -104,12 +105,12 @@ class Needs:
 
     @property
     def has_regions(self) -> bool:
-        """Whether it tries copies of groups."""
+        """Whether the shader tries copies of groups."""
         return Class.REGION in self.classes or Class.REGION_INSIDE in self.classes
 
     @property
     def choices(self) -> frozenset[str]:
-        """The files that stand for those that a shader takes else."""
+        """The stage files that replace a stage's default file."""
         chosen = {self.conveyor}
         if self.short_keys:
             chosen |= {"keys_short", "near_key_short"}
@@ -125,9 +126,9 @@ class Needs:
 
     @property
     def quads(self) -> int:
-        """Quads of a block: more of them share what is fetched of a solid, and compile longer.
+        """Quads of a block. They share a fetched record, but more quads compile longer.
 
-        That is worth while for the code of one class, on devices where a fetch costs most.
+        Four quads pay only in a shader for one class, on devices where fetching costs most.
         """
         shades_long = self.light_rounds > MOST_LIGHT_ROUNDS
         is_long = self.method == "article" or "error" in self.outputs or self.has_regions
@@ -141,25 +142,25 @@ class Needs:
 
     @property
     def light_rounds(self) -> int:
-        """The most rounds of loops that shading a quad takes."""
+        """The most loop rounds that shading a quad takes."""
         shaded = not self.outputs.isdisjoint(("image", "color"))
         return (self.lights + 1) * (self.shininess_bits + 2) if shaded else 0
 
     @property
     def stored(self) -> int:
-        """Words of 32 bits that are stored at once of outputs of bytes."""
+        """The 32-bit words of an output of bytes that are stored at once."""
         return self.quads if self.broadcast > 1 else 1
 
 
 @functools.cache
 def plane_offsets(outputs: frozenset[str]) -> dict[str, int]:
-    """First plane of each output of words, and the number of planes under ``"total"``."""
+    """The first plane of each output of words; ``"total"`` gives the number of planes."""
     return _offsets({name: one.words for name, one in DEVICE_OUTPUTS.items()}, outputs)
 
 
 @functools.cache
 def byte_offsets(outputs: frozenset[str]) -> dict[str, int]:
-    """Bytes a pixel has of outputs of bytes before each one, and of all under ``"total"``."""
+    """The first byte of a pixel for each output of bytes; ``"total"`` gives the bytes of all."""
     return _offsets(OUTPUT_BYTES, outputs)
 
 

@@ -1,23 +1,24 @@
-"""Shader text, composed from the stages that a frame needs and nothing else.
+"""Composes shader text from the stages that a frame needs, and nothing else.
 
-The text is that of the files in ``halfstep.wgsl``.  Three things decide what of it is there:
+The text comes from the files in ``halfstep.wgsl``. Three rules choose its parts:
 
-- A definition that nobody reaches from the entry point is left out (``library``).
-- Files that define the same names stand for one another (``contract.stages``).
-- Marks say what is there only where a fact holds, and what is repeated for each quad (``expand``).
+- A definition that the entry point does not reach is left out (``library``).
+- Of the files that define the same names, a shader takes one (``contract.stages``).
+- Marks keep lines only if a fact holds, and repeat statements for each quad (``expand``).
 
-Python writes no more than the bindings, constants, and the functions that fetch records.
+Python writes only the bindings, the constants, the scene's formulas (``formulas``) and the
+functions that fetch records (``fetch``).
 
-What lavapipe asks for, measured, the last two for devices that a processor plays alone:
+Four rules make lavapipe fast, measured. The last two apply to software adapters only:
 
-- A loop is left at the end of its body.  Tested at its beginning, the body runs once more for no
-  invocation at all.
-- All quads of a block are halved in one loop: an operation waits for the one before, and the others
-  fill the gap.
-- Loads and stores serve one invocation after another, each word with a test of its own, so words
-  travel in pairs, as 64 bits.
-- What is stored passes a select that LLVM does not take apart (``wide.wgsl``).  Otherwise it
-  computes the words anew for each invocation.
+- A loop tests its condition at the end of its body. llvmpipe runs a loop that tests first once
+  more, with every invocation masked.
+- One loop halves all quads of a block. An operation waits for the one before it, and operations on
+  the other quads fill the gap.
+- llvmpipe loads and stores for one invocation after another, and tests its mask for each word. So
+  words are loaded and stored in pairs, as 64-bit integers.
+- Stored words pass a select that LLVM cannot remove (``wide.wgsl``). Without it, LLVM computes the
+  words again for each invocation.
 """
 
 from __future__ import annotations
@@ -46,20 +47,20 @@ from halfstep.shader.formulas import formulas
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
 
-# Half-spaces that a function of the article method takes when it is run alone. More would take
-# long to compile: llvmpipe needs minutes for 128.
+# The most half-spaces of a solid when a function of the article method runs alone. llvmpipe would
+# compile 128 for minutes.
 MAX_LINES = 8
 
-# Where the places of points, what hides lights, and what mirrors show are bound.
+# The bindings for positions of points, for shadows and for mirrors.
 LOCATIONS = 15
 SHADOW_BINDINGS = range(16, 16 + len(SHADOW_RECORDS))
 MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_RECORDS))
-# Where formulas of solids are bound.
+# The binding for formulas of solids.
 EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 
-# What words of programs are made of.
+# The constants of `contract.program` that shaders need.
 WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "HIDDEN", "SIDE")
-# Files whose functions need what an invocation or a device holds.
+# Files whose functions cannot run alone: they need an invocation's variables or device memory.
 _JOINING = {
     name
     for stage in STAGES
@@ -74,9 +75,9 @@ def compose(needs: Needs) -> str:
 
 
 def compose_stages(needs: Needs) -> str:
-    """The stage functions that a shader calls, each to be run alone.
+    """The text of the stage functions that a shader calls and that can run alone.
 
-    The article method's take the half-spaces of a solid as an array, which has room for MAX_LINES.
+    Functions of the article method take a solid's half-spaces as an array of MAX_LINES.
     """
     called = {item.name for item in _definitions(needs)}
     alone = [name for name in stage_files(needs) if name not in _JOINING]
@@ -86,12 +87,12 @@ def compose_stages(needs: Needs) -> str:
 
 
 def stage_files(needs: Needs) -> list[str]:
-    """The files that a shader may take functions from that can be run alone, in order."""
+    """The stage files of a shader, in order, in the variant whose functions can run alone."""
     return files_of(needs.format, {*needs.choices, "lines"})
 
 
 def _definitions(needs: Needs) -> list[Definition]:
-    """What a shader needs of constants, stages and fetches, in order."""
+    """The constants, stages, formulas, fetches and visits that a shader needs, in order."""
     *stages, render = files_of(needs.format, needs.choices)
     texts = [
         constants(needs),
@@ -106,12 +107,12 @@ def _definitions(needs: Needs) -> list[Definition]:
 
 
 def _expanded(needs: Needs, name: str) -> str:
-    """The text of a stage as a shader needs it."""
+    """The expanded text of a stage."""
     return expand(stage(name), needs.facts, needs.quads, {"DEGREE": needs.degree})
 
 
 def _visits(needs: Needs) -> Iterator[str]:
-    """How solids of each class are tried."""
+    """The text of the visit of each class, renamed after the class."""
     for klass in needs.classes:
         visit = VISITS[needs.method, klass]
         text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads)
@@ -119,7 +120,7 @@ def _visits(needs: Needs) -> Iterator[str]:
 
 
 def constants(needs: Needs) -> str:
-    """What depends on the frame and the device; a shader takes those that it needs."""
+    """Constants that depend on the frame and the device. A shader keeps those that it uses."""
     across = TILE // (LANES * needs.quads)
     halvings = needs.format.article_run if needs.method == "article" else needs.format.run
     numbers = {
@@ -156,7 +157,7 @@ def constants(needs: Needs) -> str:
 
 @functools.cache
 def binding_types(needs: Needs) -> dict[int, str]:
-    """The bindings a shader declares: wgpu's type of buffer of each, by number."""
+    """wgpu's buffer type of each binding that a shader declares, by number."""
     records = "uniform" if needs.uniform else "read-only-storage"
     types = {0: "uniform", 1: records, 2: records, 3: "read-only-storage", 4: "read-only-storage"}
     if plane_offsets(needs.outputs)["total"]:
@@ -167,7 +168,7 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[7] = "uniform"
     if "image" in needs.outputs:
         types[8] = "uniform"
-    if needs.surfaces:  # bound for all shaders of a frame, if some of them read it or not
+    if needs.surfaces:  # bound for all shaders of a frame, whether they read it or not
         types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
     if needs.degree:  # likewise
         types[10 + len(REGION_RECORDS)] = "read-only-storage"
@@ -178,7 +179,7 @@ def binding_types(needs: Needs) -> dict[int, str]:
 
 
 def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
-    """Arrays that shadows and mirrors need, by binding."""
+    """Name and record of each array that shadows and mirrors need, by binding."""
     found: list[tuple[int, tuple[str, Record]]] = []
     for fact, first, records in (
         ("places", LOCATIONS, PLACE_RECORDS),
@@ -191,7 +192,7 @@ def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
 
 
 def bindings(needs: Needs) -> str:
-    """What is bound from outside."""
+    """The declarations of the bindings."""
     solid, half_space, quad, space = "Solid", "HalfSpace", "vec4<u32>", "storage, read"
     if needs.broadcast > 1:
         solid, half_space, quad = "vec4<u64>", "vec4<u64>", "vec2<u64>"
@@ -214,7 +215,7 @@ def bindings(needs: Needs) -> str:
         count = max(needs.lights, 1)
         lines.append(f"@group(0) @binding(7) var<uniform> lights: array<Light, {count}>;")
     if "image" in needs.outputs:
-        # A word of each vec4, because uniform arrays have no smaller stride.
+        # The table uses one word of each vec4: elements of uniform arrays take 16 bytes or more.
         table = f"var<uniform> srgb_table: array<vec4<u32>, {SRGB_ENTRIES}>"
         lines.append(f"@group(0) @binding(8) {table};")
     if "regions" in needs.facts:

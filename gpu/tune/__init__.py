@@ -1,1 +1,1 @@
-"""Accuracy against time: frames measured against the exact answer."""
+"""Measures accuracy against time: frames are compared with the exact answer."""

@@ -1,8 +1,8 @@
 """The exact answer: every pixel's solid, surface and depth in closed form, in float64.
 
-The visits are those of the twin, whose functions take numbers of any width.  They are given the
-forms of ``setup`` before they are rounded, and where the conveyor would halve a step towards the
-root of a convex quadratic, the root is computed.  What is left is the rounding of float64.
+The twin's visits do the work, because its functions take numbers of any width. They get the forms
+of ``setup`` before rounding. Where the conveyor would halve towards the root of a convex quadratic,
+the root is computed in closed form. The only error left is the rounding of float64.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from halfstep.twin import certify, forms, polynomial, root
 from halfstep.twin.chosen import Chosen, module
 from halfstep.twin.sight import Sight
 
-# Pixels of a window: its temporaries, some 40 arrays, stay near the processor at any picture size.
+# Pixels of a window. Its temporaries, some 40 arrays, then fit the caches at any picture size.
 WINDOW = 1 << 15
 
-# Records of float64.
+# A number format in which records hold float64.
 WIDE = replace(FLOAT32, coefficient=np.float64, value=np.float64)
 
 
 @dataclass(frozen=True)
 class Exact:
-    """What the rays through H rows of W pixel centres hit.
+    """The solid, surface and depth that each ray through H x W pixel centres hits.
 
     Attributes:
         view: the camera and its pixel grid.
-        solid: (H, W) int32, as the output: solids of the file, then cells, -1 where nothing is hit.
-        surface: (H, W) int32, number of the surface within the solid or the group, -1.
-        depth: (H, W) float64, planar depth in scene units; NaN.
+        solid: (H, W) int32, like the output: solids of the file, then cells; -1 for no hit.
+        surface: (H, W) int32, number of the surface within the solid or the group; -1 for no hit.
+        depth: (H, W) float64, depth along the view axis in scene units; NaN for no hit.
     """
 
     view: View
@@ -55,12 +55,12 @@ class Exact:
 
 
 def exact(scene: Scene) -> Exact:
-    """The exact answer for ``scene`` at its own picture size; its accuracy does not matter.
+    """The exact answer for ``scene`` at its own picture size. The scene's accuracy has no effect.
 
-    Of two surfaces that the rounding of float64 cannot order, the first in the file is seen.
+    If the rounding of float64 cannot order two surfaces, the one that is first in the file is seen.
 
     Raises:
-        SceneError: an unbounded scene without a volume.
+        SceneError: the scene is unbounded and has no volume.
         UsageError: the scene has tori or formulas.
     """
     check_known(scene)
@@ -80,17 +80,17 @@ def exact(scene: Scene) -> Exact:
 
 
 def check_known(scene: Scene) -> None:
-    """See that there is an exact answer for the solids of a scene.
+    """Check that `exact` can answer for all solids of a scene.
 
     Raises:
-        UsageError: it has tori or formulas.
+        UsageError: the scene has tori or formulas.
     """
     if any(solid.is_algebraic for solid in scene.solids):
         raise UsageError(f"{scene.name}: tune knows no exact answer for tori and formulas")
 
 
 def _windows(rectangle: Ints) -> Iterator[tuple[slice, slice]]:
-    """A solid's screen rectangle in bands of at most ``WINDOW`` pixels."""
+    """A solid's screen rectangle, in bands of at most ``WINDOW`` pixels or of one row."""
     left, right, top, bottom = rectangle.tolist()
     rows = max(WINDOW // (right - left + 1), 1)
     for first in range(top, bottom + 1, rows):
@@ -106,7 +106,7 @@ def _visit(
     row: int,
     window: tuple[slice, slice],
 ) -> None:
-    """Keep what is nearer on solid ``row`` of ``constants`` than what was; its ``rounding`` too."""
+    """Update ``answer`` and ``rounding`` where solid ``row`` of ``constants`` is nearer."""
     y, x = np.mgrid[window].astype(np.float64)
     x -= constants.center[row, 0]
     y -= constants.center[row, 1]
@@ -128,7 +128,7 @@ def _visit(
         solid, surface = np.full(x.shape, ix, np.int32), own[sight.surface]
     half = constants.depth_half[row]
     depth = constants.depth_middle[row] + u * half
-    # Each coefficient lacks at most what ``setup`` left out as negligible.
+    # ``setup`` drops negligible terms, so each coefficient is off by at most NEGLIGIBLE.
     doubt = constants.depth_error[row] + 4 * NEGLIGIBLE * half
     old = answer.depth[window]
     nearer = hit & ~(depth >= old - (doubt + rounding[window]))
@@ -139,7 +139,7 @@ def _visit(
 
 
 def _records(constants: Setup) -> tuple[Records, Records]:
-    """Solids and half-spaces as visits take them, with the members that they read here."""
+    """Records of solids and half-spaces, with only the members that visits read here."""
     records = np.zeros(constants.count, SOLID.dtype(WIDE))
     for name in ("a", "g", "c", "near_u", "far_u", "plane_start", "plane_count"):
         records[name] = getattr(constants, name)
@@ -155,22 +155,22 @@ def _records(constants: Setup) -> tuple[Records, Records]:
 
 
 def _class_of(solids: Geometry, ix: int) -> Class:
-    """The class that has the code for all that rays may do with a solid."""
+    """The class whose code covers every case of a solid: whole or cut, from outside or inside."""
     if solids.is_patch[ix]:
         return Class.PATCH
     return Class.QUADRIC_INSIDE if solids.has_quadric[ix] else Class.POLYHEDRON_INSIDE
 
 
 def _computed(seen: root.Root, *_: object) -> Sight:
-    """In place of the conveyor: the u of the root."""
+    """Stands in for the conveyor: computes the u of the root in closed form."""
     u: Any = crossing(seen)
     return Sight(seen.hit, seen.surface, u, seen.hit, u)
 
 
 def crossing(seen: root.Root) -> Floats:
-    """The u of the first + to - crossing of the convex a v² + g v + c; NaN where there is none.
+    """The u at which the convex a v² + g v + c first changes from + to -; NaN if it never does.
 
-    It is the lesser root, in the one of its two forms in which nothing cancels.
+    This is the lesser root. Of its two formulas, the one without cancellation is used.
     """
     a, g, c = seen.a, seen.g, seen.c
     width = np.sqrt(np.maximum(g * g - 4 * a * c, 0))

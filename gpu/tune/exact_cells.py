@@ -1,6 +1,7 @@
-"""The exact answer for a copy of a group of cells: all roots of its surfaces, sorted.
+"""The exact answer for a copy of a group of cells, from the sorted roots of all its surfaces.
 
-Between two of all roots on a ray no cell begins or ends, so each piece is asked in its middle.
+No cell begins or ends between two neighbouring roots on a ray, so each piece is tested at its
+middle.
 """
 
 from __future__ import annotations
@@ -14,18 +15,18 @@ from halfstep.host.setup import Setup
 
 
 class Seen(NamedTuple):
-    """What P rays see of a copy."""
+    """The points of a copy that P rays see; each array is (P,)."""
 
     hit: Bools
     u: Floats
-    slot: Ints  # of the surface in the program
-    cell: Ints  # its place in the program
+    slot: Ints  # index of the surface in the program
+    cell: Ints  # index of the cell in the program
 
 
 def seen(constants: Setup, which: int, x: Floats, y: Floats) -> Seen:
-    """What rays at offsets ``x`` and ``y`` (P,) see of a copy, ``which`` of ``constants.copies``.
+    """The points of copy ``which`` of ``constants.copies`` that rays at ``x``, ``y`` (P,) see.
 
-    Where a ray starts in a cell, it shows where it leaves it.
+    A ray that starts in a cell shows the point where it leaves the cell.
     """
     copies = constants.copies
     assert copies is not None
@@ -60,7 +61,7 @@ def seen(constants: Setup, which: int, x: Floats, y: Floats) -> Seen:
 
 
 def _roots(a: Floats, g: Floats, c: Floats) -> tuple[Floats, Floats]:
-    """The roots of a u² + g u + c, NaN where there is none: neither form cancels digits."""
+    """The two roots of a u² + g u + c by formulas without cancellation; NaN where there is none."""
     square = g * g - 4 * a * c
     nothing = np.full(a.shape, np.nan)
     width = np.sqrt(square, out=nothing.copy(), where=square >= 0)
@@ -70,7 +71,7 @@ def _roots(a: Floats, g: Floats, c: Floats) -> tuple[Floats, Floats]:
 
 
 def numbers(constants: Setup, which: int, found: Seen) -> tuple[I32, I32]:
-    """The number of each ray's cell among those of the scene, and of the surface in its group."""
+    """The number of each ray's cell in the scene, and of its surface in the group."""
     copies = constants.copies
     assert copies is not None
     regions = copies.regions

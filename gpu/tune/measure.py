@@ -1,7 +1,7 @@
-"""What accuracy costs: one scene rendered with every number of halvings, against the exact answer.
+"""Measures the cost of accuracy: one scene with every number of halvings, and the exact answer.
 
-``tune`` measures; ``Report`` holds the rows and recommends the smallest n that meets the scene's
-tolerance; ``plot`` draws them.
+``tune`` measures. ``Report`` holds the rows and recommends the smallest n that meets the scene's
+tolerance. ``plot`` draws them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from halfstep.version import __version__
 
 STEPS = range(4, 25)
 REPEATS = 5
-# The tolerance of a scene that states a number of steps instead.
+# The tolerance for a scene that states a number of steps instead of a tolerance.
 DEFAULT_TOLERANCE_PIXELS = 0.5
 
 
@@ -39,25 +39,25 @@ _MEASURED = ("solid", "surface", "depth", "error")
 
 @dataclass(frozen=True)
 class Row:
-    """One setting and what it gives; depths are planar, in scene units.
+    """One setting and its results. Depths are along the view axis, in scene units.
 
     Attributes:
-        steps: halvings of every solid; of the automatic choice, the most of any solid.
-        number_format: of the numbers in the conveyor.
+        steps: halvings of every solid; in the automatic row, the most of any solid.
+        number_format: the number format.
         method: "visible" or "article".
         max_depth_error: largest |depth - exact depth| of the pixels that show the right surface.
-        rms_depth_error: its root mean square.
+        rms_depth_error: root mean square of |depth - exact depth| of these pixels.
         max_error_pixels: largest of these errors in widths of a pixel at that depth.
-        max_error_bound: largest finite ``Frame.error`` of a hit.
-        max_bound_pixels: largest of these in widths of a pixel at that depth.
-        uncertified_pixels: hit or missed, with an infinite ``Frame.error``.
-        wrong_pixels: show another solid or surface than the exact answer.
-        misplaced_pixels: those of them that the tolerance does not excuse: their depth is off by
-            more, or only one of the two answers is a hit.
-        silhouette_pixels: those of them where only one of the two answers is a hit.
-        device_ms: device time of the image alone, one sample in each pixel, median; None where
-            the device has no timestamps.
-        wall_ms: the same on the clock, with the set-up of the frame and reading it back.
+        max_error_bound: largest finite ``Frame.error`` of the pixels that show the right surface.
+        max_bound_pixels: largest of these bounds in widths of a pixel at that depth.
+        uncertified_pixels: pixels with an infinite ``Frame.error``, hit or missed.
+        wrong_pixels: pixels that show another solid or surface than the exact answer.
+        misplaced_pixels: wrong pixels whose depth is off by more than the tolerance, or where only
+            one of the two answers is a hit.
+        silhouette_pixels: wrong pixels where only one of the two answers is a hit.
+        device_ms: median device time of the image alone with one sample in each pixel; None if the
+            device has no timestamps.
+        wall_ms: median wall time of the same frames, with set-up and readback.
     """
 
     steps: int
@@ -78,19 +78,20 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """All that ``tune`` found out about a scene.
+    """The result of ``tune`` for a scene.
 
     Attributes:
         scene: the scene as it was rendered, with the picture size and the tolerance.
-        adapter: what rendered.
-        driver: its driver.
-        rows: by method, number format and steps.
+        adapter: name of the adapter that rendered.
+        driver: name and version of its driver.
+        rows: one row for each method, number format and number of steps.
         recommended: one of the rows.
-        meets_tolerance: whether it meets the scene's; if none can, it is that of the least error.
-        automatic: the same for the steps that ``render`` chooses for each solid.
-        automatic_steps: those steps in order of the scene's solids, 0 of one that is not seen.
+        meets_tolerance: whether the recommended row meets the scene's tolerance; if no row does,
+            the row with the least error is recommended.
+        automatic: a row for the steps that ``render`` chooses for each solid.
+        automatic_steps: these steps in the order of the scene's solids; 0 for a solid not seen.
         error_pixels: (H, W) float64, |depth - exact depth| at the recommended setting in widths of
-            a pixel at that depth; inf in wrong pixels, NaN where rightly nothing is hit.
+            a pixel at that depth; inf in wrong pixels, NaN where both answers are misses.
     """
 
     scene: Scene
@@ -121,7 +122,7 @@ class Report:
         }
 
     def as_table(self) -> str:
-        """The rows for people, and what follows from them."""
+        """The rows and the recommendation, for people."""
         image, accuracy = self.scene.image, self.scene.accuracy
         limit = f"{limit_of(accuracy):g} {unit_of(accuracy)}"
         row = self.recommended
@@ -144,7 +145,7 @@ class Report:
         )
 
     def as_csv(self) -> str:
-        """The rows, below the names of their columns; a time that is not known is left empty."""
+        """The rows as CSV with a heading. A time that was not measured is left empty."""
         text = io.StringIO()
         writer = csv.DictWriter(text, [field.name for field in fields(Row)], lineterminator="\n")
         writer.writeheader()
@@ -168,32 +169,34 @@ def tune(
 ) -> Report:
     """Measure ``scene`` with every setting.
 
-    Where the device has no 64-bit integers in shaders, settings that need them are left out, and a
-    warning says so.
+    If the device has no 64-bit integers in shaders, settings that need them are left out with a
+    warning.
 
     Args:
-        scene: what to render.
+        scene: the scene to render.
         size: (width, height) in pixels, by default the scene's.
         steps: the numbers of halvings to try, each 1…30.
-        tolerance_pixels: largest depth error wanted, in widths of a pixel at that depth; by
+        tolerance_pixels: the largest acceptable depth error, in widths of a pixel at that depth; by
             default the scene's tolerance, or half a pixel if the scene states steps.
-        tolerance: the same in scene units.
-        methods: of "visible" and "article".
-        formats: number formats.
-        backend: as in ``render``.
-        adapter: as in ``render``.
-        repeats: frames that are timed of each setting.
-        progress: is told the part that is done, 0…1.
+        tolerance: the largest acceptable depth error in scene units, in place of the above.
+        methods: the methods to try, "visible" and "article".
+        formats: the number formats to try.
+        backend: see ``render``.
+        adapter: see ``render``.
+        repeats: how many frames of each setting are timed.
+        progress: is called with the finished part of the work, 0…1.
 
     Raises:
         SceneError: an option is out of range.
-        UsageError: nothing to try, or an unknown backend.
-        AdapterError: no suitable adapter, or one that can work with none of the settings.
+        UsageError: there is nothing to try, the scene has tori or formulas, or the backend is
+            unknown.
+        AdapterError: no adapter is suitable, or the adapter can work with none of the settings.
         DeviceError: the device was lost or the driver failed.
     """
     if repeats < 1:
         raise UsageError(f"repeats: {repeats} is not >= 1")
-    check_known(scene)  # before the number formats and methods that it does not have either
+    # Check this first: tori and formulas lack some number formats and methods, too.
+    check_known(scene)
     scene = with_overrides(
         scene, size=size, samples=1, tolerance_pixels=tolerance_pixels, tolerance=tolerance
     )
@@ -247,10 +250,11 @@ def tune(
 
 
 def recommend(rows: Sequence[Row], accuracy: Accuracy) -> tuple[Row, bool]:
-    """The row to use for the tolerance of ``accuracy``, and whether it meets it.
+    """The row to use for the tolerance of ``accuracy``, and whether it meets the tolerance.
 
-    It is the first of ``rows``, sorted by steps, which meets it and misplaces no more pixels than
-    the same method with the most steps; if there is none, that of the least error.
+    ``rows`` are sorted by steps. The first row is taken that meets the tolerance and misplaces no
+    more pixels than the same method and number format with the most steps. If no row does, the row
+    with the least error is taken.
     """
     floor = {(row.number_format, row.method): row.misplaced_pixels for row in rows}
     for row in rows:
@@ -261,19 +265,19 @@ def recommend(rows: Sequence[Row], accuracy: Accuracy) -> tuple[Row, bool]:
 
 
 def error_of(row: Row, accuracy: Accuracy) -> float:
-    """The largest depth error of ``row`` in what the tolerance of ``accuracy`` counts."""
+    """The largest depth error of ``row``, in the unit of the tolerance of ``accuracy``."""
     return row.max_depth_error if accuracy.tolerance_pixels is None else row.max_error_pixels
 
 
 def limit_of(accuracy: Accuracy) -> float:
     """The tolerance of ``accuracy``, in pixel widths or in scene units."""
     limit = accuracy.tolerance if accuracy.tolerance_pixels is None else accuracy.tolerance_pixels
-    assert limit is not None  # `tune` states one where the scene does not
+    assert limit is not None  # `tune` states a tolerance if the scene does not
     return limit
 
 
 def unit_of(accuracy: Accuracy) -> str:
-    """What the tolerance of ``accuracy`` counts."""
+    """The unit of the tolerance of ``accuracy``."""
     return "scene units" if accuracy.tolerance_pixels is None else "pixel widths"
 
 
@@ -286,7 +290,7 @@ def span(steps: Sequence[int]) -> str:
 
 
 def _columns(rows: Iterable[Row]) -> list[str]:
-    """A table, its numbers to the right."""
+    """The lines of a table with right-aligned columns."""
     cells: list[tuple[str, ...]] = [
         (
             *("steps", "format", "method", "max error", "rms error", "max px", "bound px"),
@@ -318,13 +322,13 @@ def _columns(rows: Iterable[Row]) -> list[str]:
 
 @dataclass(frozen=True)
 class _Trials:
-    """Renders one scene with many settings on one device, and compares with the exact answer."""
+    """Renders one scene with many settings, and compares the frames with the exact answer."""
 
     renderer: Renderer
     exact: Exact
 
     def frame(self, setting: Scene, outputs: Iterable[str]) -> Frame:
-        """The frame of ``setting``, which is the scene with another accuracy."""
+        """The frame of ``setting``, the scene with some accuracy."""
         return self.renderer.render_prepared(self.renderer.prepare(setting, outputs=outputs))
 
     @cached_property
@@ -335,7 +339,7 @@ class _Trials:
         return np.asarray(view.pixel * at)
 
     def possible(self, settings: list[Scene]) -> list[Scene]:
-        """Those of ``settings`` that the device can work with; all, where it can with none."""
+        """The ``settings`` that the device can work with, or all of them if it can with none."""
         most = self.renderer.most_steps
         if most is None:
             return settings
@@ -355,7 +359,7 @@ class _Trials:
         return kept
 
     def measure(self, setting: Scene, stated: Accuracy) -> tuple[Row, Frame]:
-        """The row of ``setting`` without times, and its frame; ``stated`` has the tolerance."""
+        """The row of ``setting``, without times, and its frame. ``stated`` has the tolerance."""
         frame = self.frame(setting, _MEASURED)
         wrong = self.wrong(frame)
         right = (frame.solid >= 0) & ~wrong
@@ -381,7 +385,7 @@ class _Trials:
         return row, frame
 
     def wrong(self, frame: Frame) -> Bools:
-        """Pixels that show another surface than the exact answer."""
+        """Pixels (H, W) that show another solid or surface than the exact answer."""
         return (frame.solid != self.exact.solid) | (frame.surface != self.exact.surface)
 
     def error_pixels(self, frame: Frame) -> Floats:
@@ -390,8 +394,8 @@ class _Trials:
         return np.where(self.wrong(frame), np.inf, error)
 
     def timed(self, settings: Sequence[Scene], rows: Sequence[Row], repeats: int) -> Iterator[Info]:
-        """``Frame.info`` of the image of every setting, as many times; each its turn."""
-        # The first frames of a shader compile it.
+        """``Frame.info`` of an image with every setting in turn, ``repeats`` times over."""
+        # The first frames with a shader compile it, so they are not timed.
         shaders = {
             (format_for(setting.accuracy, row.steps), row.method): setting
             for row, setting in zip(rows, settings, strict=True)

@@ -1,4 +1,4 @@
-"""Pictures of what ``tune`` found: curves by Matplotlib, and a map of the errors."""
+"""Draws the report of ``tune``: curves by Matplotlib, and a map of the errors."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 _WRONG = (0, 230, 230)
 _NOTHING = (52, 58, 66)
-# The scale spans this many powers of ten below the first that no error exceeds.
+# The map's scale spans this many powers of ten, up to the first that no error exceeds.
 _DECADES = 4
 _LEGEND_WIDTH = 460
 _LEGEND_HEIGHT = 76
 
-# Hollow squares and diamonds leave dots in the same place to be seen.
+# Squares and diamonds are hollow, so that dots in the same place stay visible.
 _STYLES: dict[tuple[str, str], dict[str, Any]] = {
     ("visible", "float32"): {"color": "#0b5fa5", "marker": "o", "markersize": 4, "zorder": 3},
     ("visible", "fixed32"): {"color": "#12866b", "marker": "^", "markersize": 4, "zorder": 3},
@@ -53,12 +53,12 @@ _STYLES: dict[tuple[str, str], dict[str, Any]] = {
 
 
 def write(report: Report, folder: str | os.PathLike[str]) -> list[str]:
-    """Write tune.csv, tune.json and error.png in ``folder``, and tune.png if there is Matplotlib.
+    """Write tune.csv, tune.json and error.png in ``folder``, and tune.png if Matplotlib is there.
 
     Returns the names of the files.
 
     Raises:
-        UsageError: the folder cannot be made or written in.
+        UsageError: the folder cannot be made or written to.
         HalfstepError: the system refuses to write, as on a full disk.
     """
     check_output_folder(folder)
@@ -80,10 +80,10 @@ def write(report: Report, folder: str | os.PathLike[str]) -> list[str]:
 
 
 def curves(report: Report) -> bytes:
-    """A PNG file: error and time against n, and one against the other.
+    """A PNG file with three plots: error against n, time against n, and error against time.
 
     Raises:
-        ImportError: there is no Matplotlib.
+        ImportError: Matplotlib is not installed.
     """
     from matplotlib.figure import Figure
 
@@ -174,9 +174,9 @@ def _draw_trade(axes: Axes, report: Report) -> None:
 
 
 def _number(axes: Axes, rows: Sequence[Row], accuracy: Accuracy) -> None:
-    """Write n beside points, the first first, where it does not cover the n of another.
+    """Write n beside points in the order of ``rows``, unless it would cover another n.
 
-    The first stands lower, clear of its ring.
+    The first number stands lower, clear of the ring around its point.
     """
     written: list[tuple[float, float]] = []
     for row in rows:
@@ -194,7 +194,7 @@ def _number(axes: Axes, rows: Sequence[Row], accuracy: Accuracy) -> None:
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points that no other beats in both coordinates, by the first of them."""
+    """Indices of the points that no other point beats in both coordinates, sorted by the first."""
     front: list[int] = []
     for k in sorted(range(len(points)), key=lambda k: points[k]):
         if not front or points[k][1] < points[front[-1]][1]:
@@ -214,7 +214,7 @@ def _name(setting: tuple[str, str]) -> str:
 
 
 def _time(row: Row) -> float:
-    """Device time where it is known, else that of the clock; ms."""
+    """Device time in ms, or wall time if the device has no timestamps."""
     time = row.wall_ms if row.device_ms is None else row.device_ms
     return math.nan if time is None else time
 
@@ -268,12 +268,12 @@ def _finish(axes: Axes) -> None:
 
 
 def _plain(name: str) -> str:
-    """``name`` as it is: Matplotlib reads what stands between dollars as mathematics."""
+    """``name`` with escaped dollars: Matplotlib reads text between dollars as mathematics."""
     return name.replace("$", r"\$")
 
 
 def scale_of(report: Report) -> tuple[float, float]:
-    """Errors at the dark and the bright end of the map's colours, powers of ten in pixel widths."""
+    """Errors in pixel widths at the dark and the bright end of the map's colours, powers of ten."""
     error_pixels = report.error_pixels
     errors = error_pixels[np.isfinite(error_pixels)]
     largest = float(errors.max(initial=0.0))
@@ -284,7 +284,7 @@ def scale_of(report: Report) -> tuple[float, float]:
 def error_map(report: Report) -> Bytes:
     """A map (H + legend, W, 3) of ``Report.error_pixels`` in colours of a logarithmic scale.
 
-    A picture narrower than the legend stands to its left.
+    A map narrower than the legend is placed at the left.
     """
     errors = report.error_pixels
     low, _ = scale_of(report)

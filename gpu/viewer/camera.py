@@ -1,7 +1,7 @@
-"""How a camera moves: functions of one camera that give another.
+"""Moves a camera: functions that take a camera and return another.
 
-A *place* is a point of the picture, in pixels from its upper left corner. A depth is planar, in
-scene units; where rays are parallel it does not matter.
+A *place* is a point of the picture, in pixels from its upper left corner. A depth is along the view
+axis, in scene units. If rays are parallel, depth has no effect.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from halfstep.host.camera import View, view
 from halfstep.scene import Camera
 from halfstep.scene.placement import unit
 
-# How near to straight up or down a camera may look, in radians.
+# The largest angle by which a camera may look up or down, in radians.
 STEEPEST = math.pi / 2 - 1e-3
-# How near the camera comes to what it looks at, in sizes of their coordinates: nearer than this
-# rounding would be seen in the direction of view.
+# The least distance of a camera from look_at, in parts of their largest coordinate. At a smaller
+# distance, rounding would visibly change the direction of view.
 NEAREST = 2.0**-30
 
 Size = tuple[int, int]
@@ -27,17 +27,17 @@ Place = tuple[float, float]
 
 
 def distance(camera: Camera) -> float:
-    """From the centre of projection to look_at, which is the depth of look_at."""
+    """The distance from the centre of projection to look_at, which is the depth of look_at."""
     return math.dist(camera.center, camera.look_at)
 
 
 def orbit(camera: Camera, turn: float, rise: float) -> Camera:
-    """The camera turned about look_at; it stays upright and as far away as it was.
+    """The camera turned about look_at. It stays upright and at the same distance.
 
     Args:
-        camera: to start from.
-        turn: radians about the axis up, counter-clockwise from above.
-        rise: radians towards up.
+        camera: the camera before the turn.
+        turn: angle in radians about the axis up, counter-clockwise seen from above.
+        rise: angle in radians towards up.
     """
     up = unit(np.array(camera.up))
     arm = np.subtract(camera.center, camera.look_at)
@@ -52,14 +52,14 @@ def orbit(camera: Camera, turn: float, rise: float) -> Camera:
 
 
 def pan(camera: Camera, size: Size, start: Place, end: Place, depth: float) -> Camera:
-    """The camera moved across the view, so that what was seen at ``start`` is seen at ``end``.
+    """The camera moved across the view, so that a point seen at ``start`` is then seen at ``end``.
 
     Args:
-        camera: to start from.
+        camera: the camera before the move.
         size: (width, height) of the picture in pixels.
-        start: where the pointer was.
-        end: where it is.
-        depth: of what moves with it.
+        start: the place where the pointer was.
+        end: the place where the pointer is.
+        depth: the depth of the point that moves with the pointer.
     """
     seen = view(camera, size)
     shift = _point(seen, start, depth) - _point(seen, end, depth)
@@ -67,24 +67,24 @@ def pan(camera: Camera, size: Size, start: Place, end: Place, depth: float) -> C
 
 
 def zoom(camera: Camera, size: Size, place: Place, factor: float, depth: float) -> Camera:
-    """The camera nearer to what is seen at ``place``, which stays there.
+    """The camera moved nearer to the point seen at ``place``, which stays at this place.
 
-    Camera and look_at shrink towards that point. Where rays are parallel, the picture gets smaller
-    instead, and the camera stays in its plane.
+    Camera and look_at shrink towards that point. If rays are parallel, the camera stays in its
+    plane and its ``orthographic_height`` shrinks.
 
     Args:
-        camera: to start from.
+        camera: the camera before the move.
         size: (width, height) of the picture in pixels.
-        place: of the pointer.
-        factor: by how much what is there grows; less than 1 is away from it.
-        depth: of what is there.
+        place: the place of the pointer.
+        factor: how much larger the point's surroundings become; less than 1 moves the camera away.
+        depth: the depth of the point.
     """
     seen = view(camera, size)
-    # Where rays are parallel, the point in the camera's own plane.
+    # If rays are parallel, take the point in the camera's own plane.
     point = _point(seen, place, 0.0 if seen.parallel else depth)
     nearer = 1.0 - 1.0 / factor
     if seen.parallel:
-        assert camera.orthographic_height is not None  # as rays are parallel
+        assert camera.orthographic_height is not None  # because rays are parallel
         shift = nearer * (point - camera.center)
         height = camera.orthographic_height / factor
         ends = {"center": camera.center + shift, "look_at": camera.look_at + shift}
@@ -103,7 +103,7 @@ def _point(seen: View, place: Place, depth: float) -> Floats:
 
 
 def _with(camera: Camera, **keys: Floats | float) -> Camera:
-    """The camera with other keys, or as it was where a scene cannot have them."""
+    """The camera with other keys, or the same camera if these keys are not valid."""
     try:
         moved = Camera(**{**camera.model_dump(exclude_none=True), **keys})
     except SceneError:

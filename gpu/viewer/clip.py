@@ -1,7 +1,7 @@
-"""A scene cut by a plane across an axis of the world, so that its inside is seen.
+"""Cuts a scene by a plane across an axis of the world, so that its inside becomes visible.
 
-Solids get a half-space more, patches a smaller box, cells one side of a surface more, and places
-and lattices a region outside of which they are not seen.
+Solids get one more half-space, patches a smaller box, cells one side of one more surface. Places
+and lattices get a region outside of which they are not seen.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from halfstep.scene.surfaces import PlaneSurface
 
 @dataclass(frozen=True)
 class Clip:
-    """What is left of a scene: one side of a plane.
+    """The side of a plane that is kept of a scene.
 
     Attributes:
-        axis: of the world, across which the plane lies: 0, 1 or 2.
-        at: where on the axis.
-        above: whether what lies above is left, or what lies below.
+        axis: the axis of the world that is normal to the plane: 0, 1 or 2.
+        at: the plane's coordinate on the axis.
+        above: True keeps the side above, False the side below.
     """
 
     axis: int
@@ -43,22 +43,22 @@ class Clip:
 
 @dataclass(frozen=True)
 class Clipped:
-    """A scene that was cut.
+    """A scene after a cut.
 
     Attributes:
-        scene: what is left of it.
-        solids: the number that each solid has in the scene that was cut.
+        scene: the scene that is left.
+        solids: for each of its solids, the index of the solid in the whole scene.
     """
 
     scene: Scene
     solids: tuple[int, ...]
 
     def numbered(self, frame: Frame, scene: Scene) -> Frame:
-        """A frame of what is left, with the numbers that solids have in the whole ``scene``."""
+        """A frame of the cut scene, with the indices that solids have in the whole ``scene``."""
         gone = len(scene.solids) - len(self.solids)
         if not gone:
             return frame
-        # Cells come after the solids, and -1 is what is nothing.
+        # Cells are numbered after the solids, and -1 means no hit.
         table = np.append(np.array(self.solids, np.int32), np.int32(-1))
         solid = np.where(
             frame.solid < len(self.solids),
@@ -70,15 +70,16 @@ class Clipped:
 
 
 def clipped(scene: Scene, clip: Clip, box: Floats) -> Clipped:
-    """What a clip leaves of a scene.
+    """Cut a scene by a clip.
 
     Args:
-        scene: the whole.
-        clip: what is left of it.
-        box: (2, 3), the volume of the whole, which is kept: it ends what nothing else does.
+        scene: the whole scene.
+        clip: the side to keep.
+        box: (2, 3), the volume of the whole scene. The cut scene keeps it, because it bounds
+            solids that have no other end.
 
     Raises:
-        SceneError: a solid has as many half-spaces as it may have; or nothing is left.
+        SceneError: a solid has the most half-spaces already, or nothing is left.
     """
     left = [_cut(solid, clip, f"solid[{ix}]") for ix, solid in enumerate(scene.solids)]
     kept = tuple(ix for ix, solid in enumerate(left) if solid is not None)
@@ -86,7 +87,7 @@ def clipped(scene: Scene, clip: Clip, box: Floats) -> Clipped:
     changes = {"solids": solids, "volume": _volume(box), **_cut_regions(scene, clip)}
     cut = scene.model_copy(update=changes)
     if cut.cells:
-        # The cells of the scene alone are cut, and what is in groups takes longest.
+        # Only the scene's own cells are cut, and examining those in groups would take longest.
         alone = cut.model_copy(update={"groups": ()})
         cut = cut.model_copy(update={"cells": without_empty(alone).cells})
     if not solids and not cut.places and not any(cell.visible for cell in cut.cells):
@@ -100,7 +101,7 @@ def _volume(box: Floats) -> Volume:
 
 
 def _cut(solid: Any, clip: Clip, name: str) -> BaseSolid | None:
-    """What is left of a solid, None where that is nothing."""
+    """The part of a solid that is left; None if nothing is."""
     if isinstance(solid, PlanePatch):
         return _cut_patch(solid, clip)
     sign = -1.0 if clip.above else 1.0
@@ -121,9 +122,9 @@ def _cut(solid: Any, clip: Clip, name: str) -> BaseSolid | None:
 
 
 def _cut_patch(patch: PlanePatch, clip: Clip) -> PlanePatch | None:
-    """What is left of a patch, None where that is nothing."""
+    """The part of a patch that is left; None if nothing is."""
     if clip.axis not in patch.tested_axes():
-        # It lies across the axis, as the plane of the clip does.
+        # The patch is parallel to the plane of the clip.
         place = patch.origin[clip.axis]
         return patch if (place >= clip.at if clip.above else place <= clip.at) else None
     side, nearer = ("min", max) if clip.above else ("max", min)
@@ -138,7 +139,7 @@ def _cut_patch(patch: PlanePatch, clip: Clip) -> PlanePatch | None:
 
 
 def _cut_regions(scene: Scene, clip: Clip) -> dict[str, object]:
-    """The cells and copies of a scene, cut by a surface more."""
+    """Changed tables of a scene, in which one more surface cuts cells and copies."""
     if not (scene.cells or scene.places or scene.lattices):
         return {}
     number = 1 + max((surface.id or 0 for surface in scene.surfaces), default=0)
@@ -152,7 +153,7 @@ def _cut_regions(scene: Scene, clip: Clip) -> dict[str, object]:
     ]
     changes: dict[str, object] = {"surfaces": (*scene.surfaces, surface), "cells": tuple(cells)}
     if scene.lattices:
-        # A lattice is cut by what it is in: a group of its own, which adds no copy.
+        # A lattice itself cannot be cut. It moves to a new group, whose place is cut.
         known = {group.name for group in scene.groups}
         name = next(f"lattices {n}" for n in range(len(known) + 1) if f"lattices {n}" not in known)
         around = Group.model_construct(name=name, lattices=scene.lattices)

@@ -1,4 +1,4 @@
-"""Events of rendercanvas, as far as a view needs them."""
+"""The events of rendercanvas that a view needs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-# The facts that each kind has, beside those that no view reads.
+# The members of each kind of event that a view reads.
 FACTS = {
     "pointer_down": ("x", "y", "button", "modifiers"),
     "pointer_move": ("x", "y"),
@@ -24,7 +24,7 @@ LATEST = 1e15
 
 
 def is_whole(event: Mapping[str, Any]) -> bool:
-    """Whether an event has its facts, and they are what they should be."""
+    """Whether an event has all its members, with valid types and values."""
     names = FACTS.get(event["event_type"], ())
     return all(_fits(name, event.get(name)) for name in names)
 
@@ -51,5 +51,5 @@ def _fits(name: str, value: object) -> bool:
             return isinstance(value, str)
         case "modifiers":
             return isinstance(value, tuple | list) and all(isinstance(each, str) for each in value)
-    # Neither NaN nor a number too large for a float is between the two.
+    # This is False for NaN, and for integers too large for a float.
     return isinstance(value, int | float) and -LARGEST <= value <= LARGEST

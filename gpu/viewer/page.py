@@ -1,7 +1,7 @@
-"""The page of a view: rendercanvas's application behind an address that nobody can guess.
+"""The page of a view: serves rendercanvas's application at an address that nobody can guess.
 
-It listens on the loopback address unless it is told another one. Every request, that of a websocket
-too, must name a token that is made anew each time; all others get 403.
+The server listens on the loopback address unless another one is given. Every request, also of a
+websocket, must contain a token, which is new in each run. All other requests get status 403.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from halfstep.errors import UsageError
 from halfstep.viewer.events import is_message
 
 HOST = "127.0.0.1"
-# When the last page was closed, a new one has so many seconds to come, as one that is loaded anew.
+# The view ends if no page opens within this many seconds after the last one was closed. A reloaded
+# page opens sooner.
 LEFT_ALONE = 5.0
 
 _Message = MutableMapping[str, Any]
@@ -33,19 +34,19 @@ class Server:
     """The server of one page.
 
     Attributes:
-        address: of the page, with the token.
+        address: the address of the page, with the token.
     """
 
     def __init__(self, host: str, port: int, size: tuple[int, int]) -> None:
-        """Listen, so that the address is known.
+        """Listen at the host and port, so that the address is known.
 
         Args:
-            host: address or name to listen at.
-            port: or 0 for one that is free.
-            size: (width, height) of the picture at first, in pixels of a common screen.
+            host: the address or name to listen at.
+            port: the port, or 0 for a free one.
+            size: (width, height) of the picture at first, in logical pixels.
 
         Raises:
-            UsageError: nobody can listen there.
+            UsageError: the system cannot listen there.
         """
         self._token = secrets.token_urlsafe(24)
         try:
@@ -54,7 +55,7 @@ class Server:
         except socket.gaierror as error:
             raise UsageError(f"--host {host}: {error.strerror}") from None
         except OSError as error:
-            # Python's own words go on and on.
+            # Python's own message is too long.
             why = os.strerror(error.errno) if error.errno else error
             raise UsageError(f"--host {host} --port {port}: {why}") from None
         except UnicodeError:
@@ -67,7 +68,7 @@ class Server:
         self._server: Any = None
 
     def serve(self, left: Callable[[], None]) -> None:
-        """Serve the page until `stop`; ``left`` is called when nobody looks at it any more."""
+        """Serve the page until `stop`. ``left`` is called when nobody has it open any more."""
         import uvicorn
         from rendercanvas.http import asgi
 
@@ -81,17 +82,17 @@ class Server:
         asyncio.run(self._server.serve(sockets=[self._socket]))
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self._socket.close()
 
     def stop(self) -> None:
-        """Let `serve` come back."""
+        """Make `serve` return."""
         if self._server is not None:
             self._server.should_exit = True
 
 
 class Guard:
-    """An ASGI application that lets through to another one who knows the token."""
+    """An ASGI application that passes requests with the token on to another application."""
 
     def __init__(
         self,
@@ -124,7 +125,7 @@ class Guard:
 
     async def _refuse(self, scope: _Message, send: _Send) -> None:
         if scope["type"] == "websocket":
-            # Before it is accepted: the server answers 403.
+            # The server answers 403 if a websocket is closed before it is accepted.
             await send({"type": "websocket.close", "code": 1008})
         else:
             await _answer(send, 403, b"text/plain", b"the address lacks its token\n")

@@ -1,7 +1,7 @@
-"""Any output of a frame as a picture to look at, 8 bits and RGB.
+"""Shows any output of a frame as a picture with 8 bits and RGB.
 
-Grey levels and vectors are those of a PNG file of the output. What a number stands for, as a cell,
-has a colour of its own, and errors have those of a logarithmic scale.
+Grey levels and vectors are those of a PNG file of the output. Each number of a solid, cell or
+material has its own colour. Errors have the colours of a logarithmic scale.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from halfstep.frames.outputs import OUTPUTS, Levels
 from halfstep.models.look import color_of
 from halfstep.run.twin import image_of
 
-# Of pixels whose hit or miss is not certain.
+# The colour of pixels whose hit or miss is not certain.
 UNCERTAIN = (0, 230, 230)
 NOTHING = (18, 18, 20)
-# Errors of so many powers of ten below the largest have colours.
+# The scale of errors spans this many powers of ten, up to the largest error.
 DECADES = 4
-# Numbers repeat their colours after so many.
+# The colours of numbers repeat after this many.
 COLORS = 1021
 
 
 def picture_of(frame: Frame, output: str) -> Bytes:
-    """The output of a frame, (H, W, 3)."""
+    """The picture (H, W, 3), uint8, of an output of a frame."""
     array: Array = getattr(frame, output)
     match OUTPUTS[output].levels:
         case Levels.IMAGE:
@@ -39,7 +39,7 @@ def picture_of(frame: Frame, output: str) -> Bytes:
             return _errors(array, frame.solid >= 0)
         case Levels.NUMBER:
             return _grey(array * (255 // max(int(array.max()), 1)))
-    # To the nearest of 256 levels, of 65536.
+    # Round from 65536 levels to the nearest of 256.
     pixels = ((picture(frame, output).pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
     return pixels if pixels.ndim == 3 else _grey(pixels)
 
@@ -49,7 +49,7 @@ def _grey(levels: Array) -> Bytes:
 
 
 def _colored(numbers: Array, hit: Array) -> Bytes:
-    """A colour for each number, (H, W, 3)."""
+    """The colour of each number, (H, W, 3)."""
     found = _colors()[numbers.astype(np.int64) % COLORS]
     found[~hit | (numbers.astype(np.int64) < 0)] = NOTHING
     return np.asarray(found)
@@ -57,12 +57,12 @@ def _colored(numbers: Array, hit: Array) -> Bytes:
 
 @functools.cache
 def _colors() -> Bytes:
-    """The colours of numbers, (COLORS, 3)."""
+    """The sRGB colours of numbers, (COLORS, 3)."""
     return image_of(np.array([color_of(number) for number in range(COLORS)], np.float32))
 
 
 def _errors(error: Array, hit: Array) -> Bytes:
-    """Errors on a scale that ends at the largest one, (H, W, 3)."""
+    """The colours (H, W, 3) of errors on a scale that ends at the largest one."""
     certain = np.isfinite(error)
     largest = float(error[certain & hit].max(initial=0.0)) or 1.0
     least = largest / 10.0**DECADES

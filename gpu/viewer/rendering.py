@@ -1,4 +1,4 @@
-"""Frames of a view, of the kinds that it needs, by one renderer."""
+"""Renders the kinds of frames that a view needs, by one renderer."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from halfstep.scene import Camera, Scene, with_overrides
 from halfstep.viewer.clip import Clip, Clipped, clipped
 from halfstep.viewer.state import State
 
-# The adapter of a frame of the backend that compiles nothing.
+# The name of the adapter of frames by NumPy, which compiles nothing.
 NUMPY = "numpy"
 
 
 class Kind(Enum):
-    """What a frame is for."""
+    """The purpose of a frame."""
 
     MOVING = "seen at once, while it moves"
     STILL = "seen at rest"
@@ -29,12 +29,12 @@ class Kind(Enum):
 
 
 class Shown(NamedTuple):
-    """What a picture shows.
+    """The content of a picture.
 
     Attributes:
-        scene: as its file is.
-        camera: None for that of the scene.
-        state: what replaces what the scene says.
+        scene: the scene of the file.
+        camera: the camera; None for the scene's.
+        state: the settings that replace the scene's.
     """
 
     scene: Scene
@@ -43,34 +43,34 @@ class Shown(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """Of a pixel at rest: k, for k x k of them."""
+        """k, for k x k samples in a pixel of a picture at rest."""
         return self.state.samples or self.scene.image.samples
 
 
 class Rendering:
-    """A renderer, and what is known of the scene that it shows."""
+    """A renderer, with a cache of facts about the scene that it shows."""
 
     def __init__(self, scene: Scene, backend: str, adapter: str | int | None) -> None:
         self.renderer = Renderer(scene, backend=backend, adapter=adapter)
-        # What shaders were compiled for.
+        # The keys `_shaders` for which shaders were compiled.
         self._compiled: set[object] = set()
         self._cut: tuple[Scene, Clip, Clipped] | None = None
         self._box: tuple[Scene, Floats] | None = None
 
     def forget(self) -> None:
-        """Take no shader for compiled, as those of another scene may differ."""
+        """Assume that no shader is compiled, because another scene may need other shaders."""
         self._compiled.clear()
 
     def is_compiled(self, shown: Shown, kind: Kind) -> bool:
-        """Whether such a frame needs no new shader, as far as is known."""
+        """Whether a frame of this kind probably needs no new shader."""
         return _shaders(shown, kind) in self._compiled
 
     def frame(self, shown: Shown, kind: Kind, size: tuple[int, int]) -> Frame:
-        """A frame of a kind; if its shaders are new, one that comes after they were compiled."""
+        """Render a frame of a kind. If its shaders are new, repeat until they are compiled."""
         frame = self._frame(shown, kind, size)
         if not self.is_compiled(shown, kind) and frame.info["adapter"] != NUMPY:
-            # The first frames compile. The one after these takes as long as all others, which is
-            # worth seconds where it is seen.
+            # The first frames compile. The view shows the time of a frame and adapts to it, so
+            # it takes the frame after these.
             for _ in range(WARM_UP - (kind is Kind.CERTAIN)):
                 frame = self._frame(shown, kind, size)
         self._compiled.add(_shaders(shown, kind))
@@ -89,20 +89,20 @@ class Rendering:
         return frame if cut is None else cut.numbered(frame, scene)
 
     def volume(self, scene: Scene) -> Floats:
-        """The volume of a scene, (2, 3), most often the same as before."""
+        """The volume of a scene, (2, 3), kept for the next call."""
         if self._box is None or self._box[0] is not scene:
             self._box = scene, np.array(Solids.of(scene).volume)
         return self._box[1]
 
     def _clipped(self, scene: Scene, clip: Clip) -> Clipped:
-        """What a clip leaves of the scene, most often the same as before."""
+        """The scene cut by a clip, kept for the next call."""
         if self._cut is None or self._cut[0] is not scene or self._cut[1] != clip:
             self._cut = scene, clip, clipped(scene, clip, self.volume(scene))
         return self._cut[2]
 
 
 def _shaders(shown: Shown, kind: Kind) -> object:
-    """What decides which shaders there are, as far as is known here."""
+    """A key: frames with equal keys of one scene probably need the same shaders."""
     state = shown.state
     output = None if kind is Kind.CERTAIN else state.output
     averages = kind is Kind.STILL and shown.samples > 1

@@ -1,8 +1,8 @@
-"""A view without a canvas: events in, pictures out.
+"""A view without a canvas: it takes events and makes pictures.
 
-Every picture is made in `Session.draw`; events only say what the next one shows. While something
-moves, a picture is drawn at once, with one sample in a pixel, and in fewer pixels if that takes
-long. At rest it is drawn with all pixels and samples, and then what is certain of it is found.
+`Session.draw` makes every picture; events only change what the next one shows. While something
+moves, a picture is drawn at once with one sample in a pixel, and with fewer pixels if that takes
+long. At rest it is drawn with all pixels and samples. Then a frame with error bounds is rendered.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from halfstep.viewer.status import SEPARATOR, certainty, described
 from halfstep.viewer.text import with_text
 from halfstep.viewer.watch import Source
 
-# Seconds without an event after which a picture is drawn as it is at rest.
+# After this many seconds without an event, a picture is drawn with all pixels and samples.
 REST_AFTER = 0.2
-# To find what is certain may take seconds, in which no event is answered: a pause must have lasted
-# so many times as long.
+# A frame with error bounds may take seconds, in which no event is answered. It is rendered after a
+# pause of this many times its duration.
 PATIENCE = 2.0
-# Seconds between looks at the file.
+# Seconds between checks whether the file has changed.
 LOOK_AFTER = 0.2
-# A pointer that moves no farther between down and up, in pixels of a common screen, was a click.
+# A pointer that moves at most this many logical pixels between down and up has clicked.
 CLICK = 3.0
-# Radians for each pixel that the pointer is dragged, and octaves for each unit of the wheel, of
-# which a notch has 100.
+# Radians for each logical pixel of a drag, and octaves for each unit of the wheel, whose notch has
+# 100 units.
 TURN = 0.01
 OCTAVES = 0.0025
 MOST_WHEEL = 1000.0
 LEFT, RIGHT, MIDDLE = 1, 2, 3
-# A canvas with longer sides stretches its picture.
+# The longest side of a picture. A larger canvas stretches it.
 LONGEST = 8192
 BACKGROUND = 18
 NO_MEMORY = "not enough memory for this picture"
-# Keys of events that are not those of a state.
+# Keys that do not change the state.
 QUIT, RESET, HELP = ("q", "Q", "Escape"), ("r", "R", "Home"), ("h", "H", "?")
 HELP_LINES = (
     "drag: turn    right button, or Shift: move    wheel: zoom    click: tell what is there",
@@ -60,11 +60,11 @@ class _Drag(NamedTuple):
     """A pointer that is down.
 
     Attributes:
-        start: where it went down, in pixels of a common screen.
-        last: where it was last.
-        pans: whether it moves the scene, or turns it.
-        depth: of what is under it.
-        moved: whether it is more than a click.
+        start: the place where it went down, in logical pixels.
+        last: its last place.
+        pans: True if it moves the scene, False if it turns it.
+        depth: the depth of the point under it.
+        moved: whether it has moved farther than a click may.
     """
 
     start: cameras.Place
@@ -78,7 +78,7 @@ class Session:
     """A view of one scene.
 
     Attributes:
-        is_closed: whether it is over.
+        is_closed: whether the view has ended.
     """
 
     def __init__(
@@ -94,15 +94,15 @@ class Session:
         """Open a device.
 
         Args:
-            source: of the scene.
+            source: the source of the scene.
             backend: "auto", "gpu" or "numpy".
             adapter: an index or a part of the name of a Vulkan adapter.
-            tell: what is to be done with a line about a pixel that was clicked.
+            tell: is called with a line about each clicked pixel.
             rest_after: seconds without an event after which a picture is at rest.
-            patience: how many times longer than finding what is certain takes a pause must be.
+            patience: a frame with error bounds needs a pause of this many times its duration.
 
         Raises:
-            AdapterError: no suitable adapter.
+            AdapterError: no adapter is suitable.
             DeviceError: the driver refuses.
         """
         self._source = source
@@ -114,8 +114,8 @@ class Session:
         self._size, self._ratio = (1, 1), 1.0
         self._picture: Bytes | None = None
         self._frame: Frame | None = None
-        # Whether that frame has all pixels and samples; what is certain of it, once that is known,
-        # and how many seconds that took the last time.
+        # Whether that frame has all pixels and samples; the frame with its error bounds, once
+        # rendered; and the seconds that the last such frame took.
         self._is_fine = True
         self._certain: Frame | None = None
         self._cost = 0.0
@@ -127,7 +127,7 @@ class Session:
         self._clicked: cameras.Place | None = None
         self._note = self._status = self._certainty = ""
         self._helps = False
-        # Whether it was said that shaders are being compiled.
+        # Whether the picture says that shaders are being compiled.
         self._announced = False
         self.is_closed = False
 
@@ -138,17 +138,17 @@ class Session:
 
     @property
     def camera(self) -> Camera:
-        """From where the scene is seen."""
+        """The camera of the view."""
         return self._now.camera or self._now.scene.camera
 
     @property
     def state(self) -> State:
-        """What is shown."""
+        """The settings of the view."""
         return self._now.state
 
     @property
     def lines(self) -> list[str]:
-        """What the picture says of itself, one line for each fact."""
+        """The lines of text in the picture."""
         help_ = HELP_LINES if self._helps else ()
         status = SEPARATOR.join(filter(None, (self._status, self._certainty)))
         said = [*help_, *self._source.fault.splitlines(), *self._note.splitlines(), status]
@@ -161,7 +161,7 @@ class Session:
 
     @property
     def _due(self) -> Kind | None:
-        """What frame is to be rendered now."""
+        """The kind of the frame to render now; None if there is nothing to render."""
         now = time.monotonic()
         if self._is_stale:
             return Kind.MOVING
@@ -174,7 +174,7 @@ class Session:
     # ---------------------------------------------------------------------------- events
 
     def tick(self) -> bool:
-        """Look whether the file has changed; whether there is something to draw."""
+        """Check whether the file has changed; return whether there is something to draw."""
         now = time.monotonic()
         if now >= self._look_at:
             self._look_at = now + LOOK_AFTER
@@ -187,7 +187,7 @@ class Session:
         return self.wants_draw
 
     def handle(self, event: Mapping[str, Any]) -> None:
-        """Take an event of rendercanvas; one that lacks facts, as a page may send, is none."""
+        """Handle an event of rendercanvas. A faulty event, which a page may send, is ignored."""
         if not is_whole(event):
             return
         match event["event_type"]:
@@ -257,16 +257,16 @@ class Session:
                 self._show(state=state)
 
     def _show(self, **changes: Any) -> None:
-        """Let the next picture show something else."""
+        """Change what the next picture shows."""
         self._now = self._now._replace(**changes)
         self._is_stale, self._certain, self._anchor = True, None, None
 
     def _pixel(self, place: cameras.Place) -> cameras.Place:
-        """A place of a common screen in pixels of the picture."""
+        """A place in logical pixels, converted to pixels of the picture."""
         return place[0] * self._ratio, place[1] * self._ratio
 
     def _depth_at(self, place: cameras.Place) -> float:
-        """Of what was last seen at a place, or of look_at where nothing is."""
+        """The depth of the point last seen at a place, or of look_at if nothing was hit."""
         if self._anchor is not None and self._anchor[0] == place:
             return self._anchor[1]
         if self._frame is not None:
@@ -278,17 +278,17 @@ class Session:
 
     @property
     def _most_steps(self) -> int:
-        """Halvings of what was seen last."""
+        """The most halvings of any solid in the last frame; at least 1."""
         return max([0 if self._frame is None else max(self._frame.info["steps"], default=0), 1])
 
     # ---------------------------------------------------------------------------- pictures
 
     def draw(self, size: cameras.Size, ratio: float = 1.0) -> Bytes:
-        """The picture as it is now, RGBA, (H, W, 4).
+        """The current picture, RGBA, (H, W, 4).
 
         Args:
             size: (width, height) in pixels.
-            ratio: pixels in a pixel of a common screen.
+            ratio: pixels for each logical pixel, along an axis.
 
         Raises:
             HalfstepError: nothing can be shown, or the device was lost.
@@ -309,10 +309,10 @@ class Session:
         return with_text(_stretched(picture, size), self.lines, ratio)
 
     def _render(self) -> None:
-        """Render what is asked for, if anything is."""
+        """Render the frame that is due, if any, and answer a click."""
         kind = self._due
         if kind is not None:
-            # Compiling takes seconds, so that it is said before.
+            # Compiling takes seconds, so the picture announces it first.
             if not (self._announced or self._rendering.is_compiled(self._now, kind)):
                 self._announced = self._is_untold = True
                 self._status, self._certainty = "compiling shaders", ""
@@ -327,7 +327,7 @@ class Session:
             self._tell(self._note)
 
     def _take(self, kind: Kind, frame: Frame) -> None:
-        """Let a frame be what is shown, or what is known of that."""
+        """Take a frame as the new picture, or as the error bounds of the present one."""
         seconds = frame.info["wall_ms"] / 1e3
         if kind is Kind.CERTAIN:
             self._certain, self._cost = frame, seconds
@@ -347,14 +347,14 @@ class Session:
             self._is_fine = True
 
     def _frame_of(self, kind: Kind) -> Frame:
-        """A frame of what is shown now."""
+        """Render a frame of the present view."""
         width, height = self._size
         if kind is Kind.MOVING:
             width, height = max(width // self._factor, 1), max(height // self._factor, 1)
         return self._rendering.frame(self._now, kind, (width, height))
 
     def _go_back(self, error: Exception) -> None:
-        """Show again what could be shown, and say why what is asked for cannot."""
+        """Return to the last view that could be rendered, and show why the new one cannot."""
         if self._good is None:
             raise error
         self._note = str(error) or NO_MEMORY
@@ -365,15 +365,15 @@ class Session:
 
 
 def _at(place: cameras.Place, size: cameras.Size, array: Array) -> tuple[int, int]:
-    """Row and column of an array (H, W) that covers a picture, at a place of the picture."""
+    """Row and column of an array (H, W), which covers a picture, at a place of the picture."""
     height, width = array.shape
     column, row = int(place[0] * width / size[0]), int(place[1] * height / size[1])
     return min(max(row, 0), height - 1), min(max(column, 0), width - 1)
 
 
 def _stretched(picture: Bytes, size: cameras.Size) -> Bytes:
-    """A picture (H, W, 3) as RGBA of a size, (height, width, 4), each pixel in several places."""
-    # Whole pixels are moved, as one number each: ten times as fast as by their channels.
+    """A picture (H, W, 3) stretched to RGBA (height, width, 4) by repeating pixels."""
+    # Each pixel is copied as one number, ten times as fast as by channels.
     (rows, columns), (width, height) = picture.shape[:2], size
     pixels = np.full((rows, columns), 0xFFFFFFFF, np.uint32)
     channels = pixels.view(np.uint8).reshape(rows, columns, 4)

@@ -1,4 +1,4 @@
-"""A session on a canvas of rendercanvas: which there are, and what is done until it is over."""
+"""Chooses a canvas of rendercanvas, and runs a session on it until the view ends."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from halfstep.viewer.session import Session
 from halfstep.viewer.text import NARROWEST
 from halfstep.viewer.watch import Source
 
-# What each needs beside rendercanvas; the extra `view` brings it all.
+# The packages that each canvas needs besides rendercanvas. The extra `view` installs them all.
 _PACKAGES = {
     "glfw": ("glfw",),
     "http": ("uvicorn", "websockets"),
@@ -32,8 +32,8 @@ _PACKAGES = {
     "notebook": ("anywidget",),
 }
 _MODULES = {"notebook": "anywidget"}
-# A canvas looks so often a second whether there are events, and draws at most so often; a session
-# looks after so many seconds whether it has something to draw.
+# A canvas checks for events, and draws, at most this many times a second. A session checks after
+# TICK seconds whether it has something to draw.
 MOST_FPS = 200.0
 TICK = 0.02
 
@@ -47,24 +47,24 @@ def view(
     camera: CameraLike | None = None,
     **overrides: Unpack[Overrides],
 ) -> Any:
-    """Show a scene live: the pointer turns, moves and zooms it, and a click tells what is there.
+    """Show a scene live. The pointer turns, moves and zooms it; a click describes the pixel.
 
-    In a notebook it returns at once, with a widget that the notebook shows. Elsewhere it returns
-    when the window, or the page in a browser, is closed.
+    In a notebook this function returns at once, with a widget that the notebook shows. Elsewhere it
+    returns when the window, or the page in a browser, is closed.
 
     Args:
-        scene: what to show, as `render` takes it; a file is read anew when it changes.
-        canvas: "glfw", a window; "http", a page that a browser shows; "terminal"; or "auto", the
-            notebook where there is one, a window where there is a display, and else a page.
-        backend: "auto", "gpu" or "numpy".
+        scene: the scene; see `render`. A file is read again when it changes.
+        canvas: "glfw", a window; "http", a page for a browser; "terminal"; or "auto", which takes
+            the notebook if there is one, else a window if there is a display, else a page.
+        backend: "auto", "gpu" or "numpy"; see `render`.
         adapter: an index or a part of the name of a Vulkan adapter.
-        camera: in place of the scene's, as `render` takes it.
+        camera: replaces the scene's camera; see `render`.
         overrides: size, steps and the other options of `halfstep.scene.Overrides`.
 
     Raises:
-        SceneError: there is no such scene, or it has faults; an option is out of range.
-        UsageError: there is no such canvas, or it is not installed; there is no display.
-        AdapterError: no suitable adapter.
+        SceneError: the scene is not found or has faults, or an option is out of range.
+        UsageError: the canvas is unknown or not installed, or there is no display.
+        AdapterError: no adapter is suitable.
         DeviceError: the device was lost or the driver failed.
     """
     source = Source(scene, None, camera, overrides)
@@ -87,18 +87,18 @@ def show(
     """Show a scene until its window or page is closed.
 
     Args:
-        source: of the scene.
+        source: the source of the scene.
         canvas: one of `CANVASES`.
-        backend: as of `view`; so is ``adapter``.
+        backend: "auto", "gpu" or "numpy"; see `render`.
         adapter: an index or a part of the name of a Vulkan adapter.
-        tell: what is to be done with a line for machines: where the page is, what was clicked.
-        say: what is to be done with a line for people.
-        host: address that a page is served at.
-        port: of that address; 0 takes one that is free.
+        tell: is called with each line for machines: the page's address, and clicked pixels.
+        say: is called with each line for people.
+        host: the address at which a page is served.
+        port: the port of that address; 0 takes a free one.
 
     Raises:
-        HalfstepError: as `view`.
-        KeyboardInterrupt: somebody interrupted it.
+        HalfstepError: one of the errors of `view`.
+        KeyboardInterrupt: the user interrupted the view.
     """
     name = _chosen(canvas)
     image = source.scene.image
@@ -123,8 +123,8 @@ def show(
 class _Run:
     """A session and its canvas while they are open.
 
-    What fails in an event or a picture ends it, and is raised when it is over: rendercanvas would
-    only log it.
+    An error in an event or a picture ends the view, and is raised at its end. rendercanvas alone
+    would only log the error.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class _Run:
             picture = session.draw(size, canvas.get_pixel_ratio())
             self._context.set_bitmap(picture)
             if size[0] < NARROWEST:
-                # There is no room in it for what it says of itself.
+                # The picture has no room for text, so the title shows it.
                 canvas.set_title(session.lines[-1])
             if session.wants_draw:
                 canvas.request_draw()
@@ -179,7 +179,7 @@ class _Run:
 
     @contextmanager
     def _interrupts(self) -> Iterator[None]:
-        """Note that Ctrl-C was pressed, in place of what rendercanvas does."""
+        """Record that Ctrl-C was pressed, in place of rendercanvas's own handler."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -202,11 +202,11 @@ class _Run:
             self._stop()
 
     def finish(self) -> None:
-        """Say how it ended.
+        """Raise the error that ended the view, if any.
 
         Raises:
-            Exception: what failed.
-            KeyboardInterrupt: somebody interrupted it.
+            Exception: an event or a picture failed.
+            KeyboardInterrupt: the user interrupted the view.
         """
         if self.failure is not None:
             raise self.failure
@@ -215,7 +215,7 @@ class _Run:
 
 
 def _show_in_notebook(source: Source, backend: str, adapter: str | int | None) -> Any:
-    """The widget of a view."""
+    """Start a view, and return its widget."""
     _check("notebook")
     session = Session(source, backend=backend, adapter=adapter, tell=_tell)
     canvas = _canvas("notebook", source)
@@ -231,7 +231,7 @@ def _show_in_notebook(source: Source, backend: str, adapter: str | int | None) -
 
 
 def _canvas(name: str, source: Source) -> Any:
-    """A canvas as large as the picture of the scene."""
+    """A canvas with the size of the scene's picture."""
     module = importlib.import_module(f"rendercanvas.{_MODULES.get(name, name)}")
     image = source.scene.image
     class_ = module.RenderCanvas if name != "notebook" else _closed_once(module.RenderCanvas)
@@ -243,7 +243,7 @@ def _canvas(name: str, source: Source) -> Any:
 
 
 def _closed_once(class_: type[Any]) -> type[Any]:
-    """A class of canvases of which `close` does not call itself for ever, as up to 2.7.2."""
+    """A class of canvases without a fault of rendercanvas up to 2.7.2: `close` calls itself."""
 
     def close(canvas: Any) -> None:
         if not canvas.is_closing:
@@ -254,10 +254,10 @@ def _closed_once(class_: type[Any]) -> type[Any]:
 
 
 def _chosen(canvas: str) -> str:
-    """The canvas to take.
+    """The name of the canvas to use.
 
     Raises:
-        UsageError: there is no such canvas, or something that it needs is missing.
+        UsageError: the canvas is unknown, or something that it needs is missing.
     """
     if canvas not in CANVASES:
         raise UsageError(f"canvas: {canvas!r} is not one of {', '.join(CANVASES)}")
@@ -269,10 +269,10 @@ def _chosen(canvas: str) -> str:
 
 
 def _check(canvas: str) -> None:
-    """See that a canvas can be had.
+    """Check that a canvas can be used.
 
     Raises:
-        UsageError: what is missing, and what to do.
+        UsageError: something is missing; the message tells what to do.
     """
     instead = "" if canvas in ("http", "notebook") else ", or take --canvas http"
     missing = _missing(canvas)
@@ -300,13 +300,13 @@ def _check_display(instead: str) -> None:
 
 
 def _missing(canvas: str) -> str | None:
-    """A package that a canvas needs and that is not installed."""
+    """A package that a canvas needs and that is not installed; None if all are."""
     packages = _PACKAGES[canvas]
     return next((name for name in packages if importlib.util.find_spec(name) is None), None)
 
 
 def _is_notebook() -> bool:
-    """Whether this is the kernel of a notebook."""
+    """Whether this process is the kernel of a notebook."""
     ipython = sys.modules.get("IPython")
     shell = None if ipython is None else ipython.get_ipython()
     return shell is not None and shell.has_trait("kernel")
@@ -314,10 +314,10 @@ def _is_notebook() -> bool:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Let rendercanvas not log what we say ourselves, nor Python what it forgets to await."""
+    """Silence rendercanvas's log below errors, and a warning about its unawaited coroutine."""
     logger = logging.getLogger("rendercanvas")
 
-    # Its level would not do: rendercanvas sets it when it is imported.
+    # A filter, because importing rendercanvas sets the level of its log.
     def is_error(record: logging.LogRecord) -> bool:
         return record.levelno >= logging.ERROR
 

@@ -1,4 +1,4 @@
-"""What a view shows beside its camera, and what keys do to it: functions of one state alone."""
+"""The settings of a view besides its camera, and the keys that change them."""
 
 from __future__ import annotations
 
@@ -14,27 +14,26 @@ from halfstep.viewer.clip import Clip
 
 MOST_STEPS = 30
 MOST_SAMPLES = 4
-# The slider of the clip has so many places in the volume of the scene.
+# The clip moves through the volume of the scene in this many steps.
 PLACES = 64
-# A picture that takes longer is drawn in fewer pixels while it moves; of these there is one in
-# 1, 2² or 4².
+# A moving picture that takes longer is drawn with fewer pixels: one of 1, 2² or 4².
 SLOW_MS = 50.0
 COARSEST = 4
 
 
 @dataclass(frozen=True)
 class State:
-    """What replaces what the scene says; None does not.
+    """Settings that replace the scene's; None keeps the scene's.
 
     Attributes:
-        output: the array of a frame that is shown.
-        steps: halvings of every ray; or
-        tolerance_pixels: the depth error allowed.
+        output: the output that is shown.
+        steps: halvings of every ray, in place of a tolerance.
+        tolerance_pixels: the depth error allowed, in widths of a pixel.
         number_format: "float32" or "fixed32".
         method: "visible" or "article".
         samples: k, for k x k samples in a pixel of a picture at rest.
-        shadows: whether lights have them.
-        clip: what is left of the scene.
+        shadows: whether lights have shadows.
+        clip: the part of the scene that is kept; None keeps all.
     """
 
     output: str = "image"
@@ -47,7 +46,7 @@ class State:
     clip: Clip | None = None
 
     def overrides(self, size: tuple[int, int], samples: int) -> Overrides:
-        """Options of a frame of so many pixels, and samples in each."""
+        """Options for a frame of a size in pixels, with k x k ``samples`` in each."""
         return {
             "size": size,
             "samples": samples,
@@ -60,12 +59,12 @@ class State:
 
 
 class Facts(NamedTuple):
-    """What a key needs to know of what is shown.
+    """Facts about the view that a key needs.
 
     Attributes:
-        scene: as its file is.
-        steps: the most halvings of what was seen last.
-        box: (2, 3), the volume of the scene.
+        scene: the scene of the file.
+        steps: the most halvings of any solid in the last frame.
+        box: returns the volume of the scene, (2, 3).
     """
 
     scene: Scene
@@ -74,7 +73,7 @@ class Facts(NamedTuple):
 
 
 class Key(NamedTuple):
-    """Keys that do one thing."""
+    """A group of keys with one function."""
 
     names: tuple[str, ...]
     help: str
@@ -82,7 +81,7 @@ class Key(NamedTuple):
 
 
 def pressed(state: State, key: str, facts: Facts) -> State | None:
-    """What a key makes of a state, None where it has no meaning."""
+    """The state after a key was pressed; None if the key has no meaning."""
     for row in KEYS:
         if key in row.names:
             return row.pressed(state, facts, key)
@@ -90,9 +89,9 @@ def pressed(state: State, key: str, facts: Facts) -> State | None:
 
 
 def coarser(factor: int, milliseconds: float) -> int:
-    """How coarse the next picture is while it moves, given how coarse the last was, and its time.
+    """The coarseness of the next moving picture, from that of the last one and its time.
 
-    It gets finer where four times as many pixels would still be drawn in time.
+    The picture gets finer if four times as many pixels would still be drawn in time.
     """
     if milliseconds > SLOW_MS:
         return min(2 * factor, COARSEST)
@@ -157,7 +156,7 @@ def _slide(state: State, facts: Facts, key: str) -> State:
         return state
     low, high = facts.box()[:, clip.axis].tolist()
     step = (high - low) / PLACES * {"ArrowUp": 1, "ArrowDown": -1, "PageUp": 8, "PageDown": -8}[key]
-    # Short of the ends, where all or nothing is left.
+    # Stop before the ends, where the clip would keep everything or nothing.
     edge = (high - low) / PLACES / 2
     at = min(max(clip.at + step, low + edge), high - edge)
     return replace(state, clip=replace(clip, at=at))

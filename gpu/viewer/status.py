@@ -1,4 +1,4 @@
-"""What the line below a picture says of it."""
+"""The text of the status line below a picture."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ def described(frame: Frame, state: State, size: tuple[int, int]) -> str:
     """Time and size of a frame with depths, halvings, output, clip and adapter.
 
     Args:
-        frame: as it was rendered.
-        state: that it shows.
-        size: (width, height) of the picture that it stands for.
+        frame: the rendered frame.
+        state: the settings that it shows.
+        size: (width, height) of the whole picture, which the frame may have in fewer pixels.
     """
     info, (height, width) = frame.info, frame.depth.shape
     whole = f" in place of {size[0]}x{size[1]} while it moves"
@@ -31,7 +31,7 @@ def described(frame: Frame, state: State, size: tuple[int, int]) -> str:
 
 
 def certainty(frame: Frame) -> str:
-    """The largest error of a frame, and how many pixels have none."""
+    """The largest error bound of a frame, and how many pixels have no finite one."""
     certain = np.isfinite(frame.error)
     largest = float(frame.error[certain].max(initial=0.0))
     left = int(certain.size - certain.sum())
@@ -39,7 +39,7 @@ def certainty(frame: Frame) -> str:
 
 
 def _span(info: Info) -> str:
-    """The numbers of halvings of the solids that are seen."""
+    """The least and the most halvings of the solids that are seen."""
     seen = [steps for steps in info["steps"] if steps]
     if not seen:
         return "0"

@@ -1,4 +1,4 @@
-"""Lines of text in a picture, below or over it."""
+"""Draws lines of text at the lower edge of a picture."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from halfstep.contract.arrays import Bytes
 
-# Of letters; where pixels are smaller than those of a common screen they have more of them.
+# Sizes of letters, lines and margins in logical pixels; screens with finer pixels use more of them.
 _SIZE = 12
 _LINE = 16
 _MARGIN = 6
-# Narrower than this, as in a terminal, a picture has no room for text.
+# A picture narrower than this, for example in a terminal, has no room for text.
 NARROWEST = 200
 _WHITE = (235, 235, 235)
 
@@ -24,14 +24,14 @@ def with_text(picture: Bytes, lines: Sequence[str], ratio: float = 1.0) -> Bytes
     """The picture with lines of text at its lower edge.
 
     Args:
-        picture: RGBA, (H, W, 4); it is changed.
-        lines: from the top; long ones are broken.
-        ratio: pixels in a pixel of a common screen.
+        picture: RGBA, (H, W, 4); it is changed in place.
+        lines: the lines from the top; long ones are broken.
+        ratio: pixels for each logical pixel, along an axis.
     """
     height, width = picture.shape[:2]
     if width < NARROWEST or not lines:
         return picture
-    # Screens have at most so many times as many pixels.
+    # No screen has a larger ratio.
     ratio = min(max(ratio, 1.0), 4.0)
     font, line = _font(round(_SIZE * ratio)), round(_LINE * ratio)
     room = width - 2 * _MARGIN
@@ -42,7 +42,7 @@ def with_text(picture: Bytes, lines: Sequence[str], ratio: float = 1.0) -> Bytes
     ]
     broken = broken[-max(height // line, 1) :]
     top = max(height - len(broken) * line - _MARGIN, 0)
-    # Text is read on what is dark.
+    # Darken the picture behind the text, so that it can be read.
     strip = Image.fromarray((picture[top:, :, :3] // 4).astype(np.uint8))
     draw = ImageDraw.Draw(strip)
     for number, text in enumerate(broken):

@@ -1,4 +1,4 @@
-"""The scene of a view, read anew when its file changes."""
+"""The scene of a view, which is read again when its file changes."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from halfstep.errors import SceneError, UsageError
 from halfstep.models import Look, as_scene, is_model, load
 from halfstep.scene import CameraLike, Overrides, Scene, SceneLike, with_overrides
 
-# What changes with a file: when it was written, how long it is, and which it is.
+# A file's time of writing, size and inode, which change when the file changes.
 _Mark = tuple[int, int, int]
 
 
 class Source:
-    """A scene and where it comes from.
+    """A scene and its origin.
 
     Attributes:
-        scene: the last one without faults, with what the options say in place of its own.
-        fault: of the text of the file as it is now; empty where there is none.
+        scene: the last scene without faults, with the options that replace its settings.
+        fault: the faults of the file's present text; empty if it has none.
     """
 
     def __init__(
@@ -28,11 +28,11 @@ class Source:
         camera: CameraLike | None,
         overrides: Overrides,
     ) -> None:
-        """Read it.
+        """Read the scene.
 
         Raises:
-            SceneError: with every fault.
-            UsageError: the look is not of such a file.
+            SceneError: the scene has faults, all of which the message lists.
+            UsageError: files of this type cannot take an option of ``look``.
         """
         self._given = given
         self._look = look
@@ -45,9 +45,10 @@ class Source:
         self.scene = self._read()
 
     def poll(self) -> bool:
-        """Read the file if it has changed; whether it was read.
+        """Read the file if it has changed, and return whether it was read.
 
-        It is read once it is the same twice, as programs write a file in several steps.
+        The file is read once two polls find it the same, because programs write it in several
+        steps.
         """
         mark = _mark(self._path)
         if mark != self._mark:
@@ -73,7 +74,7 @@ class Source:
 
 
 def _path_of(given: SceneLike) -> Path | None:
-    """The file that may change, None where there is none."""
+    """The file that may change; None if the scene has no file."""
     if isinstance(given, str | os.PathLike) and (is_model(given) or Path(given).suffix == ".toml"):
         return Path(given)
     return None
