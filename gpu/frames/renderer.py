@@ -258,7 +258,8 @@ class Renderer:
     def _solids_of(self, scene: Scene, *, hidden: bool) -> tuple[Solids, str]:
         """The solids of ``scene`` and their digest; most often they are the same as before."""
         before, were_hidden, solids, sha256 = self._kept
-        if hidden != were_hidden or not Solids.are_shared(scene, before):
+        is_same = scene is before or Solids.are_shared(scene, before)
+        if hidden != were_hidden or not is_same:
             solids, sha256 = Solids.of(scene, hidden=hidden), scene.solids_sha256
         self._kept = scene, hidden, solids, sha256
         return solids, sha256
