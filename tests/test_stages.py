@@ -609,6 +609,10 @@ class Draw:
                 return rng.uniform(-7, 7, shape)
             case "x" if self._function.file == "elementary":
                 return rng.choice([-1, 1], shape) * np.exp2(rng.uniform(-45, 14, shape))
+            case "m" | "h" if self._function.name == "about":
+                # Powers of these up to DEGREE, times another number, stay normal.
+                value = self._usual(name, leaf)
+                return np.where(value == 0, 0, np.copysign(np.maximum(abs(value), 2**-16), value))
             case "until":
                 few = rng.integers(-3, 4, shape)
                 return np.where(rng.random(shape) < 0.5, few, self._usual(name, leaf))

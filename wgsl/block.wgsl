@@ -1,6 +1,7 @@
 // What an invocation holds of its block: quads of four pixels of a row, side by side.
 //
 // The code for the quads shares these variables, so that functions can work on all quads at once.
+// Unlike variables of functions, they are not cleared at each call.
 
 // Places of the quads in the block.
 const QUAD_0: u32 = 0u;
@@ -22,6 +23,10 @@ var<private> leaving_0: Root;  // where the ray leaves the solid
 var<private> sight_0: Sight;  // what was found of the solid
 // each quad
 var<private> slope_0: Vector;  // along the normal of the solid at the sight
+// each quad
+var<private> normal_in_0: Vector;  // of the plane where the ray enters the solid
+// each quad
+var<private> normal_out_0: Vector;  // and where it leaves it
 // each quad
 var<private> certificate_0: Certificate;  // what is certain of the solid
 // each quad

@@ -81,10 +81,6 @@ fn try_body(body: Body) {
   let own_0 = is_own(nearest_0.surface, body.first, body.count);
   // each quad
   var piece_0 = piece_of(glance_0);
-  // each quad
-  var normal_in_0 = NO_VECTOR;  // of the plane where the piece begins
-  // each quad
-  var normal_out_0 = NO_VECTOR;  // and where it ends, which shows from inside
   for (var k = 0u; k < body.face_count; k++) {
     let face = face_at(body.face_start + k);
     let normal = normal_of_face(face);

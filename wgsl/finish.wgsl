@@ -26,7 +26,8 @@ fn finish(nearest: Nearest, i: i4, j: i32) -> Shown {
   );
   var dark = u4(0u);  //? color
   dark = nearest.dark;  //? color & shadows
-  let lit = shade(normal, direction, point, material, dark);  //? color
+  var lit = shade(normal, direction, point, material, dark);  //? color
+  lit = Vector(seen(lit.x), seen(lit.y), seen(lit.z));  //? store_color
   return Shown(
     either(some, normal, NO_VECTOR),  //? store_normal
     either(some, lit, background),  //? color

@@ -305,7 +305,9 @@ fn exponential_jet(a: Jet) -> Jet {
   let largest = exponential_of(end);
   let off = max(GROWTH_ERROR * value, f4(FAINTEST));
   let change = max((largest - value) + (64.0 * GROWTH_ERROR) * largest, f4(FAINTEST));
-  let outer = Outer(value, value, 0.5 * value, off, off, change, 0.5 * change);
+  // Were all of the second derivative half of the first, compilers would factor sums of both.
+  let half = max(0.5 * change, f4(FAINTEST));
+  let outer = Outer(value, value, 0.5 * value, off, off, change, half);
   return composed(a, outer, end < f4(0.5 * LARGEST_EXPONENT));
 }
 

@@ -23,7 +23,7 @@ fn power(base: f4, exponent: u4) -> f4 {
   return result;
 }
 
-// The light, or none where it is faint.
+// The light, or none where it is faint. In an image both are black.
 fn seen(light: f4) -> f4 {
   return select(f4(0.0), light, light > f4(FAINT));
 }
@@ -70,8 +70,8 @@ fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish, dark:
     }
   }
   return Vector(
-    seen(finish.color.x * diffuse.x + glossy.x),
-    seen(finish.color.y * diffuse.y + glossy.y),
-    seen(finish.color.z * diffuse.z + glossy.z),
+    finish.color.x * diffuse.x + glossy.x,
+    finish.color.y * diffuse.y + glossy.y,
+    finish.color.z * diffuse.z + glossy.z,
   );
 }

@@ -4,10 +4,6 @@ fn visit_cut(solid: Solid, y: i32) {
   var piece_0 = whole_interval(solid.near_u, solid.far_u);
   // each quad
   var ends_0 = bounded_interval(solid.near_u, solid.far_u, near_cut(solid));  //? error
-  // each quad
-  var normal_in_0: Vector;  // of the plane where the piece begins  //? normal
-  // each quad
-  var normal_out_0: Vector;  // and where it ends, which shows from inside  //? normal & opened
   for (var k = 0u; k < solid.plane_count; k++) {
     let half_space = half_space_at(solid.plane_start + k);
     let normal = normal_of(half_space);  //? normal

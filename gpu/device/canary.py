@@ -40,7 +40,7 @@ def _record(*members: tuple[str, str]) -> np.dtype[np.void]:
 # The records of canary.wgsl and canary_int64.wgsl.
 _OPERANDS = _record(("4f4", "v w"), ("f4", "a b c tiny"), ("i4", "i j"), ("u4", "shift count"))
 _ANSWERS = _record(
-    ("f4", "dot product sum product_sum sum_of_three quotient root subnormal"),
+    ("f4", "dot product sum product_sum sum_of_three common_factor quotient root subnormal"),
     ("i4", "truncated whole_sum whole_product shifted_left shifted_right"),
     ("u4", "shifted_unsigned looped"),
 )
@@ -59,6 +59,8 @@ class Fingerprint:
     Attributes:
         contraction: how a·b + c is computed: "separate", "fused" or "mixed".
         sums: the order of (a·b + c·d) + e: "as written", or which product is added last.
+        common_factor: of a·b + a·c: "kept" in both products, "taken out" of the sum, or "fused"
+            with one of them.
         subnormals: "kept", "flushed" or "mixed".
         dot: the order of the sum in a dot product of four: "left to right", "pairwise", … or
             "other".
@@ -75,6 +77,7 @@ class Fingerprint:
 
     contraction: str
     sums: str
+    common_factor: str
     subnormals: str
     dot: str
     division: str
@@ -94,6 +97,7 @@ class Fingerprint:
         parts = [
             f"a·b + c {self.contraction}",
             f"sums {self.sums}",
+            f"common factors {self.common_factor}",
             f"subnormals {self.subnormals}",
             f"dot {self.dot}",
             f"division {self.division}",
@@ -202,6 +206,7 @@ def _judge_32(compute: Compute, judge: _Judge) -> dict[str, str]:
             "a * b + c", found["product_sum"], {"separate": a * b + c, "fused": fused}
         ),
         "sums": _judge_sum(judge, found["sum_of_three"], x["v"] * x["w"], c),
+        "common_factor": _judge_factor(judge, found["common_factor"], a, b, c),
         "subnormals": judge.allow(
             "subnormal", found["subnormal"], {"kept": tiny, "flushed": np.zeros_like(tiny)}
         ),
@@ -224,6 +229,19 @@ def _judge_sum(judge: _Judge, found: Array, products: Array, c: Array) -> str:
         "with the first product last": (q + c) + p,
     }
     return judge.allow("(a * b + c * d) + e", found, orders)
+
+
+def _judge_factor(judge: _Judge, found: Array, a: Array, b: Array, c: Array) -> str:
+    """What becomes of the factor that two products have in common."""
+    p, q = a.astype(np.float64) * b, a.astype(np.float64) * c  # exact, as is a sum with one rounded
+    first, second = p.astype(np.float32), q.astype(np.float32)
+    choices = {
+        "kept": first + second,
+        "taken out": a * (b + c),
+        "fused": (p + second).astype(np.float32),
+        "fused with the second": (first + q).astype(np.float32),
+    }
+    return judge.allow("a * b + a * c", found, choices)
 
 
 def _judge_dot(judge: _Judge, found: Array, v: Array, w: Array) -> str:

@@ -264,7 +264,8 @@ class Renderer:
     def _solids_of(self, scene: Scene, *, hidden: bool) -> tuple[Solids, str]:
         """The solids of ``scene`` and their digest, kept from the last frame if they are equal."""
         before, were_hidden, solids, sha256 = self._kept
-        if hidden != were_hidden or not Solids.are_shared(scene, before):
+        is_same = scene is before or Solids.are_shared(scene, before)
+        if hidden != were_hidden or not is_same:
             solids, sha256 = Solids.of(scene, hidden=hidden), scene.solids_sha256
         self._kept = scene, hidden, solids, sha256
         return solids, sha256

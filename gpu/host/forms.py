@@ -165,7 +165,9 @@ def power_of_two(largest: Floats) -> Floats:
     """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
     fraction, exponent = np.frexp(largest)
     # A power of two itself has the fraction 1/2.
-    exponent = np.clip((fraction == 0.5) - exponent, -LARGEST_EXPONENT, LARGEST_EXPONENT)
+    exponent = (fraction == 0.5) - exponent
+    # As minimum and maximum: of short arrays clip takes three times as long.
+    exponent = np.minimum(np.maximum(exponent, -LARGEST_EXPONENT), LARGEST_EXPONENT)
     return np.asarray(np.ldexp(1.0, exponent))
 
 

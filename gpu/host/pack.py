@@ -392,15 +392,16 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
     right, down, _ = view.camera_from_world
     record = np.zeros(1, _FRAME)
     corner = np.array(0), np.array(0)
+    # All at once: NumPy takes as long for one vector.
+    vectors = _clear(np.array([view.directions(*corner), right, down, scene.image.background]))
+    vectors[1:3] *= view.pixel
+    first, record["right"][0, :3], record["down"][0, :3], record["background"][0, :3] = vectors
     if view.parallel:
-        record["forward"][0, :3] = _clear(view.directions(*corner))
+        record["forward"][0, :3] = first
         record["first_ray"][0, :3] = _clear(view.starts(*corner))
     else:
-        record["first_ray"][0, :3] = _clear(view.directions(*corner))
-    record["right"][0, :3] = view.pixel * _clear(right)
-    record["down"][0, :3] = view.pixel * _clear(down)
+        record["first_ray"][0, :3] = first
     record["ambient"][0, :3] = scene.ambient.color
-    record["background"][0, :3] = _clear(np.array(scene.image.background))
     tiles_x = -(-view.width // layout.TILE)
     tiles_y = -(-rows // layout.TILE)
     record["first_row"] = first_row

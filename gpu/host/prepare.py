@@ -82,5 +82,5 @@ def prepare(
     """
     known = Solids.of(scene) if solids is None else solids
     constants = frame_setup(scene, samples, solids=known)
-    steps = steps_for(scene, constants, samples, most_steps)
+    steps = steps_for(scene, constants, samples, most_steps, lit=known.lit is not None)
     return pack(scene, known.geometry, known.surfaces, constants, steps, known.lit)

@@ -13,8 +13,6 @@ import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, FLOAT_STEPS, Format
-from halfstep.host.mirrors import has_mirrors
-from halfstep.host.occluders import has_shadows
 from halfstep.host.setup import Setup
 from halfstep.scene import Accuracy, Scene
 
@@ -37,7 +35,14 @@ class Steps:
     most: int  # halvings that a tolerance gets: more do not pay, or are not to be had
 
 
-def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | None = None) -> Steps:
+def steps_for(
+    scene: Scene,
+    setup: Setup,
+    samples: int = 1,
+    most_steps: int | None = None,
+    *,
+    lit: bool = False,
+) -> Steps:
     """Halvings that meet the scene's ``[accuracy]`` in the frame ``setup``.
 
     Args:
@@ -45,6 +50,7 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | No
         setup: the frame.
         samples: how many pixels of ``setup`` make the width of a pixel of the picture.
         most_steps: no tolerance gets more; None leaves it to the number format.
+        lit: whether there are shadows or mirrors.
     """
     accuracy = scene.accuracy
     most = format_for(accuracy, 0).useful_steps
@@ -71,7 +77,7 @@ def steps_for(scene: Scene, setup: Setup, samples: int = 1, most_steps: int | No
             cells = 2 * setup.depth_half[row] / setup.copies.thinnest
             needed = np.ceil(np.log2(np.maximum(cells, 1.0))) + THIN_STEPS
             count[row] = np.maximum(count[row], np.where(cells > 0, np.minimum(needed, most), 1))
-        if has_shadows(scene) or has_mirrors(scene):
+        if lit:
             count = np.maximum(count, min(SHADOW_STEPS, most))
     reached = setup.depth_half * 2.0**-count / (1 - ROUNDING_SHARE)
     return Steps(count, short, reached, most)

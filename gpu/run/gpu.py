@@ -234,6 +234,7 @@ class Device(Turns):
         if self._conveyor != needs.conveyor:
             needs = replace(needs, conveyor=self._conveyor)
         shaders = self._shaders.of(needs)
+        needs = shaders.needs  # equal, and knows its facts already
         frame = frame_record(scene, packed.setup, first_row, rows)
         self._check_rounds_of_light(needs, packed)
         too_long = rounds.exceed(needs, packed, lists, self.loop_rounds)

@@ -35,13 +35,15 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
     # round for each error bound that is tried.
     walks = 2 if "exit" in needs.outputs else 1
     tried = (BOUNDS + 1) * ("error" in needs.outputs)
-    of_polynomial = packed.classes == Class.POLYNOMIAL
-    rounds[of_polynomial] += (walks * (CLOCKS + 1 + steps) + tried)[of_polynomial]
+    if Class.POLYNOMIAL in needs.classes:
+        of_polynomial = packed.classes == Class.POLYNOMIAL
+        rounds[of_polynomial] += (walks * (CLOCKS + 1 + steps) + tried)[of_polynomial]
     # A formula takes a round for each side of an error bound, for each end of the interval and for
     # each axis. If there are several programs, each of these rounds asks every program.
-    of_formula = packed.classes == Class.FORMULA
-    asked = walks * (CLOCKS + 1 + steps) + 2 * tried + 8
-    rounds[of_formula] += (asked * (1 + 2 * len(needs.programs)))[of_formula]
+    if Class.FORMULA in needs.classes:
+        of_formula = packed.classes == Class.FORMULA
+        asked = walks * (CLOCKS + 1 + steps) + 2 * tried + 8
+        rounds[of_formula] += (asked * (1 + 2 * len(needs.programs)))[of_formula]
     # One round comes to the solid in the tile's list, and one more if places of points are needed.
     return np.asarray(rounds + 1 + ("places" in needs.facts))
 
@@ -91,11 +93,15 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
 
 def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
     """Whether an invocation of some tile may take more than ``granted`` rounds."""
-    rounds = rounds_of_members(needs, packed, lists)
     left = granted - rounds_of_finish(needs) - rounds_of_light(needs, packed)
+    edges = lists.starts[:: max(len(needs.classes), 1)].astype(np.int64)
+    solids = rounds_of_solids(needs, packed)
+    longest = int(np.diff(edges).max(initial=0))
+    if lists.regions is None and longest * int(solids.max(initial=0)) <= left:
+        return False  # most frames need no sums
+    rounds = rounds_of_members(needs, packed, lists)
     total = np.zeros(len(rounds) + 1, np.int64)
     np.cumsum(rounds, out=total[1:])
-    edges = lists.starts[:: max(len(needs.classes), 1)].astype(np.int64)
     return int(np.diff(total[edges]).max(initial=0)) > left
 
 

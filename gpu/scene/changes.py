@@ -61,10 +61,9 @@ def with_overrides(
             ``steps: 31 is not <= 30``.
         TypeError: there is no such option.
     """
-    names = Overrides.__annotations__.keys()
-    unknown = sorted(overrides.keys() - names)
-    if unknown:
-        raise TypeError(f"{', '.join(unknown)}: no such option; there are {', '.join(names)}")
+    given, options = _keys(overrides)
+    if camera is None and not given:
+        return scene
     faults: list[Fault] = []
     changes: dict[str, Table] = {}
 
@@ -84,7 +83,6 @@ def with_overrides(
     elif camera is not None:
         replace("camera", camera, {})
 
-    given, options = _keys(overrides)
     if "size" in given:
         faults.append((("size",), f"{show(given['size'])} is not an array of 2 integers"))
     for key, table in (("image", scene.image), ("accuracy", scene.accuracy)):
@@ -122,7 +120,14 @@ def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:
     """What is given by the keys of tables, and by keys the options that they come from.
 
     A size that is not two numbers stays a size.
+
+    Raises:
+        TypeError: there is no such option.
     """
+    names = Overrides.__annotations__.keys()
+    unknown = sorted(overrides.keys() - names)
+    if unknown:
+        raise TypeError(f"{', '.join(unknown)}: no such option; there are {', '.join(names)}")
     given = _given(overrides)
     options: dict[str, Loc] = {name: (name,) for name in Overrides.__annotations__}
     size = given.get("size")

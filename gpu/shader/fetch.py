@@ -38,6 +38,8 @@ from halfstep.shader.needs import Needs
 # Bytes that an invocation loads at once: four 64-bit integers, which take as many loads as four
 # 32-bit integers.
 FETCHED = 32
+# The same as words.
+WIDE = FETCHED // 8
 
 # The arrays of regions, in the order of their bindings.
 REGION_RECORDS = {
@@ -189,23 +191,17 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
     dtype = record.dtype(needs.format)
     places = dict(dtype.fields or {})
     pieces = dtype.itemsize // FETCHED
-    text = f"  let place = number * {pieces}u + lane;\n"
-    for first in range(0, pieces, needs.broadcast):
-        piece = f"piece_{first}"
-        load = f"{piece} = {array}[place + {first}u];\n"
-        # A load serves one invocation after another. Skipping it pays only if most skip it.
-        if pieces - first > needs.broadcast // 2:
-            text += f"  let {load}"
-        else:
-            text += f"  var {piece}: vec4<u64>;\n"
-            text += f"  if lane < {pieces - first}u {{\n    {load}  }}\n"
-        text += f"  let low_{first} = vec4<u32>({piece});\n"
-        text += f"  let high_{first} = vec4<u32>({piece} >> vec4<u32>(32u));\n"
+    loaded = {
+        first: _words_each(pieces - first, needs.broadcast)
+        for first in range(0, pieces, needs.broadcast)
+    }
+    text = "".join(_load(array, pieces, first, count) for first, count in loaded.items())
 
     def word(k: int) -> str:
-        lane = k // 8 % needs.broadcast
-        half = "high" if k % 2 else "low"
-        return f"subgroupBroadcast({half}_{k // 8 - lane}.{'xyzw'[k % 8 // 2]}, {lane}u)"
+        first = k // 8 // needs.broadcast * needs.broadcast
+        lane, axis = divmod(k // 2 - WIDE * first, loaded[first])
+        component = "" if loaded[first] == 1 else "." + "xyzw"[axis]
+        return f"subgroupBroadcast({'high' if k % 2 else 'low'}_{first}{component}, {lane}u)"
 
     def scalar(type_: str, k: int) -> str:
         if type_ == "i64":
@@ -226,6 +222,34 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
             elements = "".join(f"      {value},\n" for value in values)
             members += f"    array<{field.type}, {field.count}>(\n{elements}    ),\n"
     return text + f"  return {record.name}(\n{members}  );\n"
+
+
+def _words_each(pieces: int, lanes: int) -> int:
+    """How many words of 64 bits each of some invocations loads, which together load pieces.
+
+    A load serves one invocation after another: the fewer words each loads, the better, and no
+    branch is needed around a load that some would leave out.
+    """
+    return next((count for count in (1, 2) if count * lanes >= WIDE * pieces), WIDE)
+
+
+def _load(array: str, pieces: int, first: int, count: int) -> str:
+    """Statements that load pieces from ``first`` on, ``count`` words for each invocation."""
+    start = f"number * {pieces}u" + (f" + {first}u" if first else "")
+    if count == WIDE:
+        text = f"  let piece_{first} = {array}[{start} + lane];\n"
+        type_, shift = "vec4<u32>", "vec4<u32>(32u)"
+    else:
+        share = WIDE // count  # of a piece
+        text = f"  let at_{first} = {start} + lane / {share}u;\n"
+        place = f"lane % {share}u" if count == 1 else f"{count}u * (lane % {share}u)"
+        text += f"  let word_{first} = {place};\n"
+        words = [f"{array}[at_{first}][word_{first}{more}]" for more in ("", " + 1u")[:count]]
+        type_, shift = ("vec2<u32>", "vec2<u32>(32u)") if count == 2 else ("u32", "32u")
+        joined = f"vec2<u64>({', '.join(words)})" if count == 2 else words[0]
+        text += f"  let piece_{first} = {joined};\n"
+    text += f"  let low_{first} = {type_}(piece_{first});\n"
+    return text + f"  let high_{first} = {type_}(piece_{first} >> {shift});\n"
 
 
 def _scalar(number_format: Format, type_: str) -> str:

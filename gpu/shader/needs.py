@@ -124,7 +124,7 @@ class Needs:
             chosen.add({2: "store_bytes_two", 4: "store_bytes_four"}[self.stored])
         return frozenset(chosen)
 
-    @property
+    @cached_property
     def quads(self) -> int:
         """Quads of a block. They share a fetched record, but more quads compile longer.
 
@@ -140,7 +140,7 @@ class Needs:
         is_alone = len(self.classes) <= 1 and not walks
         return 4 if self.broadcast > 1 and is_alone else 2
 
-    @property
+    @cached_property
     def light_rounds(self) -> int:
         """The most loop rounds that shading a quad takes."""
         shaded = not self.outputs.isdisjoint(("image", "color"))

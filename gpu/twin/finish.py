@@ -11,7 +11,7 @@ from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import I32
 from halfstep.twin.normal import NO_VECTOR, Vector, either, normalized, or_else, scaled
 from halfstep.twin.ray import ray_direction
-from halfstep.twin.shade import Finish, Light, shade
+from halfstep.twin.shade import Finish, Light, seen, shade
 
 
 class Shown(NamedTuple):
@@ -47,5 +47,7 @@ def finish(
         background = Vector(*(np.asarray(frame["background"][axis]) for axis in range(3)))
         dark = nearest.dark if "shadows" in facts else np.zeros(i.shape, np.uint32)
         lit = shade(normal, direction, point, material, dark, frame["ambient"], lights)
+        if "store_color" in facts:
+            lit = Vector(*map(seen, lit))
         shown = shown._replace(color=either(some, lit, background))
     return shown

@@ -354,7 +354,9 @@ def exponential_jet(a: Jet) -> Jet:
     off = np.maximum(GROWTH_ERROR * value, FAINTEST)
     change = (largest - value) + (np.float32(64) * GROWTH_ERROR) * largest
     change = np.maximum(change, FAINTEST)
-    outer = Outer(value, value, _HALF * value, off, off, change, _HALF * change)
+    # Were all of the second derivative half of the first, compilers would factor sums of both.
+    half = np.maximum(_HALF * change, FAINTEST)
+    outer = Outer(value, value, _HALF * value, off, off, change, half)
     return composed(a, outer, end < _HALF * LARGEST_EXPONENT)
 
 

@@ -45,7 +45,7 @@ def power(base: F32, exponent: U32) -> F32:
 
 
 def seen(light: F32) -> F32:
-    """``light``, or none where it is faint."""
+    """``light``, or none where it is faint. In an image both are black."""
     return np.where(light > FAINT, light, np.float32(0))
 
 
@@ -94,7 +94,7 @@ def shade(
             for channel in range(3):
                 glossy[channel] = glossy[channel] + light.color[channel] * gloss
     return Vector(
-        seen(finish.color.x * diffuse[0] + glossy[0]),
-        seen(finish.color.y * diffuse[1] + glossy[1]),
-        seen(finish.color.z * diffuse[2] + glossy[2]),
+        finish.color.x * diffuse[0] + glossy[0],
+        finish.color.y * diffuse[1] + glossy[1],
+        finish.color.z * diffuse[2] + glossy[2],
     )
