@@ -19,6 +19,9 @@ class PackedRegions:
     most_surfaces: int  # of an excerpt
     levels: int  # that a program opens at once
     has_hidden: bool  # programs have cells that are not shown
+    higher: Records | None = None  # surfaces of an order above two, if the scene has some
+    polynomials: Records | None = None  # theirs, and those of solids
+    pairs: int = 0  # the most that one of them has
 
     @property
     def arrays(self) -> tuple[Records | U32, ...]:

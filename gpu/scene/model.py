@@ -132,7 +132,7 @@ class Scene(Fragment, _Tables):
         return [
             *limit_faults(self),
             *shadow_faults(self, [each.shadows for each in self.lights], self.solids),
-            *algebraic_faults(self.solids, self.accuracy),
+            *algebraic_faults(self, self.solids, self.accuracy),
             *mirror_faults(self, self.materials, self.image, self.accuracy, self.solids),
         ]
 

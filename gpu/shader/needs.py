@@ -51,6 +51,7 @@ class Needs:
     levels: int = 0  # the most that a region's program opens at once
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest of a polynomial of the scene
+    pairs: int = 0  # of ends of a surface of a region, of the highest order above two
     programs: tuple[Program, ...] = ()  # formulas of the scene that are no polynomials
     numbers: int = 0  # that a record has room for
     balls: bool = False  # a ball bounds a solid with a polynomial or a formula
@@ -94,6 +95,7 @@ class Needs:
             wanted.add("broadcast")
         if self.has_regions:
             wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
+            wanted |= {"higher"} if self.pairs else set()
             wanted |= {"surfaces_5"} if self.surfaces > 4 else set()
             wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
         if "places" in wanted or wanted >= {"regions", "normal"}:
@@ -106,6 +108,11 @@ class Needs:
     def has_regions(self) -> bool:
         """Whether it tries copies of groups."""
         return Class.REGION in self.classes or Class.REGION_INSIDE in self.classes
+
+    @property
+    def has_polynomials(self) -> bool:
+        """Whether it reads records of polynomials."""
+        return Class.POLYNOMIAL in self.classes or "higher" in self.facts
 
     @property
     def choices(self) -> frozenset[str]:
