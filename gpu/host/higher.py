@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,12 @@ class Higher:
 
     shape: HigherShape
     own_from_group: Floats
+
+    @classmethod
+    def of(cls, shape: HigherShape) -> Self:
+        """A shape where it is placed."""
+        rotation = shape.world_from_local()
+        return cls(shape, np.column_stack([rotation.T, -rotation.T @ np.array(shape.origin)]))
 
     def moved(self, group_from_other: Floats) -> Higher:
         """The same surface in other coordinates, from which those of the group come (3, 4)."""
@@ -119,15 +126,11 @@ def _expanded(higher: Higher, own: Floats, middle: Floats, half: Floats) -> Floa
 
 def higher_of(functions: Sequence[Function]) -> dict[int, Higher]:
     """Those of a group's functions that are of an order above two, by their index."""
-    found = {}
-    for index, function in enumerate(functions):
-        if function.shape is not None:
-            rotation = function.owner.world_from_local()
-            origin = np.array(function.owner.origin)
-            found[index] = Higher(
-                function.shape, np.column_stack([rotation.T, -rotation.T @ origin])
-            )
-    return found
+    return {
+        index: Higher.of(function.shape)
+        for index, function in enumerate(functions)
+        if function.shape is not None
+    }
 
 
 def box_with(region: Region, matrices: Floats, higher: Mapping[int, Higher]) -> Floats | None:
