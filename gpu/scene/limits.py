@@ -50,6 +50,12 @@ def algebraic_faults(
     return faults
 
 
+def has_algebraic(scene: Fragment, solids: Sequence[BaseSolid]) -> bool:
+    """Whether a torus or a formula bounds a solid or a cell."""
+    of_cells = next(_shapes_of_cells(scene, ()), None)
+    return of_cells is not None or any(solid.is_algebraic for solid in solids)
+
+
 def _shapes_of_cells(fragment: Fragment, loc: Loc) -> Iterator[tuple[Loc, HigherShape]]:
     """The surfaces and parts of an order above two."""
     for key, shapes in (("surface", fragment.surfaces), ("part", fragment.parts)):
@@ -94,7 +100,7 @@ def shadow_faults(
     if lights and (scene.cells or scene.places or scene.lattices):
         text = "true: shadows are drawn of solids alone, and the scene has cells"
         faults += [(("light", index, "shadows"), text) for index in lights]
-    if lights and any(solid.is_algebraic for solid in solids):
+    if lights and has_algebraic(scene, solids):
         text = "true: shadows are not drawn of tori and formulas yet, and the scene has some"
         faults += [(("light", index, "shadows"), text) for index in lights]
     return [*faults, *_of_parts(scene, ())]
@@ -119,7 +125,7 @@ def mirror_faults(
         if scene.cells or scene.places or scene.lattices:
             text = f"{shown}: mirrors are drawn of solids alone, and the scene has cells"
             faults.append((loc, text))
-        if any(solid.is_algebraic for solid in solids):
+        if has_algebraic(scene, solids):
             text = (
                 f"{shown}: mirrors are not drawn of tori and formulas yet, and the scene has some"
             )
