@@ -7,8 +7,7 @@ from halfstep.scene import bundled_scenes, load
 
 def drawn_by_all() -> list[str]:
     """Those that every number format and method can draw: no torus, no formula."""
-    names = bundled_scenes()
-    return [name for name in names if not any(s.is_algebraic for s in load(name).solids)]
+    return [name for name in bundled_scenes() if not load(name).has_algebraic]
 
 
 def drawn_by_the_article() -> list[str]:

@@ -142,6 +142,14 @@ def _function(kind: str, given: list[float], p: Floats) -> tuple[Floats, Floats]
         slope = np.stack([2 * a * x + d * y + f * z + g, 2 * b * y + d * x + e * z + h,
                           2 * c * z + e * y + f * x + j])  # fmt: skip
         return value + g * x + h * y + j * z + k, np.linalg.norm(slope, axis=0)
+    if kind.endswith("torus"):
+        major, along, across = given[3:]
+        q = p - given[:3]
+        height = q[:, axis].copy()
+        q[:, axis] = 0.0
+        around = np.linalg.norm(q, axis=1)
+        value = (height / along) ** 2 + ((around - major) / across) ** 2 - 1
+        return value, 2 * np.hypot(height / along**2, (around - major) / across**2)
     if kind == "sphere":
         q = p - given[:3]
         return (q * q).sum(axis=1) - given[3] ** 2, 2 * np.linalg.norm(q, axis=1)

@@ -1,7 +1,7 @@
 """What rays see of cells, in extended precision: where surfaces are met, sorted, and asked between.
 
 It knows nothing of grids, programs or boxes: along a ray every function F is a quadratic in the
-depth, and between two of all their roots no cell begins or ends.
+depth, or of degree four, and between two of all their roots no cell begins or ends.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.scene.region import Complement, Intersection, Literal, Region
+from tests.tori import Torus, roots_of, values_of
 
 Floats = NDArray[np.float64]
 Wide = NDArray[np.longdouble]
@@ -53,6 +54,7 @@ def truth(
     near: float,
     far: float,
     hidden: Sequence[Region] = (),
+    tori: Sequence[Torus] = (),
 ) -> Truth:
     """What rays show.
 
@@ -64,6 +66,7 @@ def truth(
         near: depth where rays start.
         far: depth where they end.
         hidden: cells that are not seen, but may overlap others and fill gaps.
+        tori: further functions, behind those of the matrices.
     """
     start = np.broadcast_to(eye, directions.shape).astype(np.longdouble)
     start = np.column_stack([start, np.ones(len(start), np.longdouble)])
@@ -77,12 +80,17 @@ def truth(
         root = np.sqrt(b * b - 4 * a * c)
         q = -(b + np.where(b >= 0, root, -root)) / 2
         events = np.concatenate([q / a, c / q])
+    curves = [torus.along_rays(eye, directions) for torus in tori]
+    others = [np.where(np.isnan(each), far, each) for each in map(roots_of, curves)]
+    events = np.concatenate([events, *others])
     events = np.where((events > near) & (events < far), events, far)
     rays = np.arange(len(directions))
     ends = np.full((1, len(rays)), far, np.longdouble)
     times = np.sort(np.concatenate([events, ends, ends - far + near]), axis=0)
     middle = (times[1:] + times[:-1]) / 2
     values = (a[:, None] * middle + b[:, None]) * middle + c[:, None]
+    rest = [values_of(curve.terms, middle - curve.start)[None] for curve in curves]
+    values = np.concatenate([values, *rest])
     claims = np.array([holds(cell, values) for cell in (*cells, *hidden)])
     there = claims[: len(cells)]
     some = times[1:] > times[:-1]

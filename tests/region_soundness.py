@@ -2,9 +2,13 @@
 
     python -m tests.region_soundness --rays 10000000
 
+    python -m tests.region_soundness --tori --rays 1000000
+
 It draws groups of one to three cells, formulas of up to six levels over two to nine surfaces of all
 kinds in a ball, seen from outside and, three times in ten, from within; half of them between base
-planes that cut them. Each is rendered in both number formats with 8 to 30 halvings, and judged by
+planes that cut them. With ``--tori`` one to four of the surfaces are tori, some side by side. Each
+is rendered in both number formats with 8 to 30 halvings, with tori in float32 with 8 to 20, and
+judged by
 `tests.region_oracle`, which sorts all roots in extended precision. A *violation* is a pixel whose
 depth is further from the exact one than ``error`` says, or that is certain of a hit, a miss or a
 cell that is none. *Lost* are pixels that show a hit or a miss that is none, although no two
@@ -30,9 +34,18 @@ from halfstep.scene import Scene, with_overrides
 from halfstep.scene.region import Intersection, Literal, Region
 from tests.region_oracle import Truth, truth
 from tests.test_boxes import plain, random_region, random_surface
-from tests.test_regions import NEAR_TIE, ball, random_camera, random_volume, scene_of
+from tests.test_regions import (
+    NEAR_TIE,
+    ball,
+    random_camera,
+    random_volume,
+    scene_of,
+    surface_of,
+)
+from tests.tori import Torus, beside, random_torus
 
 SIZE = (96, 72)
+TORUS_SETTINGS = tuple(("float32", steps) for steps in (8, 10, 12, 16, 20))
 SETTINGS = tuple((form, steps) for form in ("float32", "fixed32") for steps in (8, 12, 16, 22, 30))
 
 
@@ -57,7 +70,39 @@ class Count:
         )
 
 
-def random_scene(rng: np.random.Generator) -> tuple[Floats, list[Region], Scene] | None:
+def random_tori(rng: np.random.Generator) -> list[Torus]:
+    """One to four, some side by side."""
+    tori = [random_torus(rng)]
+    for _ in range(rng.integers(4)):
+        tori.append(beside(rng, tori[-1]) if rng.random() < 0.4 else random_torus(rng))
+    return tori
+
+
+def scene_with_tori(
+    rng: np.random.Generator,
+) -> tuple[Floats, list[Region], Scene, list[Torus]] | None:
+    """Surfaces, some of which are tori, cells and their scene; nothing where a cell is empty."""
+    matrices = np.array([ball(), *(random_surface(rng) for _ in range(rng.integers(0, 5)))])
+    tori = random_tori(rng)
+    count = len(matrices) + len(tori)
+    inside = Literal(0, positive=False)
+    cells: list[Region] = [
+        Intersection((inside, random_region(rng, count, int(rng.integers(1, 6)))))
+        for _ in range(rng.integers(1, 4))
+    ]
+    tables = [surface_of(matrix, k) for k, matrix in enumerate(matrices, start=1)]
+    tables += [torus.table(k) for k, torus in enumerate(tori, start=1 + len(matrices))]
+    scene = scene_of(matrices, cells, random_camera(rng), surface=tables, **random_volume(rng))
+    try:
+        prepare(scene)
+    except halfstep.SceneError:  # a cell is empty, or nothing is ahead
+        return None
+    return matrices, cells, with_overrides(scene, size=SIZE), tori
+
+
+def random_scene(
+    rng: np.random.Generator,
+) -> tuple[Floats, list[Region], Scene, list[Torus]] | None:
     """Surfaces, cells and their scene; nothing where a cell is empty."""
     matrices = np.array([ball(), *(random_surface(rng) for _ in range(rng.integers(2, 10)))])
     inside = Literal(0, positive=False)
@@ -69,7 +114,7 @@ def random_scene(rng: np.random.Generator) -> tuple[Floats, list[Region], Scene]
         return None
     scene = scene_of(matrices, cells, random_camera(rng), **random_volume(rng))
     try:
-        return matrices, cells, with_overrides(scene, size=SIZE)
+        return matrices, cells, with_overrides(scene, size=SIZE), []
     except halfstep.SceneError:  # the camera is in none of the cells, and nothing is ahead
         return None
 
@@ -97,22 +142,24 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rays", type=int, default=10_000_000)
     parser.add_argument("--seed", type=int, default=1998)
+    parser.add_argument("--tori", action="store_true")
     parser.add_argument("--backend", default="numpy", choices=("numpy", "gpu"))
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     counts: dict[tuple[str, int], Count] = defaultdict(Count)
     groups, begin = 0, time.perf_counter()
     while sum(count.rays for count in counts.values()) < options.rays:
-        drawn = random_scene(rng)
+        drawn = scene_with_tori(rng) if options.tori else random_scene(rng)
         if drawn is None:
             continue
-        matrices, cells, scene = drawn
+        matrices, cells, scene, tori = drawn
         setup = prepare(scene).setup
         j, i = np.mgrid[: SIZE[1], : SIZE[0]]
         directions = setup.view.directions(i, j).reshape(-1, 3)
-        exact = truth(matrices, cells, setup.view.eye, directions, setup.near, setup.far)
+        view, ends = setup.view, (setup.near, setup.far)
+        exact = truth(matrices, cells, view.eye, directions, *ends, tori=tori)
         deepest = float(setup.depth_half.max(initial=0.0))
-        for form, steps in SETTINGS:
+        for form, steps in TORUS_SETTINGS if options.tori else SETTINGS:
             frame = halfstep.render(
                 scene,
                 steps=steps,

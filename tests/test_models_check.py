@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from halfstep.cli import main
 from halfstep.models import check
@@ -68,6 +69,49 @@ def _value(surface: Surface, point: list[float], number: type[Fraction] | type[f
     return x * x + y * y + z * z + k[6] * x + k[9]
 
 
+def f_of(surface: Surface, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """F at points (N, 3)."""
+    if surface.kind.endswith("torus"):
+        *middle, major, along, across = surface.coefficients
+        away = points - middle
+        axis = "xyz".index(surface.kind[0])
+        around = np.hypot(*np.delete(away, axis, axis=1).T)
+        value = (away[:, axis] / along) ** 2 + ((around - major) / across) ** 2 - 1
+        return np.asarray(value)
+    one = np.column_stack([points, np.ones(len(points))])
+    return np.asarray(np.einsum("ni,ij,nj->n", one, surface.matrix(), one))
+
+
+def test_a_torus_has_exact_sides() -> None:
+    """Along an axis it ends at A + C and A - C, in decimals that are no binary fractions."""
+    torus = Surface(1, "y-torus", (0.0, 0.0, 0.0, 0.3, 0.4, 0.2), "vacuum", "")
+    ends = np.array([0.1, 0.5, Fraction(0.3) - Fraction(0.2), Fraction(0.3) + Fraction(0.2)], float)
+    x = np.concatenate([ends, np.nextafter(ends, 1), np.nextafter(ends, 0)])
+    points = np.column_stack([x, 0 * x, 0 * x])
+    beyond = [not abs(Fraction(each) - Fraction(0.3)) <= Fraction(0.2) for each in x.tolist()]
+    assert is_positive(torus, points).tolist() == beyond
+    assert 2 < sum(beyond) < 10
+
+
+def test_tori_in_one_another_are_sound_and_crossing_ones_are_not(tmp_path: Path) -> None:
+    tori = (
+        '<surface id="1" type="z-torus" coeffs="0 0 0 5 2 2"/>'
+        '<surface id="2" type="z-torus" coeffs="0 0 0 5 1 {across}"/>'
+        '<surface id="3" type="sphere" coeffs="0 0 0 9" boundary="vacuum"/>'
+        '<cell id="1" material="1" region="-1 2"/><cell id="2" material="1" region="{inner}"/>'
+        '<cell id="3" region="-3 1" material="void"/>'
+    )
+    assert checked(tmp_path, tori.format(across=1, inner="-2")).is_sound
+    report = checked(tmp_path, tori.format(across=2.5, inner="-2"))
+    # Its rim reaches from 7 to 7.5: a chord of that is the longest piece.
+    [overlap] = report.overlaps
+    assert overlap.cells == (2, 3)
+    chord = 2 * np.sqrt(7.5**2 - 7**2)
+    assert 0.9 * chord < overlap.depth <= chord
+    [gap] = checked(tmp_path, tori.format(across=1, inner="-2 3")).gaps
+    assert gap.where == "universe 0"
+
+
 def test_rays_cross_where_f_vanishes(rng: np.random.Generator) -> None:
     origins = rng.uniform(-4, 4, (40, 3))
     directions = rng.normal(size=(40, 3))
@@ -75,16 +119,15 @@ def test_rays_cross_where_f_vanishes(rng: np.random.Generator) -> None:
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     crossed = 0
     for kind, names in SURFACES.items():
+        given = rng.uniform(0.3, 2, len(names))
         if kind.endswith("torus"):
-            continue
-        surface = Surface(1, kind, tuple(rng.uniform(0.3, 2, len(names)).tolist()), "vacuum", "")
+            given[3] += 2
+        surface = Surface(1, kind, tuple(given.tolist()), "vacuum", "")
         at = crossings(surface, origins, directions)
-        matrix = surface.matrix()
         for column in at.T:
             there = np.isfinite(column)
             points = origins[there] + column[there, None] * directions[there]
-            one = np.column_stack([points, np.ones(len(points))])
-            value = np.einsum("ni,ij,nj->n", one, matrix, one)
+            value = f_of(surface, points)
             assert np.abs(value).max(initial=0) < 1e-9 * (
                 1 + np.abs(column[there]).max(initial=0) ** 2
             )
@@ -174,8 +217,6 @@ def test_points_find_what_rays_miss(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.xml")), ids=lambda path: path.stem)
 def test_sound_models_are_sound(path: Path) -> None:
-    if path.stem == "tilted_pins":
-        pytest.skip("it has tori")
     report = check(path, rays=24, points=3000)
     assert report.overlaps == []
     # The outermost cells of one do not touch, and nothing is around the lattice of another.

@@ -89,9 +89,11 @@ FAULTS = [
         "2:40: surface 1: coeffs: is 0 but for K, which is no surface",
     ),
     (
-        surface("x-torus", "0 0 0 3 1 1"),
-        '2:23: surface 1: type: "x-torus": tori cannot bound cells yet',
+        surface("x-torus", "0 0 0 1 1 3"),
+        "2:40: surface 1: coeffs: C = 3 is not <= A = 1: a torus that crosses itself cannot bound "
+        "cells yet",
     ),
+    (surface("y-torus", "0 0 0 3 0 1"), "2:40: surface 1: coeffs: B = 0 is not > 0"),
     (
         surface("spher", "0 0 0 5"),
         '2:23: surface 1: type: "spher" is not a type of surface; did you mean "sphere"?',
@@ -398,7 +400,9 @@ def test_all_types_of_surfaces_have_the_functions_of_the_manual(rng: np.random.G
             + g * x + h * y + j * z + k,
         ),
     }  # fmt: skip
-    assert {*expected, "x-torus", "y-torus", "z-torus"} == set(SURFACES)
+    tori = {"x-torus": (x - a, y - b, z - c), "y-torus": (y - b, z - c, x - a),
+            "z-torus": (z - c, x - a, y - b)}  # fmt: skip
+    assert {*expected, *tori} == set(SURFACES)
     from halfstep.models.openmc import Surface
     from halfstep.models.openmc_scene import surface_table
 
@@ -413,6 +417,24 @@ def test_all_types_of_surfaces_have_the_functions_of_the_manual(rng: np.random.G
         # A plane of a scene counts in lengths.
         scale = np.linalg.norm(given[:3]) if kind == "plane" else 1.0
         assert np.allclose(drawn * scale, values, atol=1e-12)
+    for kind, (height, first, second) in tori.items():
+        major, along, across = 2 + d, e, f / 2
+        read = Surface(1, kind, (a, b, c, major, along, across), "transmission", "")
+        values = (height / along) ** 2 + ((np.hypot(first, second) - major) / across) ** 2 - 1
+        table = {"format": 1, "camera": camera, "surface": [surface_table(read)],
+                 "cell": [{"color": [1, 0, 0], "region": "-1"}]}  # fmt: skip
+        whole = Scene.from_dict(table)
+        [torus] = whole.surfaces
+        own = (p.T - torus.origin) @ torus.world_from_local()
+        found = [
+            sum(
+                float(value) * px**i * py**j * pz**k
+                for (i, j, k), value in read.torus().polynomial().items()
+            )
+            for px, py, pz in own.tolist()
+        ]
+        assert (np.sign(found) == np.sign(values)).all()
+        assert (values < 0).any()
 
 
 def test_angles_are_those_of_the_matrix(rng: np.random.Generator) -> None:

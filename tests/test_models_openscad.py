@@ -210,6 +210,56 @@ def test_round_and_flat() -> None:
     assert all(inside @ side @ inside < 0 for side in square)
 
 
+def test_circles_are_turned_into_tori(tmp_path: Path) -> None:
+    """A pipe with an oval wall, moved and tilted: what is seen is where the formulas say."""
+    text = """multmatrix([[1,0,0,1],[0,0.6,-0.8,-2],[0,0.8,0.6,3],[0,0,0,1]])
+    rotate_extrude(angle = 360, convexity = 2, $fn = 0) {
+      multmatrix([[1,0,0,4],[0,1.5,0,0.5],[0,0,1,0],[0,0,0,1]])
+        difference() { circle($fn = 48, r = 1.2); circle(d = 1.4); } }"""
+    frame_of = opened(tmp_path, text)
+    assert [surface.kind for surface in frame_of.surfaces] == ["torus", "torus"]
+    frame = halfstep.render(
+        frame_of, size=(80, 60), outputs=("depth", "error", "position"), backend="numpy"
+    )
+    hit = (frame.solid >= 0) & np.isfinite(frame.error)
+    assert hit.sum() > 600
+    turn = np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]])
+    eye = np.array(frame_of.camera.center)
+
+    def inside(points: Floats) -> Bools:
+        x, y, z = ((points - [1, -2, 3]) @ turn).T
+        square = (np.hypot(x, y) - 4) ** 2 + ((z - 0.5) / 1.5) ** 2
+        return np.asarray((square <= 1.2**2) & (square > 0.7**2))
+
+    points, error = frame.position[hit], frame.error[hit]
+    steps = (points - eye) / frame.depth[hit][:, None]
+    room = (1.02 * error + 1e-9)[:, None] * steps
+    assert inside(points + room).mean() > 0.99
+    assert not inside(points - room).any()
+    for part in np.linspace(0, 1, 40, endpoint=False):
+        assert not inside(eye + part * (points - room - eye)).any()
+
+
+def test_what_turns_to_no_torus_is_refused(tmp_path: Path) -> None:
+    moved = "multmatrix([[1,0,0,{}],[0,1,0,0],[0,0,1,0],[0,0,0,1]])"
+    circle, square = moved.format(4) + " circle(1);", moved.format(4) + " square(1);"
+    stretched = "multmatrix([[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]) "
+    for text, fault in [
+        ("rotate_extrude(angle = 90) " + circle,
+         "rotate_extrude by less than a turn, or with flat sides, is not drawn"),
+        ("rotate_extrude($fn = 6) " + circle,
+         "rotate_extrude by less than a turn, or with flat sides, is not drawn"),
+        ("rotate_extrude() " + square, "rotate_extrude of what is no circle is not drawn"),
+        ("rotate_extrude() " + moved.format(0.5) + " circle(1);",
+         "rotate_extrude of a circle that reaches over the axis is not drawn"),
+    ]:  # fmt: skip
+        assert faults_of(tmp_path, text) == (f"part.csg: line 1, column 1: {fault}",)
+    assert faults_of(tmp_path, stretched + "rotate_extrude() " + circle) == (
+        f"part.csg: line 1, column {len(stretched) + 1}: "
+        "rotate_extrude that is stretched or sheared is not drawn",
+    )
+
+
 FAULTS = [
     ("cube(1)", "line 1, column 8: the end of the file stands where a call should"),
     ("cube(1);\n  5;", 'line 2, column 3: "5" stands where a call should'),

@@ -103,6 +103,7 @@ NEEDS = Needs(
     surfaces=8,
     levels=4,
     degree=4,
+    pairs=2,
     programs=PROGRAMS,
     numbers=4,
     balls=True,

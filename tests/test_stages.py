@@ -51,6 +51,8 @@ STEPS = 1 + BLOCK % 30
 SURFACES, WORDS, LEVELS = 4, 12, 4
 # Of polynomials.
 DEGREE = 4
+# Of ends of a surface of an order above two.
+PAIRS = 2
 
 # Colours and weights of light are never negative; zeros without a sign are what Mesa keeps.
 LIT = ("ambient", "specular")
@@ -123,6 +125,7 @@ const SURFACES: u32 = {SURFACES}u;
 const CROSSINGS: u32 = {3 * SURFACES}u;
 const LEVELS: u32 = {LEVELS}u;
 const DEGREE: u32 = {DEGREE}u;
+const PAIRS: u32 = {PAIRS}u;
 const TERMS: u32 = {term_count(DEGREE)}u;
 const NUMBERS: u32 = 4u;
 const CLOCKS: u32 = {CLOCKS}u;
@@ -447,6 +450,18 @@ FAULTS = [
     ("algebraic.begun_cell", "i4(0), found.first", "i4(1), found.first"),
     ("algebraic.outline_of", "form.left, form.right", "form.right, form.left"),
     ("algebraic.world_slope", "form.axes[4]", "form.axes[3]"),
+    ("higher.ended", "ends.points[k], point", "point, ends.points[k]"),
+    ("higher.pair_of", "ends.total > before + i4(1)", "ends.total > before"),
+    ("higher.closed_trail", "point, some & !now", "point, some & now"),
+    ("higher.opened_trail", "trail.inside, here", "trail.was, here"),
+    ("higher.higher_curve", "f32(y)", "-f32(y)"),
+    ("higher.is_about", "x <= i4", "x < i4"),
+    ("higher.begun_trail", "EYE_INSIDE", "EYE_UNKNOWN"),
+    ("higher.room_about", "< -error", "< error"),
+    ("higher.cell_behind", "right < stop", "right > stop"),
+    ("higher.tried_search", "leaf & judged.below", "judged.below"),
+    ("higher.rooted_search", "leaf + i4(1), met", "leaf, met"),
+    ("higher.all_crossed", "opposite(", "opposite(!"),
     ("elementary.turned_sine", "& i4(1)", "& i4(2)"),
     ("elementary.sine_of", "+ 0.5)", "+ 0.25)"),
     ("elementary.cosine_of", ") + 0.5)", ") - 0.5)"),
@@ -523,7 +538,7 @@ class Draw:
         if values is None:
             values = self._usual(name, leaf)
         # Pixels have places of their own; what else is one number or a record's is of a solid.
-        records = ("solid.", "half_space.", "plane.", "look.", "form.", *SHADOWED)
+        records = ("solid.", "half_space.", "plane.", "look.", "form.", "higher.", *SHADOWED)
         is_record = place.startswith(records)
         own = name in ("y", "j") or (leaf.ndim > 1 and not is_record)
         return values if own else values[::BLOCK_ROWS][BLOCK]
@@ -566,6 +581,22 @@ class Draw:
                 return STEPS
             case "cells":
                 return cells
+            case "pairs":
+                return rng.integers(1, PAIRS, shape, endpoint=True)
+            case "total":
+                return rng.integers(0, 2 * PAIRS + 2, shape)
+            case "clocks":
+                return rng.integers(1, 9, shape)
+            case "since":
+                return np.where(rng.random(shape) < 0.5, -2, rng.integers(-1, cells, shape))
+            case "leaf" | "following" if leaf.dtype == np.int32:
+                return rng.integers(0, cells, shape)
+            case "first" if place == "higher.first":
+                return np.where(rng.random(shape) < 0.5, 0, rng.integers(0, cells, shape))
+            case "start" | "stop" if place.startswith("higher."):
+                return np.rint(rng.uniform(0, 8, shape)) / 8 * (-1 if name == "start" else 1)
+            case "number" if self._function.name == "pair_of":
+                return rng.integers(0, PAIRS, shape)
             case "k" if leaf.ndim == 1:
                 return STEPS - 1
             case "v":
@@ -818,6 +849,8 @@ def _argument(
             return chosen_for(function.format, "visible")
         case "keys":
             return keys
+        case "room":
+            return 2 * PAIRS
         case "facts":
             return FACTS
         case "like":

@@ -142,6 +142,18 @@ struct Polynomial {
   terms: array<f32, TERMS>,  // as gpu/contract/powers.py orders them
 }
 
+// What a surface of a region of an order above two has besides its polynomial.
+struct Higher {
+  @align(32) polynomial: u32,  // its row among the polynomials
+  pairs: u32,  // of grid points between which F <= 0 holds, at most
+  center_x: i32,  // pixel where its x = 0
+  center_y: i32,  // pixel where its y = 0
+  first: i32,  // the leaf where it may be crossed first
+  start: f32,  // u where that begins
+  stop: f32,  // u behind which it is not crossed
+  eye: u32,  // EYE_…: what is known of F at the eye
+}
+
 // What a solid that a formula bounds has besides: points of rays are level + u along.
 struct Expression {
   @align(32) host_error: f32,  // error of points from the set-up

@@ -18,6 +18,23 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
       keep_crossing(region.flat_count + k, crossed(form, solid.steps, quadric.eye));
     }
   }
+  var place = count;  //? higher
+  for (var k = 0u; k < higher_count(region); k++) {  //? higher
+    let higher = higher_in(region, solid, k);
+    let form = polynomial_at(higher.polynomial);
+    // each quad
+    {
+      let x = x_0 + i4(solid.center_x - higher.center_x);
+      let down = y + (solid.center_y - higher.center_y);
+      let curve = higher_curve(form, x, down);
+      let some = is_about(form, x, down);
+      let trail = all_crossed(curve, higher, some, solid.steps, solid.last_step);
+      keep_ends(place, trail.found, higher.pairs, solid.steps, true);
+      keep_ends(SURELY + place, trail.surely, higher.pairs, solid.steps, false);  //? error
+      keep_ends(PERHAPS + place, trail.perhaps, higher.pairs, solid.steps, true);  //? error
+    }
+    place += higher.pairs;
+  }
   for (var k = 0u; k < count; k++) {  //? error
     // each quad
     {
@@ -124,6 +141,14 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
       let is_shown = shows_surface(met_0, number_at(region, k));
       certain &= settled(sure, maybe, into) | is_shown;
       begun_surely &= settled(sure, maybe, near) | b4(region.start_end < 0);
+    }
+    var spot = count;  //? error & higher
+    for (var k = 0u; k < higher_count(region); k++) {  //? error & higher
+      let pairs = higher_in(region, solid, k).pairs;
+      let is_shown = shows_surface(met_0, higher_number(region, k));
+      certain &= keeps_side(spot, pairs, into) | is_shown;
+      begun_surely &= keeps_side(spot, pairs, near) | b4(region.start_end < 0);
+      spot += pairs;
     }
     certificate_0 = certify_region(  //? error
       shown, hit, inside, within, into, certain, begun_surely, region, solid.last_step

@@ -287,6 +287,21 @@ POLYNOMIAL = Record(
     ),
 )
 
+HIGHER = Record(
+    "Higher",
+    "What a surface of a region of an order above two has besides its polynomial.",
+    (
+        Field("polynomial", "u32", 1, "its row among the polynomials"),
+        Field("pairs", "u32", 1, "of grid points between which F <= 0 holds, at most"),
+        Field("center_x", "i32", 1, "pixel where its x = 0"),
+        Field("center_y", "i32", 1, "pixel where its y = 0"),
+        Field("first", "i32", 1, "the leaf where it may be crossed first"),
+        Field("start", "f32", 1, "u where that begins"),
+        Field("stop", "f32", 1, "u behind which it is not crossed"),
+        Field("eye", "u32", 1, "EYE_…: what is known of F at the eye"),
+    ),
+)
+
 EXPRESSION = Record(
     "Expression",
     "What a solid that a formula bounds has besides: points of rays are level + u along.",
@@ -457,6 +472,7 @@ RECORDS = (
     CURVED,
     APPEARANCE,
     POLYNOMIAL,
+    HIGHER,
     EXPRESSION,
     LOCATION,
     LIGHT_VIEW,

@@ -19,6 +19,9 @@ class PackedRegions:
     most_surfaces: int  # the most surfaces of an excerpt
     levels: int  # the most levels that a program opens at once
     has_hidden: bool  # whether programs have cells that are not shown
+    higher: Records | None = None  # surfaces of an order above two, if the scene has some
+    polynomials: Records | None = None  # polynomials of these surfaces, and of solids
+    pairs: int = 0  # the most pairs of ends that one such surface has
 
     @property
     def arrays(self) -> tuple[Records | U32, ...]:

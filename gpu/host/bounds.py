@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from halfstep.contract.arrays import Floats, Ints
+from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.camera import View
 from halfstep.host.geometry import Geometry, Hulls
 
@@ -54,11 +54,36 @@ def bounds(geometry: Geometry, view: View) -> Bounds:
         corners += center.take(solid, axis=-1)
         extent[..., ix] = _points(corners, hulls.point_start, parallel)
 
-    tangent, depth = extent[:2], extent[2]
+    return _clipped(extent[:2], extent[2], parallel)
+
+
+def bounds_of_corners(corners: Floats, parallel: bool) -> Bounds:
+    """Bounds of what has corners (3, C, K) in camera axes, from the eye."""
+    count = corners.shape[1]
+    start = np.arange(corners.shape[2]) * count
+    extent = _points(corners.transpose(0, 2, 1).reshape(3, -1), start, parallel)
+    return _clipped(extent[:2], extent[2], parallel)
+
+
+def _clipped(tangent: Floats, depth: Floats, parallel: bool) -> Bounds:
+    """Bounds, of which tangents are infinite where something is behind the eye."""
     behind = (depth[0] <= 0) & (not parallel)
     np.copyto(tangent[:, 0], -np.inf, where=behind)
     np.copyto(tangent[:, 1], np.inf, where=behind)
     return Bounds(depth, tangent)
+
+
+def rectangles(box: Bounds, view: View) -> tuple[Ints, Bools]:
+    """Pixels (i0, i1, j0, j1) whose centres lie within the tangents, and whether there are any."""
+    first = np.array([[view.x_first], [view.y_first]])
+    last = np.array([[view.width], [view.height]]) - 1
+    low = np.ceil((box.tangent[:, 0] - first) / view.pixel - 1e-4)
+    high = np.floor((box.tangent[:, 1] - first) / view.pixel + 1e-4)
+    rectangle = np.empty((4, low.shape[1]), np.int64)
+    rectangle[::2] = np.minimum(np.maximum(low, 0), last + 1)
+    rectangle[1::2] = np.minimum(np.maximum(high, -1), last)
+    i0, i1, j0, j1 = rectangle
+    return rectangle, (i0 <= i1) & (j0 <= j1)
 
 
 def _ellipses(middle: Floats, axes: Floats, parallel: bool) -> Floats:

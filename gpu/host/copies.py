@@ -22,6 +22,7 @@ from halfstep.host.forms import (
     quadric_rounding,
     quadric_value,
 )
+from halfstep.host.higher_rays import HigherOnRays
 from halfstep.host.regions import Regions
 
 # Surfaces that are computed at once: more make NumPy wait for memory.
@@ -30,7 +31,7 @@ CHUNK = 1 << 12
 
 @dataclass(frozen=True)
 class Copies:
-    """R visible copies, and their N surfaces, planes first within each."""
+    """R visible copies, and their N surfaces, planes first within each, a higher order last."""
 
     regions: Regions
     row: Ints  # (R,), in ``Setup``
@@ -49,10 +50,19 @@ class Copies:
     span: Floats  # (2, R), u between which the cells are
     nearest: Floats  # (R,), no surface is seen at a smaller depth
     thinnest: Floats  # (R,), least distance of surfaces side by side
+    higher: HigherOnRays | None  # of surfaces of an order above two, for which A, G and C are 0
+    higher_at: Ints  # (M,), which of the N these are
 
 
-def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight, span: Floats) -> Copies:
-    """What the rays of a frame need of some copies; ``sight`` and ``span`` are theirs."""
+def copies(
+    regions: Regions,
+    row: Ints,
+    copy: Ints,
+    sight: Sight,
+    span: Floats,
+    higher: HigherOnRays | None,
+) -> Copies:
+    """What the rays of a frame need of some copies; ``sight``, ``span``, ``higher`` are theirs."""
     program = regions.of[copy]
     counts = np.diff(regions.first_surface)[program]
     owner = np.repeat(np.arange(len(copy)), counts)
@@ -65,10 +75,16 @@ def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight, span: Floats) 
     ]
     forms = [part.forms for part in parts]
     value = np.concatenate([part.value for part in parts])
+    eye_sure = np.concatenate([part.eye_sure for part in parts])
     nearest = np.full(len(copy), np.inf)
     # How exactly a copy is drawn does not depend on cells that are not shown.
     is_seen = np.concatenate([one.seen for one in regions.programs])[surface]
     depths = np.concatenate([part.nearest for part in parts])
+    higher_at = np.empty(0, np.int64)
+    if higher is not None:
+        higher_at = (np.cumsum(counts) - counts)[higher.owner] + higher.slot
+        value[higher_at] = np.where(higher.outside, 1.0, -1.0)
+        eye_sure[higher_at], depths[higher_at] = higher.eye_sure, higher.nearest
     np.minimum.at(nearest, owner[is_seen], depths[is_seen])
     return Copies(
         regions=regions,
@@ -83,11 +99,13 @@ def copies(regions: Regions, row: Ints, copy: Ints, sight: Sight, span: Floats) 
         host_error=np.concatenate([form.error for form in forms]),
         gradient=np.concatenate([form.gradient.transpose(3, 0, 1, 2) for form in forms]),
         value=value,
-        eye_sure=np.concatenate([part.eye_sure for part in parts]),
+        eye_sure=eye_sure,
         eye_inside=_eye_inside(regions, program, counts, value),
         span=span,
         nearest=nearest,
         thinnest=np.array([one.thinnest for one in regions.programs])[program],
+        higher=higher,
+        higher_at=higher_at,
     )
 
 

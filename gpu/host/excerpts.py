@@ -241,22 +241,27 @@ class _Written:
         """The row of an excerpt of a program."""
         regions, looks = self._copies.regions, self._packed.surfaces.appearances
         assert looks is not None
-        planes = regions.programs[number].planes
-        flat = int(np.searchsorted(excerpt.surfaces, planes))
+        program = regions.programs[number]
+        flat = int(np.searchsorted(excerpt.surfaces, program.planes))
+        lower = int(np.searchsorted(excerpt.surfaces, program.lower))
         first_face = looks.start[number] + len(regions.programs[number].cells)
         faces = excerpt.surfaces[looks.is_own[first_face + excerpt.surfaces]]
-        counts = flat, len(excerpt.surfaces) - flat, len(excerpt.cells), len(faces)
+        counts = flat, lower - flat, len(excerpt.cells), len(faces)
         words = len(excerpt.words)
         end = -(-(self._length + words) // GROUP)
         self._rows.append((self._length // GROUP, end, end * GROUP, *counts))
         nothing = np.zeros(end * GROUP - self._length - words, np.uint32)
         parts = [excerpt.words, nothing]
-        parts += [part.astype(np.uint32) for part in (excerpt.surfaces, excerpt.cells, faces)]
+        listed = excerpt.surfaces[:lower], excerpt.cells, faces
+        parts += [part.astype(np.uint32) for part in listed]
+        if self._copies.higher is not None:
+            higher = excerpt.surfaces[lower:]
+            parts.append(np.array([len(higher), program.lower, *higher], np.uint32))
         length = sum(map(len, parts))
         parts.append(np.zeros(-length % GROUP, np.uint32))
         self._length += length + len(parts[-1])
         self._parts += parts
-        self._most_surfaces = max(self._most_surfaces, len(excerpt.surfaces))
+        self._most_surfaces = max(self._most_surfaces, excerpt.crossings)
         return len(self._rows) - 1
 
     def regions(self, distinct: Ints) -> PackedRegions:

@@ -12,6 +12,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.formats import FRACTION_BITS
+from halfstep.host.camera import View
 from halfstep.host.edges import end_quadrics, monomials_of
 
 # Terms below this, next to 1, count as rounding; without them products of values are not
@@ -67,6 +68,19 @@ class Sight(NamedTuple):
             change *= offset
             level += change
         return np.asarray(level)
+
+
+def rays_of(view: View, center: Ints, origin: Floats, rotation: Floats) -> Floats:
+    """``Sight.rays``: the eye, and directions as [1, x, y] coefficients (4, 3, V), local."""
+    right, down, _ = view.camera_from_world
+    rays = np.empty((4, 3, center.shape[1]))
+    np.subtract(view.eye[:, None], origin, out=rays[0])
+    if view.parallel:
+        rays[0] += view.starts(*center).T
+    rays[1] = view.directions(*center).T
+    rays[2] = (view.pixel * right)[:, None]
+    rays[3] = (view.pixel * down)[:, None]
+    return np.einsum("jik,cjk->cik", rotation, rays)
 
 
 @dataclass(frozen=True)

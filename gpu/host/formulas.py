@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -178,12 +178,17 @@ def decided(region: Region, signs: Sequence[int]) -> Region:
 
 
 class Node(NamedTuple):
-    """A literal, an AND or an OR; its members are other nodes."""
+    """A literal, an AND or an OR; its members are other nodes.
+
+    Of a surface that has several crossings, F <= 0 is the OR of literals, one for each of them, and
+    F > 0 the AND.
+    """
 
     kind: type[Literal] | type[Intersection] | type[Union]
     members: tuple[int, ...] = ()
     surface: int = -1
     positive: bool = False
+    crossing: int = 0
 
 
 class Decided(NamedTuple):
@@ -204,6 +209,7 @@ class Excerpt(NamedTuple):
     """What is left of a formula where some literals are decided."""
 
     surfaces: Ints  # in order
+    crossings: int  # of all of them
     cells: Ints  # places of the cells that are left
     words: U32
     levels: int  # that the words open at once
@@ -218,8 +224,20 @@ class Formula:
         hidden: (C,), cells that are not shown.
     """
 
-    def __init__(self, regions: Sequence[Region], hidden: Bools | None = None) -> None:
-        """``regions``, in normal form; none that is shown is constant. By default all are shown."""
+    def __init__(
+        self,
+        regions: Sequence[Region],
+        hidden: Bools | None = None,
+        crossings: Mapping[int, int] | None = None,
+    ) -> None:
+        """A formula.
+
+        Args:
+            regions: in normal form; none that is shown is constant.
+            hidden: of each; by default all are shown.
+            crossings: of surfaces that have not just one; these come last.
+        """
+        self._crossings = crossings or {}
         self.hidden = np.zeros(len(regions), bool) if hidden is None else hidden
         self.nodes: list[Node] = []
         self.roots = [self._added(region) for region in regions]
@@ -228,7 +246,13 @@ class Formula:
 
     def _added(self, region: Region) -> int:
         if isinstance(region, Literal):
-            self.nodes.append(Node(Literal, (), region.surface, region.positive))
+            count = self._crossings.get(region.surface, 1)
+            first = len(self.nodes)
+            for k in range(count):
+                self.nodes.append(Node(Literal, (), region.surface, region.positive, k))
+            if count > 1:
+                kind = Intersection if region.positive else Union
+                self.nodes.append(Node(kind, tuple(range(first, first + count))))
         else:
             assert isinstance(region, Intersection | Union)
             members = tuple(self._added(part) for part in region.of)
@@ -319,7 +343,9 @@ class Formula:
 
     def _excerpt(self, live: Bools, holds: Bools) -> Excerpt:
         surfaces = np.unique(self.literal_surfaces[live])
-        places = {surface: place for place, surface in enumerate(surfaces.tolist())}
+        counts = [self._crossings.get(surface, 1) for surface in surfaces.tolist()]
+        ends = np.cumsum([0, *counts]).tolist()
+        places = dict(zip(surfaces.tolist(), ends, strict=False))
         left = {ix for ix, is_live in zip(self._literals, live.tolist(), strict=True) if is_live}
         for ix, node in enumerate(self.nodes):
             if not left.isdisjoint(node.members):
@@ -338,7 +364,8 @@ class Formula:
         opened = np.cumsum([bool(word & OPENS) - bool(word & CLOSES) for word in words])
         closing = np.array([bool(word & CLOSES) for word in words], np.int64)
         levels = int((opened + closing).max(initial=0))
-        return Excerpt(surfaces, np.array(cells, np.int64), np.array(words, np.uint32), levels)
+        numbers = np.array(cells, np.int64), np.array(words, np.uint32)
+        return Excerpt(surfaces, ends[-1], *numbers, levels)
 
     def _write(
         self, words: list[int], ix: int, left: set[int], places: dict[int, int], *, is_and: bool
@@ -346,7 +373,7 @@ class Formula:
         """Append the words of a node that stands in an AND, or in an OR."""
         node = self.nodes[ix]
         if node.kind is Literal:
-            word = LEAF | places[node.surface] | node.surface << NUMBER
+            word = LEAF | (places[node.surface] + node.crossing) | node.surface << NUMBER
             word |= POSITIVE * node.positive
             words.append(word | TURN * (node.positive != is_and))
             return

@@ -99,6 +99,12 @@ class Geometry:
         return len(self.is_patch)
 
     @property
+    def degree(self) -> int:
+        """The highest of all polynomials, those of groups too; 0 where there are none."""
+        higher = None if self.regions is None else self.regions.higher
+        return max((one.degree for one in (self.polynomials, higher) if one is not None), default=0)
+
+    @property
     def in_balls(self) -> Ints:
         """Solids that a ball bounds besides a polynomial or a formula, in order."""
         known = (self.polynomials, self.expressions)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from halfstep.host.geometry import Geometry
 from halfstep.host.light import Lit, locations
 from halfstep.host.numbers import Numbers, numbers_of
 from halfstep.host.pack_expressions import pack_expressions
-from halfstep.host.pack_polynomials import pack_polynomials
+from halfstep.host.pack_polynomials import pack_higher, pack_polynomials
 from halfstep.host.pack_regions import Appearances, appearances, pack_regions
 from halfstep.host.regions import NO_MATERIAL
 from halfstep.host.setup import START_BITS, Setup
@@ -185,6 +185,7 @@ def pack(
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
+    polynomials = pack_polynomials(setup, half_spaces)
     solids = solids.take(order)  # a fancy index copies member by member
     return Packed(
         setup=setup,
@@ -204,13 +205,27 @@ def pack(
         surface_count=tables.numbers.count,
         regions=None
         if tables.appearances is None
-        else pack_regions(setup, tables.appearances, count, number_format),
-        polynomials=pack_polynomials(setup, half_spaces),
+        else _with_higher(
+            pack_regions(setup, tables.appearances, count, number_format),
+            pack_higher(setup, count),
+            polynomials,
+        ),
+        polynomials=polynomials,
         expressions=pack_expressions(setup, half_spaces),
         locations=None if lit is None else locations(lit, setup, solids, number_format),
         shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
         mirrors=None if lit is None or lit.mirrors is None else lit.mirrors.packed(setup.view),
     )
+
+
+def _with_higher(
+    regions: PackedRegions, higher: Records | None, polynomials: PackedPolynomials | None
+) -> PackedRegions:
+    """Copies of groups with their surfaces of an order above two."""
+    if higher is None or polynomials is None:
+        return regions
+    pairs = int(higher["pairs"].max(initial=0))
+    return replace(regions, higher=higher, polynomials=polynomials.records, pairs=pairs)
 
 
 class _Keys(NamedTuple):
@@ -272,6 +287,10 @@ def _solids(
     if setup.polynomials is not None:
         row = setup.polynomials.row
         solids["polynomial"][row] = np.arange(len(row))
+    if setup.copies is not None and setup.copies.higher is not None:
+        owner = setup.copies.higher.owner
+        row = setup.copies.row
+        solids["polynomial"][row] = np.searchsorted(owner, np.arange(len(row)))
     if setup.formulas is not None:
         row = setup.formulas.row
         solids["polynomial"][row] = np.arange(len(row))

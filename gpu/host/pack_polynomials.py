@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Records
+from halfstep.contract.arrays import Ints, Records
 from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.contract.powers import term_count
 from halfstep.host.forms import FAINT
+from halfstep.host.polynomials import OnRays
 from halfstep.host.setup import Setup
 
 EPSILON = 2.0**-24
@@ -17,10 +18,56 @@ ROOM = 1.03
 
 
 def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | None:
-    """Records of the polynomials of a frame; None where the scene has none."""
-    known = setup.polynomials
-    if known is None:
+    """Records of the polynomials of a frame; None where the scene has none.
+
+    Those of copies of groups come behind those of solids.
+    """
+    higher = None if setup.copies is None else setup.copies.higher
+    parts: list[Records] = []
+    of_solids = setup.polynomials
+    if of_solids is not None:
+        edges, center = setup.rectangle[of_solids.row], setup.center[of_solids.row]
+        parts.append(_records(of_solids, edges, center))
+        balls = np.where(of_solids.is_in_ball, setup.plane_count[of_solids.row] + 1, 0)
+        parts[0]["ball"] = balls
+    if higher is not None:
+        parts.append(_records(higher.forms, higher.rectangle, higher.center))
+    if not parts:
         return None
+    forms = (of_solids, None if higher is None else higher.forms)
+    degree = max(one.degree for one in forms if one is not None)
+    has_balls = of_solids is not None and of_solids.has_balls
+    # NumPy joins records without the room between them.
+    ends = np.cumsum([0, *map(len, parts)]).tolist()
+    records = np.zeros(ends[-1], parts[0].dtype)
+    for first, part in zip(ends, parts, strict=False):
+        records[first : first + len(part)] = part
+    return PackedPolynomials(records, half_spaces, degree, has_balls)
+
+
+def pack_higher(setup: Setup, steps: Ints) -> Records | None:
+    """Records of surfaces of copies of an order above two, with ``steps`` (V,) halvings."""
+    copies = setup.copies
+    if copies is None or copies.higher is None:
+        return None
+    higher = copies.higher
+    records = np.zeros(len(higher.owner), layout.HIGHER.dtype())
+    before = 0 if setup.polynomials is None else len(setup.polynomials.row)
+    records["polynomial"] = before + np.arange(len(records))
+    records["pairs"] = higher.pairs
+    records["center_x"], records["center_y"] = higher.center.T
+    row = copies.row[higher.owner]
+    start, stop = higher.stretch
+    records["first"] = np.floor((start + 1) / 2 * np.exp2(steps[row]))
+    records["start"], records["stop"] = start, stop
+    inside, outside = 1, 2
+    known = np.where(higher.outside, outside, inside)
+    records["eye"] = np.where(setup.starts_at_eye[row], known, 0)
+    return records
+
+
+def _records(known: OnRays, rectangle: Ints, center: Ints) -> Records:
+    """Records of polynomials with rectangles (P, 4) and middles (P, 2)."""
     record = layout.POLYNOMIAL.counted(TERMS=term_count(known.degree))
     records = np.zeros(len(known.row), record.dtype())
     records["terms"] = known.terms
@@ -28,12 +75,11 @@ def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | 
     records["rounding"] = ROOM * EPSILON * (5 * known.own_degree + 7)
     records["middle"] = known.middle
     records["scale"] = known.scale
-    edges = setup.rectangle[known.row] - np.repeat(setup.center[known.row], 2, axis=1)
+    edges = rectangle - np.repeat(center, 2, axis=1)
     for name, edge in zip(("left", "right", "top", "bottom"), edges.T, strict=True):
         records[name] = edge
     records["sheet"] = known.is_sheet
-    records["ball"] = np.where(known.is_in_ball, setup.plane_count[known.row] + 1, 0)
     axes = known.frame.reshape(-1, 9)
     records["axes"] = np.where(np.abs(axes) < FAINT, 0.0, axes)
     records["tangents"], records["stretch"] = known.tangents, known.stretch
-    return PackedPolynomials(records, half_spaces, known.degree, known.has_balls)
+    return records

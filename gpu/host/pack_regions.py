@@ -85,7 +85,9 @@ def pack_regions(
     records["last_sure"] = np.where(far_cut, last_sure, records["last"])
     for name, edge in zip(("left", "right", "top", "bottom"), setup.rectangle[row].T, strict=True):
         records[name] = edge
-    flat, curved = np.flatnonzero(copies.is_plane), np.flatnonzero(~copies.is_plane)
+    is_curved = ~copies.is_plane
+    is_curved[copies.higher_at] = False
+    flat, curved = np.flatnonzero(copies.is_plane), np.flatnonzero(is_curved)
     for kind, chosen in (("flat", flat), ("curved", curved)):
         counts = np.bincount(copies.owner[chosen], minlength=len(row))
         records[f"{kind}_start"] = np.cumsum(counts) - counts

@@ -12,7 +12,7 @@ were exact before they were rounded to float64. Solids come last in every array.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy as np
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.powers import places
 from halfstep.host.forms import Sight, power_of_two, scaled_error
-from halfstep.scene import Algebraic, Solid, algebra
+from halfstep.scene import Algebraic, HigherShape, Solid, algebra
 
 # Roundings of float64 that a term meets on its way into a coefficient on the ray, for each degree.
 ROUNDINGS = 32 * 2.0**-53
@@ -60,6 +60,12 @@ class Polynomials:
             self.is_in_ball[places],
         )
 
+    def of_degree(self, degree: int) -> Polynomials:
+        """The same with room for a higher degree."""
+        more = degree - self.degree
+        room = [(0, more)] * 3 + [(0, 0)]
+        return replace(self, degree=degree, coefficients=np.pad(self.coefficients, room))
+
     def normalized(self, rays: Floats) -> Floats:
         """Points and directions (4, 3, Q) of a `Sight` in the coordinates of the polynomials."""
         found = rays / self.size
@@ -96,10 +102,27 @@ def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
     if not found:
         return None
     degree = max(LEAST_DEGREE, *(solid.degree() for _, solid in found))
-    coefficients = np.zeros((degree + 1, degree + 1, degree + 1, len(found)))
-    center, size = np.empty((2, 3, len(found)))
-    for q, (_, solid) in enumerate(found):
-        low, high = map(np.array, solid.box())
+    return stacked(
+        np.array([ix for ix, _ in found]),
+        [solid for _, solid in found],
+        degree,
+        np.array([solid.is_sheet() for _, solid in found]),
+        np.array([solid.is_in_ball() for _, solid in found]),
+    )
+
+
+def stacked(
+    solid: Ints,
+    shapes: Sequence[HigherShape],
+    degree: int,
+    is_sheet: Bools,
+    is_in_ball: Bools,
+) -> Polynomials:
+    """The polynomials of shapes, each about the middle of its box; arguments are those of all."""
+    coefficients = np.zeros((degree + 1, degree + 1, degree + 1, len(shapes)))
+    center, size = np.empty((2, 3, len(shapes)))
+    for q, shape in enumerate(shapes):
+        low, high = map(np.array, shape.box())
         center[:, q], size[:, q] = (low + high) / 2, (high - low) / 2
         axes = tuple(
             algebra.added(
@@ -109,21 +132,13 @@ def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
             )
             for axis in range(3)
         )
-        terms = algebra.substituted(solid.polynomial(), axes)
+        terms = algebra.substituted(shape.polynomial(), axes)
         # Beyond the range of floats nothing of it may be: all are scaled exactly.
         largest = max(map(abs, terms.values()), default=Fraction(1))
         for exponents, value in terms.items():
             coefficients[(*exponents, q)] = value / largest
-    return Polynomials(
-        np.array([ix for ix, _ in found]),
-        degree,
-        np.array([solid.degree() for _, solid in found]),
-        coefficients,
-        center,
-        size,
-        np.array([solid.is_sheet() for _, solid in found]),
-        np.array([solid.is_in_ball() for _, solid in found]),
-    )
+    own_degree = np.array([shape.degree() for shape in shapes])
+    return Polynomials(solid, degree, own_degree, coefficients, center, size, is_sheet, is_in_ball)
 
 
 def on_rays(
@@ -168,7 +183,7 @@ def on_rays(
 
     # What counts is F between the ends of the solid.
     along = (depth[1] - depth[0]) / (2 * half) + 2.0**-MIDDLE_BITS
-    forms = _restricted(known.coefficients, points)
+    forms = restricted(known.coefficients, points)
     size = np.abs(points[0]).sum(axis=0) + along * np.abs(points[1]).sum(axis=0)
     magnitude = _value(np.abs(known.coefficients), size)
     error = ROUNDINGS * (known.degree + 2) * magnitude
@@ -203,7 +218,7 @@ def on_rays(
     )
 
 
-def _restricted(coefficients: Floats, points: Floats) -> Floats:
+def restricted(coefficients: Floats, points: Floats) -> Floats:
     """F on rays as coefficients (d + 1, d + 1, d + 1, P) of u^j x^a y^b.
 
     Args:

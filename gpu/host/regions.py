@@ -8,8 +8,9 @@ its part leaves no skin.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,16 @@ from halfstep.host.formulas import (
     normal_form,
     truth,
 )
+from halfstep.host.higher import (
+    Higher,
+    box_with,
+    higher_of,
+    least_distance_of,
+    merged,
+    signed,
+    stacked_of,
+)
+from halfstep.host.polynomials import Polynomials
 from halfstep.host.thin import least_distance
 from halfstep.scene import Material, Scene
 from halfstep.scene.copies import Copies, Layout
@@ -48,14 +59,18 @@ _UPPER = np.triu_indices(4)
 
 @dataclass(frozen=True)
 class Program:
-    """The visible cells of a group over its S distinct surfaces, of which P planes come first.
+    """The visible cells of a group over its S distinct surfaces.
+
+    P planes come first, and those of an order above two last.
 
     Coordinates count from ``middle``, in the axes of the group.
     """
 
     middle: Floats  # (3,), in coordinates of the group
     box: Floats  # (2, 3), infinite where nothing bounds the cells
-    matrices: Floats  # (4, 4, S), F = [x 1] M [x 1]; of a plane only the linear part
+    # (4, 4, S), F = [x 1] M [x 1]; of a plane only the linear part, 0 of an order above two
+    matrices: Floats
+    higher: tuple[Higher, ...]  # of the last surfaces
     planes: int  # P
     functions: Ints  # (S,), of each surface the first of the group's functions that it stands for
     cells: Ints  # (C,), the group's cells that the program has, in its order
@@ -68,6 +83,11 @@ class Program:
         """Number of surfaces S."""
         return self.matrices.shape[-1]
 
+    @property
+    def lower(self) -> int:
+        """Number of surfaces of second order at most."""
+        return self.count - len(self.higher)
+
 
 def compiled(
     matrices: Floats,
@@ -75,6 +95,7 @@ def compiled(
     is_visible: Bools,
     volume: Floats | None,
     *,
+    higher: Mapping[int, Higher],
     hidden: bool = False,
 ) -> Program | None:
     """The program of a group, None where no visible cell has a point, or no surface.
@@ -84,6 +105,7 @@ def compiled(
         regions: of its cells, over these functions.
         is_visible: (C,), of each cell.
         volume: (2, 3), a box outside of which nothing is shown, in coordinates of the group.
+        higher: those of the functions that are of an order above two, by their index.
         hidden: the program has the cells too that are not visible; if none is, it is of these
             alone.
     """
@@ -93,7 +115,7 @@ def compiled(
     is_shown = is_visible[taken]
     # What is seen, and how exactly, does not depend on cells that are not shown, if any is.
     counts = is_shown if is_shown.any() else ~is_shown
-    boxes = [box_of(formulas[ix], matrices) for ix in np.flatnonzero(counts).tolist()]
+    boxes = [box_with(formulas[ix], matrices, higher) for ix in np.flatnonzero(counts).tolist()]
     found = [box for box in boxes if box is not None]
     if not found:
         return None
@@ -104,36 +126,43 @@ def compiled(
     middle, radius = measure.mean(axis=0), max(float(np.ptp(measure, axis=0).max()) / 2, 1e-300)
 
     moved = _moved(matrices, middle)
-    first, opposite = _merged(moved, radius)
+    first, opposite = _all_merged(moved, higher, middle, radius)
     used = sorted({literal.surface for region in formulas for literal in literals(region)})
     kept = list(dict.fromkeys(int(first[ix]) for ix in used))
-    is_plane = {ix: not _second_order(moved[ix], radius).any() for ix in kept}
-    kept.sort(key=lambda ix: not is_plane[ix])
+    is_plane = {ix: ix not in higher and not _second_order(moved[ix], radius).any() for ix in kept}
+    kept.sort(key=lambda ix: (ix in higher, not is_plane[ix]))
     slots = {ix: slot for slot, ix in enumerate(kept)}
     senses = Senses([slots.get(int(ix), -1) for ix in first], opposite.tolist())
-    merged = [normal_form(region, senses) for region in formulas]
+    normal = [normal_form(region, senses) for region in formulas]
     # Merging may leave a cell without a point. What is all of space has no surface to be seen: it
     # hides nothing, but overlaps all others.
-    everywhere = np.array([region == Intersection(()) for region in merged])
+    everywhere = np.array([region == Intersection(()) for region in normal])
     is_shown &= ~everywhere
-    some = [ix for ix, region in enumerate(merged) if literals(region) or everywhere[ix] & hidden]
-    counts = is_shown if is_shown.any() else np.full(len(merged), hidden)
-    seen = {leaf.surface for ix in some if counts[ix] for leaf in literals(merged[ix])}
+    some = [ix for ix, region in enumerate(normal) if literals(region) or everywhere[ix] & hidden]
+    counts = is_shown if is_shown.any() else np.full(len(normal), hidden)
+    seen = {leaf.surface for ix in some if counts[ix] for leaf in literals(normal[ix])}
     if not seen:
         return None
     own = np.moveaxis(moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
     planes = sum(is_plane.values())
     own[:3, :3, :planes] = 0.0
+    last = tuple(
+        higher[ix].moved(np.column_stack([np.eye(3), middle])) for ix in kept if ix in higher
+    )
+    pairs = {len(kept) - len(last) + k: each.pairs for k, each in enumerate(last)}
+    beside = [each for slot, each in zip(pairs, last, strict=True) if slot in seen]
+    thinnest = least_distance(own[..., sorted(seen)], radius)
     reach = PADDING * (np.ptp(box, axis=0) + np.abs(box - middle).max(axis=0))
     return Program(
         middle=middle,
         box=box - middle + np.array([[-1.0], [1.0]]) * np.where(np.isfinite(reach), reach, 0.0),
         matrices=own,
+        higher=last,
         planes=planes,
         functions=np.array(kept, np.int64),
         cells=taken[some],
-        formula=Formula([hoisted(merged[ix]) for ix in some], ~is_shown[some]),
-        thinnest=least_distance(own[..., sorted(seen)], radius),
+        formula=Formula([hoisted(normal[ix]) for ix in some], ~is_shown[some], pairs),
+        thinnest=min(thinnest, least_distance_of(beside, radius)),
         seen=np.isin(np.arange(len(kept)), sorted(seen)),
     )
 
@@ -158,6 +187,23 @@ def _second_order(matrix: Floats, radius: float) -> Bools:
     stretch = np.array([radius, radius, radius, 1.0])
     scaled = np.abs(matrix * np.multiply.outer(stretch, stretch))
     return np.asarray(scaled[:3, :3] > COINCIDENT * scaled.max(initial=0.0))
+
+
+def _all_merged(
+    matrices: Floats, higher: Mapping[int, Higher], middle: Floats, radius: float
+) -> tuple[Ints, Bools]:
+    """`_merged`, and the same of functions of an order above two, whose matrices are 0."""
+    if not higher:
+        return _merged(matrices, radius)
+    first, opposite = np.arange(len(matrices)), np.zeros(len(matrices), bool)
+    lower = np.setdiff1d(first, [*higher])
+    if len(lower):
+        found, opposite[lower] = _merged(matrices[lower], radius)
+        first[lower] = lower[found]
+    firsts, turned = merged(higher, middle, radius, COINCIDENT)
+    first[[*firsts]] = [*firsts.values()]
+    opposite[[*turned]] = True
+    return first, opposite
 
 
 def _merged(matrices: Floats, radius: float) -> tuple[Ints, Bools]:
@@ -241,6 +287,11 @@ class Regions:
     def faces(self) -> Ints:
         """Of each program (G,) how many faces can be told apart: cells times surfaces."""
         return np.array([len(one.cells) * one.count for one in self.programs], np.int64)
+
+    @functools.cached_property
+    def higher(self) -> Polynomials | None:
+        """Polynomials of all surfaces of an order above two, one program after another."""
+        return stacked_of([each for one in self.programs for each in one.higher])
 
     @functools.cached_property
     def matrices(self) -> Floats:
@@ -338,14 +389,14 @@ def _program_of(
     """The program of a group; its faults are added to ``faults``."""
     where = f"group {group.name}: " if isinstance(group, Group) else ""
     regions = group.names().regions
-    matrices = _matrices_of(group)
+    matrices, higher = _matrices_of(group), higher_of(group.functions())
     plain = Senses(range(len(matrices)), [False] * len(matrices))
-    program = compiled(matrices, regions, shown, volume, hidden=hidden)
+    program = compiled(matrices, regions, shown, volume, higher=higher, hidden=hidden)
     # Merging surfaces may have left a cell without a point.
     kept = set() if program is None else set(program.cells.tolist())
     for ix in np.flatnonzero(shown).tolist():
         region = normal_form(regions[ix], plain)
-        is_empty = ix not in kept or box_of(region, matrices) is None
+        is_empty = ix not in kept or box_with(region, matrices, higher) is None
         if is_empty and region != Intersection(()):
             faults.append(f"{scene.name}: {where}{group.cells[ix].title}: its region is empty")
     if program is None:
@@ -380,17 +431,20 @@ def _cut_copies(
     state = np.ones(len(copies.number), np.int8)
     everywhere = np.array([[-np.inf] * 3, [np.inf] * 3])
     box = everywhere if whole is None else whole.middle + whole.box
-    given: list[tuple[Region, Floats]] = []
+    given: list[_Around] = []
     for within in copies.within:
         matrices = _matrices_of(within.group)
         maps = np.zeros((len(within.maps), 4, 4))
         maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
-        given.append((within.region, np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)))
-        box = _left(box, *given[-1])
+        moved = np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)
+        higher = higher_of(within.group.functions())
+        given.append(_Around(within.region, moved, higher, maps[:, :3]))
+        box = _left(box, given[-1])
     # A side that makes a face of the box is not decided by it, so that no two decide one another.
-    around = [(region, own, _signs(own, box)) for region, own in given]
-    for region, _, signs in around:
-        state = np.minimum(state, truth(region, signs))
+    around = [(one, signed(_signs(one.matrices, box), one.higher, one.maps, box)) for one in given]
+    for one, signs in around:
+        state = np.minimum(state, truth(one.region, signs))
+    own_higher = higher_of(copies.group.functions())
     own_functions, own_regions = _matrices_of(copies.group), copies.group.names().regions
     alike: dict[object, list[int]] = {}
     for ix in np.flatnonzero(state == 0).tolist():
@@ -398,27 +452,45 @@ def _cut_copies(
     programs: list[tuple[Ints, Program]] = []
     for members in alike.values():
         functions, regions = [own_functions], list(own_regions)
-        for region, own, signs in around:
+        higher = {**own_higher}
+        for one, signs in around:
             first, ix = sum(map(len, functions)), members[0]
-            plain = Senses(range(first, first + len(own[ix])), [False] * len(own[ix]))
-            cut = normal_form(_undecided(region, signs[:, ix]), plain)
+            own = one.matrices[ix]
+            plain = Senses(range(first, first + len(own)), [False] * len(own))
+            cut = normal_form(_undecided(one.region, signs[:, ix]), plain)
             regions = [Intersection((cell, cut)) for cell in regions]
-            functions.append(own[ix])
-        program = compiled(np.concatenate(functions), regions, shown, box, hidden=hidden)
+            functions.append(own)
+            higher |= {first + k: each.moved(one.maps[ix]) for k, each in one.higher.items()}
+        program = compiled(
+            np.concatenate(functions), regions, shown, box, higher=higher, hidden=hidden
+        )
         if program is not None:
             programs.append((np.array(members), program))
     return np.flatnonzero(state == 1), programs
 
 
-def _cut_of(around: Sequence[tuple[Region, Floats, NDArray[np.int8]]], ix: int) -> object:
+class _Around(NamedTuple):
+    """A region around copies."""
+
+    region: Region
+    matrices: Floats  # (N, S, 4, 4), of its functions in coordinates of each copy
+    higher: Mapping[int, Higher]  # those of an order above two, in its own
+    maps: Floats  # (N, 3, 4), from each copy to its own
+
+
+def _cut_of(around: Sequence[tuple[_Around, NDArray[np.int8]]], ix: int) -> object:
     """What is equal of copies that regions cut alike: what they decide not, and its surfaces."""
     found: list[object] = []
-    for region, own, signs in around:
-        left = _undecided(region, signs[:, ix])
+    for one, signs in around:
+        left = _undecided(one.region, signs[:, ix])
         used = sorted({literal.surface for literal in literals(left)})
-        matrices = own[ix][used]
+        matrices = one.matrices[ix][used]
         size = np.abs(matrices).max(axis=(1, 2), keepdims=True, initial=1e-300)
         found += [left, np.rint(matrices / size / (COINCIDENT / 4)).tobytes()]
+        for surface in one.higher.keys() & set(used):
+            own, extent = one.higher[surface].moved(one.maps[ix]), one.higher[surface].shape.box()
+            map_ = own.own_from_group / np.array([1.0, 1.0, 1.0, np.abs(extent).max()])
+            found.append(np.rint(map_ / (COINCIDENT / 4)).tobytes())
     return tuple(found)
 
 
@@ -428,12 +500,14 @@ def _undecided(region: Region, signs: NDArray[np.int8]) -> Region:
     return decided(normal_form(region, plain), signs.tolist())
 
 
-def _left(box: Floats, region: Region, own: Floats) -> Floats:
-    """A box (2, 3) of what a region leaves of one in all copies (N, S, 4, 4), or a larger one."""
+def _left(box: Floats, around: _Around) -> Floats:
+    """A box (2, 3) of what a region leaves of one in all copies, or a larger one."""
+    region, own = around.region, around.matrices
     if not len(own):
         return box
     plain = Senses(range(own.shape[1]), [False] * own.shape[1])
     differs = (own != own[:1]).any(axis=(0, 2, 3))
+    differs[[*around.higher]] = True
     inside = box_of(_without(normal_form(region, plain), differs), own[0])
     if inside is None:
         return box

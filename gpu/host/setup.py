@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract.arrays import I32, Bools, Floats, Ints
-from halfstep.host.bounds import Bounds, bounds
+from halfstep.host.bounds import bounds, rectangles
 from halfstep.host.camera import View
 from halfstep.host.copies import Copies, copies
 from halfstep.host.edges import edge_forms, end_lines
@@ -34,9 +34,11 @@ from halfstep.host.forms import (
     power_of_two,
     quadric_rounding,
     quadric_value,
+    rays_of,
     scaled_error,
 )
 from halfstep.host.geometry import Geometry
+from halfstep.host.higher_rays import higher_on_rays
 from halfstep.host.polynomials import AtEye, OnRays, on_rays
 
 # An interval starts at a multiple of 2^-START_BITS of its own length.
@@ -106,7 +108,7 @@ class Setup:
 def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     """Constants of the solids of ``geometry`` that ``view`` can see between its base planes."""
     box = bounds(geometry, view)
-    rectangle, on_screen = _rectangles(box, view)
+    rectangle, on_screen = rectangles(box, view)
     low = np.maximum(box.depth[0], near)
     high = np.minimum(box.depth[1], far)
     # A flat solid may lie in a base plane that is not across an axis: rounding must not lose it.
@@ -126,7 +128,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     center = (rectangle[::2] + rectangle[1::2] + 1) // 2
     offsets = np.maximum(rectangle[1::2] - center, center - rectangle[::2]).astype(np.float64)
     rotation = geometry.world_from_local.take(ix, axis=-1)
-    rays = _rays(view, center, geometry.origin.take(ix, axis=-1), rotation)
+    rays = rays_of(view, center, geometry.origin.take(ix, axis=-1), rotation)
     # The eye and the direction of a ray are rounded once each, and so are the products with depth.
     eye_distance, stretch = length(rays[:2])
     if view.parallel:
@@ -147,9 +149,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     if geometry.regions is not None:
         row = np.flatnonzero(ix >= geometry.solid_count)
         spans = (np.stack([low, high[ix]]) - middle) / half
-        groups = copies(
-            geometry.regions, row, ix[row] - geometry.solid_count, sight.at(row), spans[:, row]
-        )
+        groups = _copies(geometry, view, row, ix, center[:, row], sight.at(row), spans[:, row])
         at_eye = starts_at_eye[row]
         unsure = np.bincount(groups.owner[~groups.eye_sure], minlength=len(row)) > 0
         facts.inside[row] = at_eye & groups.eye_inside
@@ -326,6 +326,22 @@ def _eye(geometry: Geometry, ix: Ints, sight: Sight) -> _Eye:
     )
 
 
+def _copies(
+    geometry: Geometry,
+    view: View,
+    row: Ints,
+    ix: Ints,
+    middle: Ints,
+    sight: Sight,
+    span: Floats,
+) -> Copies:
+    """The visible copies of groups, in rows of solids ``ix``; what follows is theirs."""
+    assert geometry.regions is not None
+    copy = ix[row] - geometry.solid_count
+    higher = higher_on_rays(geometry.regions, copy, middle, sight, view, geometry.degree)
+    return copies(geometry.regions, row, copy, sight, span, higher)
+
+
 def _polynomials(
     geometry: Geometry, ix: Ints, view: View, center: Ints, sight: Sight, depth: Floats
 ) -> OnRays | None:
@@ -338,7 +354,7 @@ def _polynomials(
     right, down, _ = view.camera_from_world
     directions = view.directions(*middle)
     tangent = np.stack([directions @ right, directions @ down])
-    own = known.at(np.searchsorted(known.solid, ix[row]))
+    own = known.of_degree(geometry.degree).at(np.searchsorted(known.solid, ix[row]))
     within = depth.take(row, axis=-1)
     return on_rays(
         own,
@@ -429,19 +445,6 @@ def _lines_of(geometry: Geometry, ix: Ints) -> tuple[Ints, Ints, Ints]:
     return count, owner, np.arange(len(owner)) + skipped[owner]
 
 
-def _rectangles(box: Bounds, view: View) -> tuple[Ints, Bools]:
-    """Pixels (i0, i1, j0, j1) whose centres lie within the tangents, and whether there are any."""
-    first = np.array([[view.x_first], [view.y_first]])
-    last = np.array([[view.width], [view.height]]) - 1
-    low = np.ceil((box.tangent[:, 0] - first) / view.pixel - 1e-4)
-    high = np.floor((box.tangent[:, 1] - first) / view.pixel + 1e-4)
-    rectangle = np.empty((4, low.shape[1]), np.int64)
-    rectangle[::2] = np.minimum(np.maximum(low, 0), last + 1)
-    rectangle[1::2] = np.minimum(np.maximum(high, -1), last)
-    i0, i1, j0, j1 = rectangle
-    return rectangle, (i0 <= i1) & (j0 <= j1)
-
-
 def _radius(tangent: Floats, view: View, low: Floats) -> Floats:
     """A lower bound of how far what is seen of each solid reaches from its middle."""
     first = np.array([[view.x_first], [view.y_first]])
@@ -474,19 +477,6 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
     start, span = start_at(level)
     level -= (start + span < end) & (level > 0)
     return level.astype(np.int64), start_at(level)[0]
-
-
-def _rays(view: View, center: Ints, origin: Floats, rotation: Floats) -> Floats:
-    """``Sight.rays``: the eye, and directions as [1, x, y] coefficients (4, 3, V), local."""
-    right, down, _ = view.camera_from_world
-    rays = np.empty((4, 3, center.shape[1]))
-    np.subtract(view.eye[:, None], origin, out=rays[0])
-    if view.parallel:
-        rays[0] += view.starts(*center).T
-    rays[1] = view.directions(*center).T
-    rays[2] = (view.pixel * right)[:, None]
-    rays[3] = (view.pixel * down)[:, None]
-    return np.einsum("jik,cjk->cik", rotation, rays)
 
 
 def _eye_clearance(height: Floats, two_sided: Bools) -> Floats:

@@ -99,7 +99,24 @@ def _signs(copies: Copies, surface: Ints, blocks: Blocks, rays: Rays) -> tuple[B
     rootless = (square < -8 * slack) & far
     positive = (middle > reach) | (rootless & (value[2] > 0))
     negative = (middle < -reach) | (rootless & (value[2] < 0))
+    if copies.higher is not None:
+        positive |= _is_beside(copies, surface, blocks, places, half)
     return _packed(negative), _packed(positive)
+
+
+def _is_beside(
+    copies: Copies, surface: Ints, blocks: Blocks, places: Floats, half: Floats
+) -> Bools:
+    """Where surfaces (P,) of an order above two, or what they bound, are not met (PIECES, P)."""
+    higher = copies.higher
+    assert higher is not None
+    place = np.minimum(np.searchsorted(copies.higher_at, surface), len(copies.higher_at) - 1)
+    left, right, top, bottom = higher.edges[:, place]
+    start, stop = higher.stretch[:, place]
+    aside = (blocks.x + blocks.half_width < left) | (blocks.x - blocks.half_width > right)
+    aside |= (blocks.y + blocks.half_height < top) | (blocks.y - blocks.half_height > bottom)
+    beside = aside | (places + half < start) | (places - half > stop)
+    return np.asarray(beside & (copies.higher_at[place] == surface))
 
 
 def _polynomial(forms: Floats, u: F32) -> F32:

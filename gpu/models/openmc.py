@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.scene import placement
+from halfstep.scene import TorusShape, placement
 from halfstep.scene.formula import Formula
 from halfstep.scene.values import Array, Vector
 
@@ -63,6 +63,19 @@ class Surface:
     def axis(self) -> int:
         """The axis with which the type's name begins, 0 … 2."""
         return "xyz".index(self.kind[0])
+
+    @property
+    def is_torus(self) -> bool:
+        """Whether it is one, which has no matrix."""
+        return self.kind.endswith("torus")
+
+    def torus(self) -> TorusShape:
+        """The torus that it is."""
+        *place, major, along, across = self.coefficients
+        axis = np.eye(3)[self.axis].tolist()
+        return TorusShape(
+            major=major, minor=(across, along), origin=(place[0], place[1], place[2]), axis=axis
+        )
 
     def matrix(self) -> Array:
         """The symmetric M (4, 4) with F(p) = [p 1] M [p 1]ᵀ, from the coefficients."""

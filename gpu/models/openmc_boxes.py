@@ -9,6 +9,7 @@ from graphlib import TopologicalSorter
 
 import numpy as np
 
+from halfstep.host.higher import Higher
 from halfstep.models.openmc import Cell, Geometry, Lattice
 from halfstep.models.regions import box_of_region, common, hull, moved, sides_of
 from halfstep.scene.values import Array
@@ -20,8 +21,13 @@ def box_of_cell(geometry: Geometry, cell: Cell) -> Array | None:
     """The bounding box of a cell's region; None if the region certainly has no point."""
     if cell.region is None:
         return EVERYWHERE
-    matrices = {number: geometry.surfaces[number].matrix() for number, _ in sides_of(cell.region)}
-    return box_of_region(cell.region, matrices)
+    used = {number: geometry.surfaces[number] for number, _ in sides_of(cell.region)}
+    tori = {number: Higher.of(each.torus()) for number, each in used.items() if each.is_torus}
+    matrices = {
+        number: np.zeros((4, 4)) if each.is_torus else each.matrix()
+        for number, each in used.items()
+    }
+    return box_of_region(cell.region, matrices, tori)
 
 
 def extents(geometry: Geometry, boxes: dict[int, Array | None]) -> dict[int, Array]:

@@ -163,7 +163,11 @@ class Checker:
         events = np.concatenate([pieces.first[:, None], *at, pieces.last[:, None]], axis=1)
         events = np.where(np.isnan(events), np.inf, events)
         events = np.clip(events, pieces.first[:, None], pieces.last[:, None])
-        is_closed = [each.boundary != OPEN_BOUNDARY for each in surfaces for _ in range(2)]
+        is_closed = [
+            each.boundary != OPEN_BOUNDARY
+            for each, places in zip(surfaces, at, strict=True)
+            for _ in range(places.shape[1])
+        ]
         order = np.argsort(events, axis=1, kind="stable")
         ends = np.take_along_axis(events, order, axis=1)
         closed = np.array([False, *is_closed, False])[order]

@@ -157,9 +157,6 @@ class _Reader:
             allowed = hint(name, SURFACES, "the types are")
             self._document.fault(kind, f"{show(kind.text)} is not a type of surface; {allowed}")
             return None
-        if name.endswith("torus"):
-            self._document.fault(kind, f"{show(kind.text)}: tori cannot bound cells yet")
-            return None
         given = fields.floats("coeffs", [len(SURFACES[name])])
         if given is None or not self._is_sound(fields, name, given) or number is None:
             return None
@@ -173,6 +170,17 @@ class _Reader:
         if names[-1] in ("r", "r2") and given[-1] < SMALLEST_LENGTH:
             self._document.fault(value, f"{names[-1]} = {show(given[-1])} is not > 0")
             return False
+        if kind.endswith("torus"):
+            for name, length in zip(names[3:], given[3:], strict=True):
+                if length < SMALLEST_LENGTH:
+                    self._document.fault(value, f"{name} = {show(length)} is not > 0")
+                    return False
+            if given[5] > given[3]:
+                text = f"C = {show(given[5])} is not <= A = {show(given[3])}"
+                self._document.fault(
+                    value, f"{text}: a torus that crosses itself cannot bound cells yet"
+                )
+                return False
         if kind in ("plane", "quadric"):
             linear = given[:-1]
             if not any(abs(each) >= SMALLEST_LENGTH for each in linear):

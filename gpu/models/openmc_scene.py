@@ -333,6 +333,10 @@ def surface_table(surface: Surface) -> Table:
             return table | {"kind": "quadric", "coefficients": [a, b, c, d, f, e, g, h, j, last]}
         case (_, _, "sphere"):
             table |= {"kind": "sphere", "radius": last}
+        case (axis, _, "torus"):
+            *place, major, along = place
+            table |= {"kind": "torus", "major": major, "minor": [last, along]}
+            table |= {"axis": _AXES[axis]} if axis in _AXES else {}
         case (axis, _, kind):
             table["kind"] = kind
             table |= {"radius": last} if kind == "cylinder" else {"slope": float(np.sqrt(last))}

@@ -13,10 +13,15 @@ from halfstep.scene.values import Array
 Bools = NDArray[np.bool_]
 # A bound of the relative rounding error of the sums below.
 _ROUNDING = 32 * 2.0**-53
+# Roots whose imaginary part is no more than this, in units of a torus, may be two that are nearly
+# one: eigenvalues of such are off by the root of a rounding.
+NEARLY_REAL = 1e-6
 
 
 def is_positive(surface: Surface, points: Array) -> Bools:
     """Whether F > 0 at points (N, 3), in float64, or in fractions if rounding might decide."""
+    if surface.is_torus:
+        return _is_beyond_torus(surface, points)
     terms = _terms(surface, *points.T)
     value = terms.sum(axis=0)
     found = np.asarray(value > 0)
@@ -64,8 +69,78 @@ def _exact(surface: Surface, point: list[float]) -> Fraction:
     return sum(squares, Fraction(0)) - Fraction(last) ** 2
 
 
+def _is_beyond_torus(surface: Surface, points: Array) -> Bools:
+    """`is_positive` of a torus.
+
+    With q the square of the distance from the axis and w that of the height over it, times (C/B)²,
+    F > 0 where l = q + w + A² - C² > 2 A √q: where l > 0 and l² > 4 A² q.
+    """
+    *middle, major, along, across = surface.coefficients
+    away = points - np.array(middle)
+    height = away[:, surface.axis]
+    flat = (np.delete(away, surface.axis, axis=1) ** 2).sum(axis=1)
+    stretched = (height * (across / along)) ** 2
+    around = 2 * major * np.sqrt(flat)
+    value = flat + stretched + (major * major - across * across) - around
+    found = np.asarray(value > 0)
+    size = flat + stretched + major * major + across * across + around
+    size = size + np.abs(np.array(middle)).max() * np.abs(points).sum(axis=1)
+    for index in np.flatnonzero(np.abs(value) <= _ROUNDING * size).tolist():
+        found[index] = _is_beyond_torus_exactly(surface, points[index].tolist())
+    return found
+
+
+def _is_beyond_torus_exactly(surface: Surface, point: list[float]) -> bool:
+    *middle, major, along, across = map(Fraction, surface.coefficients)
+    away = [Fraction(each) - m for each, m in zip(point, middle, strict=True)]
+    height = away.pop(surface.axis)
+    flat = sum((each * each for each in away), Fraction(0))
+    level = flat + (height * across / along) ** 2 + major * major - across * across
+    return level > 0 and level * level > 4 * major * major * flat
+
+
+def _torus_crossings(surface: Surface, origins: Array, directions: Array) -> Array:
+    """(N, 4), `crossings` of a torus; where two are nearly one, more may be told than there are."""
+    *middle, major, along, across = surface.coefficients
+    lengths = np.sqrt((directions**2).sum(axis=1))
+    step = directions / lengths[:, None]
+    # From where the ray is nearest to the middle, in units of the torus.
+    start = -((origins - np.array(middle)) * step).sum(axis=1)
+    reach = major + across + along
+    point = (origins - np.array(middle) + start[:, None] * step) / reach
+    major, across = major / reach, across / reach
+    weight = np.ones(3)
+    weight[surface.axis] = (across * reach / along) ** 2
+    flat = np.ones(3)
+    flat[surface.axis] = 0.0
+
+    def squares(weight: Array) -> list[Array]:
+        pairs = ((point, point, 1), (point, step, 2), (step, step, 1))
+        return [times * (weight * a * b).sum(axis=1) for a, b, times in pairs]
+
+    tube, ring = squares(weight), squares(flat)
+    tube[0] = tube[0] + (major * major - across * across)
+    terms = np.zeros((5, len(point)))
+    for i in range(3):
+        for j in range(3):
+            terms[i + j] += tube[i] * tube[j]
+    terms[:3] -= 4 * major * major * np.array(ring)
+    companion = np.zeros((len(point), 4, 4))
+    companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
+    companion[:, :, 3] = -(terms[:4] / terms[4]).T
+    roots = np.linalg.eigvals(companion)
+    is_real = np.abs(roots.imag) <= NEARLY_REAL
+    found = (start[:, None] + roots.real * reach) / lengths[:, None]
+    return np.asarray(np.where(is_real, found, np.nan))
+
+
 def crossings(surface: Surface, origins: Array, directions: Array) -> Array:
-    """Where rays (N, 3) cross a surface, (N, 2), in lengths of a direction; NaN for no crossing."""
+    """Where rays (N, 3) cross a surface, in lengths of a direction: (N, 2), of a torus (N, 4).
+
+    NaN stands for nowhere.
+    """
+    if surface.is_torus:
+        return _torus_crossings(surface, origins, directions)
     matrix = surface.matrix()
     bent = directions @ matrix[:3, :3]
     a = np.einsum("ni,ni->n", bent, directions)

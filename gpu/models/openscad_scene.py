@@ -14,13 +14,15 @@ from typing import Any
 import numpy as np
 
 from halfstep.errors import SceneError, UsageError
+from halfstep.host.higher import Higher
 from halfstep.models import openscad_solids as solids
 from halfstep.models.look import Clip, Look, Table, both, clip_of, linear
 from halfstep.models.openscad import Call, calls_of
 from halfstep.models.regions import box_of_region, hull, sides_of
 from halfstep.models.shape import NOTHING, Model
 from halfstep.models.source import Source
-from halfstep.scene.formula import AllOf, AnyOf, Formula, Not, Sense
+from halfstep.scene import TorusShape
+from halfstep.scene.formula import AllOf, AnyOf, Formula, Leaf, Not, Sense, with_leaves
 from halfstep.scene.values import Array
 
 # OpenSCAD's default colour.
@@ -95,6 +97,7 @@ class _Builder:
     def __init__(self, source: Source) -> None:
         self._source = source
         self.matrices: list[Array] = []
+        self._tori: dict[int, TorusShape] = {}
         self._numbers: dict[bytes, int] = {}
 
     # ---------------------------------------------------------------------------- calls
@@ -115,6 +118,8 @@ class _Builder:
             return self._combined(call, state)
         if name == "linear_extrude" and not state.is_flat:
             return self._extruded(call, state)
+        if name == "rotate_extrude" and not state.is_flat:
+            return self._turned(call, state)
         what = "is flat, and not extruded" if name in _FLAT else "is not drawn"
         self._source.fault(call.at, f"{name} {what}")
         return []
@@ -190,6 +195,37 @@ class _Builder:
         sides = [self._side(matrix, state.matrix) for matrix in ends]
         return [replace(part, region=_all([part.region, *sides])) for part in inside]
 
+    def _turned(self, call: Call, state: _State) -> list[_Part]:
+        """What circles become when they are turned about the axis: tori."""
+        if call.arguments.get("angle") not in (None, 360.0) or solids.fragments(call):
+            what = "rotate_extrude by less than a turn, or with flat sides, is not drawn"
+            self._source.fault(call.at, what)
+            return []
+        try:
+            placed = solids.Placement.of(state.matrix)
+            flat = _State(np.eye(4), state.color, is_flat=True)
+            return [
+                replace(
+                    part, region=with_leaves(part.region, lambda leaf: self._ring(leaf, placed))
+                )
+                for part in self._inside(call, flat)
+            ]
+        except solids.Refusal as refusal:
+            self._source.fault(call.at, f"rotate_extrude {refusal}")
+            return []
+
+    def _ring(self, leaf: Leaf, placed: solids.Placement) -> Formula:
+        """The side of the torus that the side of a circle becomes."""
+        assert isinstance(leaf, Sense)
+        assert isinstance(leaf.surface, int)
+        torus = placed.torus(self.matrices[leaf.surface - 1])
+        key = torus.model_dump_json().encode()
+        number = self._numbers.setdefault(key, len(self.matrices) + 1)
+        if number > len(self.matrices):
+            self.matrices.append(np.zeros((4, 4)))
+            self._tori[number] = torus
+        return Sense(number, leaf.positive)
+
     def _solid(
         self, call: Call, shape: Callable[[Call], list[Array]], state: _State
     ) -> list[_Part]:
@@ -256,14 +292,20 @@ class _Builder:
         return Model(name, tables, whole)
 
     def _box(self, region: Formula) -> Array | None:
-        numbers = (number for number, _ in sides_of(region))
-        return box_of_region(region, {number: self.matrices[number - 1] for number in numbers})
+        matrices = {number: self.matrices[number - 1] for number, _ in sides_of(region)}
+        tori = {number: Higher.of(self._tori[number]) for number in matrices.keys() & self._tori}
+        return box_of_region(region, matrices, tori)
 
     def _group(self, cells: list[Table], clip: Clip) -> Table:
         """The tables of cells and of the surfaces that they use."""
         used = {number for cell in cells for number, _ in sides_of(cell["region"])}
         own = sorted(number for number in used if number <= len(self.matrices))
-        surfaces = [_surface(self.matrices[number - 1], number) for number in own]
+        surfaces = [
+            {"id": number, **self._tori[number].model_dump(exclude_defaults=True), "kind": "torus"}
+            if number in self._tori
+            else _surface(self.matrices[number - 1], number)
+            for number in own
+        ]
         return {"surface": [*surfaces, *clip.surfaces], "cell": cells}
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
 from halfstep.models.openscad import Call
+from halfstep.scene import TorusShape
 from halfstep.scene.values import Array
 
 # With this many fragments or more, a circle is round.
@@ -190,6 +192,52 @@ def polygon(call: Call) -> list[Array]:
         found.append(half_space([*normal, 0.0], float(corner @ normal)))
         turns += 1
     return found
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A place that turns, moves and scales alike in all directions."""
+
+    matrix: Array  # (4, 4)
+    scale: float
+
+    @classmethod
+    def of(cls, matrix: Array) -> Self:
+        """That of a matrix.
+
+        Raises:
+            Refusal: it does more.
+        """
+        linear = matrix[:3, :3]
+        scale = float(abs(np.linalg.det(linear))) ** (1 / 3)
+        if np.abs(linear.T @ linear - scale**2 * np.eye(3)).max() > FLAT * scale**2:
+            raise Refusal("that is stretched or sheared is not drawn")
+        return cls(matrix, scale)
+
+    def torus(self, matrix: Array) -> TorusShape:
+        """What an ellipse along x and y, F <= 0 of a matrix (4, 4), becomes, turned about y.
+
+        OpenSCAD turns the plane's y to z.
+
+        Raises:
+            Refusal: it is no such ellipse, or reaches over the axis.
+        """
+        bends = np.diag(matrix)[:2]
+        if bends.min() <= 0 or matrix[0, 1] != 0:
+            raise Refusal("of what is no circle is not drawn")
+        middle = -matrix[:2, 3] / bends
+        level = float((bends * middle**2).sum() - matrix[3, 3])
+        across, along = np.sqrt(level / bends)
+        if across > abs(middle[0]) * (1 + FLAT):
+            raise Refusal("of a circle that reaches over the axis is not drawn")
+        major = abs(float(middle[0])) * self.scale
+        origin = self.matrix[:3] @ [0.0, 0.0, middle[1], 1.0]
+        return TorusShape(
+            major=major,
+            minor=(min(float(across) * self.scale, major), float(along) * self.scale),
+            origin=(float(origin[0]), float(origin[1]), float(origin[2])),
+            axis=tuple((self.matrix[:3, 2] / self.scale).tolist()),
+        )
 
 
 def fragments(call: Call) -> int:

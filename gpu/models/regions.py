@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from halfstep.host.boxes import box_of
 from halfstep.host.formulas import Senses, normal_form
+from halfstep.host.higher import Higher, box_with
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Not, Sense, leaves
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 from halfstep.scene.values import Array
@@ -43,11 +43,21 @@ def _region(index: dict[int, int], formula: Formula) -> Region:
     raise AssertionError("regions name no words")
 
 
-def box_of_region(formula: Formula, matrices: Mapping[int, Array]) -> Array | None:
-    """The bounding box of a region, from the matrix (4, 4) of each surface; None if it is empty."""
+def box_of_region(
+    formula: Formula, matrices: Mapping[int, Array], tori: Mapping[int, Higher] | None = None
+) -> Array | None:
+    """The bounding box of a region; None if it is empty.
+
+    Args:
+        formula: a formula over numbers of surfaces.
+        matrices: the matrix (4, 4) of each surface, 0 for a torus.
+        tori: the tori among the surfaces.
+    """
     numbers, region = region_of(formula)
     own = np.array([matrices[number] for number in numbers])
-    return box_of(normal_form(region, Senses(range(len(own)), [False] * len(own))), own)
+    higher = {numbers.index(number): each for number, each in (tori or {}).items()}
+    senses = Senses(range(len(own)), [False] * len(own))
+    return box_with(normal_form(region, senses), own, higher)
 
 
 def common(first: Array | None, second: Array | None) -> Array | None:

@@ -10,8 +10,8 @@ from typing import TypeVar
 import numpy as np
 
 from halfstep.errors import SceneError
-from halfstep.host.boxes import box_of
 from halfstep.host.formulas import Senses, normal_form
+from halfstep.host.higher import box_with, higher_of
 from halfstep.host.regions import compiled
 from halfstep.models.look import Clip, Look, Table, both, camera_of, lights_of, plane
 from halfstep.scene import Fragment, Scene
@@ -86,17 +86,19 @@ def without_empty(fragment: FragmentT) -> FragmentT:
     shown = np.array([cell.is_shown for cell in fragment.cells], np.bool_)
     if not shown.any():
         return fragment.model_copy(update={"groups": groups})
-    matrices = np.array([function.matrix for function in fragment.functions()]).reshape(-1, 4, 4)
+    functions = fragment.functions()
+    matrices = np.array([function.matrix for function in functions]).reshape(-1, 4, 4)
+    higher = higher_of(functions)
     regions = fragment.names().regions
     senses = Senses(range(len(matrices)), [False] * len(matrices))
-    program = compiled(matrices, regions, shown, None)
+    program = compiled(matrices, regions, shown, None, higher=higher)
     kept = set() if program is None else set(program.cells.tolist())
     for ix in np.flatnonzero(shown).tolist():
         region = normal_form(regions[ix], senses)
-        if box_of(region, matrices) is None:
+        if box_with(region, matrices, higher) is None:
             kept.discard(ix)
         elif region == Intersection(()):
-            # What it fills ends it.
+            # The cell that this one fills ends it.
             kept.add(ix)
     cells = tuple(
         cell.model_copy(update={"visible": False}) if shown[ix] and ix not in kept else cell

@@ -41,6 +41,7 @@ from halfstep.scene import Scene
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
 from halfstep.shader.source import (
     EXPRESSIONS_BINDING,
+    HIGHERS_BINDING,
     LOCATIONS,
     MIRROR_BINDINGS,
     SHADOW_BINDINGS,
@@ -83,6 +84,7 @@ _NAMES = {
     22: "faces of bodies",
     23: "balls around bodies",
     24: "formulas",
+    25: "surfaces of regions of an order above two",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -427,6 +429,8 @@ def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
     found: dict[int, Array] = {}
     if lists.regions is not None:
         found |= dict(enumerate(lists.regions.arrays, start=9))
+        if lists.regions.higher is not None:
+            found[HIGHERS_BINDING] = lists.regions.higher
     if packed.polynomials is not None:
         found[14] = packed.polynomials.records
     if packed.expressions is not None:

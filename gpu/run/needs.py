@@ -41,6 +41,7 @@ def needs_of(
         surfaces=0 if regions is None else _enough(regions.most_surfaces),
         levels=0 if regions is None else regions.levels,
         hidden=regions is not None and regions.has_hidden,
+        pairs=0 if regions is None else regions.pairs,
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
         shadows=0 if shadows is None else len(shadows.views),
         bounces=0 if packed.mirrors is None else packed.mirrors.bounces,

@@ -4,7 +4,7 @@ A scene is built by `load` (a file or a bundled name), `Scene.from_dict` (a mapp
 `as_scene` chooses, or `Scene` (tables); `with_overrides` makes a changed copy.
 """
 
-from halfstep.scene.algebraic import Algebraic, Implicit, Torus
+from halfstep.scene.algebraic import Algebraic, HigherShape, TorusShape
 from halfstep.scene.changes import CameraLike, Overrides, still, with_animation, with_overrides
 from halfstep.scene.copies import Copies, Layout, Within
 from halfstep.scene.functions import Function, Names
@@ -23,6 +23,7 @@ from halfstep.scene.solids import (
     Ellipsoid,
     HyperboloidOneSheet,
     HyperboloidTwoSheets,
+    Implicit,
     Paraboloid,
     Part,
     PlanePatch,
@@ -31,6 +32,7 @@ from halfstep.scene.solids import (
     QuadricSolid,
     Solid,
     Sphere,
+    Torus,
 )
 from halfstep.scene.surfaces import SURFACE_KINDS, Surface
 from halfstep.scene.tables import Accuracy, Ambient, Camera, Image, Light, Material, Volume
@@ -58,6 +60,7 @@ __all__ = [
     "Fragment",
     "Function",
     "Group",
+    "HigherShape",
     "HyperboloidOneSheet",
     "HyperboloidTwoSheets",
     "Image",
@@ -82,6 +85,7 @@ __all__ = [
     "Sphere",
     "Surface",
     "Torus",
+    "TorusShape",
     "Volume",
     "Within",
     "as_scene",

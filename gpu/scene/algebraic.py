@@ -27,6 +27,7 @@ from halfstep.scene.formula import fault_at
 from halfstep.scene.keys import SolidKey, are_in_order
 from halfstep.scene.programs import compiled
 from halfstep.scene.ranges import is_positive
+from halfstep.scene.shapes import Placed
 from halfstep.scene.values import (
     MAX_HALF_SPACES,
     Array,
@@ -42,8 +43,8 @@ from halfstep.scene.values import (
 )
 
 
-class Algebraic(CutSolid, ABC):
-    """A solid F <= 0 of which F is a polynomial or another formula."""
+class HigherShape(Placed, ABC):
+    """A function F of its own coordinates that is no quadric: a polynomial or another formula."""
 
     is_algebraic: ClassVar[bool] = True
 
@@ -67,6 +68,12 @@ class Algebraic(CutSolid, ABC):
     @abstractmethod
     def box(self) -> tuple[Vector, Vector]:
         """Least and greatest local coordinates of what contains it."""
+
+
+class Algebraic(CutSolid, HigherShape, ABC):
+    """A solid F <= 0 of which F is a polynomial or another formula."""
+
+    is_algebraic: ClassVar[bool] = True
 
     def is_in_ball(self) -> bool:
         """Whether a ball about the origin bounds it, which is surface 1: `quadric` is its own."""
@@ -97,7 +104,7 @@ LEAST_SPINDLE, LARGEST_SPINDLE = 1e-9, 1e9
 _CORNERS = 24
 
 
-class Torus(Algebraic):
+class TorusShape(HigherShape):
     """((√(x² + y²) - major)/across)² + (z/along)² <= 1, minor one number or (across, along)."""
 
     kind: Literal["torus"] = "torus"
@@ -218,7 +225,7 @@ class ImplicitKey(SolidKey):
         return self
 
 
-class Implicit(Algebraic):
+class ImplicitShape(Algebraic):
     """formula <= 0 within the bounds, which cut it; sheet: formula = 0 itself, two-sided.
 
     Attributes:

@@ -7,14 +7,13 @@ import numpy as np
 from pydantic import ValidationError
 
 from halfstep.errors import SceneError
-from halfstep.scene.algebraic import Implicit
 from halfstep.scene.bases import BaseSolid
 from halfstep.scene.faults import Fault, Loc, line, show
 from halfstep.scene.groups import Fragment, Place
 from halfstep.scene.keys import Animation, SolidKey
 from halfstep.scene.limits import algebraic_faults, mirror_faults, shadow_faults
 from halfstep.scene.model import Scene
-from halfstep.scene.solids import NO_PATCH, PlanePatch, box_cuts_area
+from halfstep.scene.solids import NO_PATCH, Implicit, PlanePatch, box_cuts_area
 from halfstep.scene.tables import ACCURACY_KEYS, VIEW_KEYS, Camera, Light
 from halfstep.scene.values import Table, described, plain
 
@@ -100,7 +99,7 @@ def with_overrides(
 
 def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
     """What the solids of a scene cannot have, by the options that are ``given``."""
-    found = algebraic_faults(scene.solids, scene.accuracy)
+    found = algebraic_faults(scene, scene.solids, scene.accuracy)
     found += mirror_faults(scene, scene.materials, scene.image, scene.accuracy, scene.solids)
     return [(loc[1:] if loc[1] in given else loc, text) for loc, text in found]
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from halfstep.scene.algebraic import Algebraic, HigherShape
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Name, Not, Sense
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 from halfstep.scene.shapes import Placed
@@ -26,11 +27,13 @@ class Function:
             of n and of -d, once above and once below the diagonal, n as the file gives it.
         name: for people: ``surface 3``, or ``part bore, surface 2``.
         owner: the surface or part that it is of; where it is seen, a part shows its own colour.
+        shape: of an order above two, in coordinates of the owner; its matrix is 0.
     """
 
     matrix: Array
     name: str
     owner: Surface | Part
+    shape: HigherShape | None = None
 
 
 def functions_of(surfaces: Sequence[Surface], parts: Sequence[Part]) -> tuple[Function, ...]:
@@ -39,27 +42,46 @@ def functions_of(surfaces: Sequence[Surface], parts: Sequence[Part]) -> tuple[Fu
     A part gives its quadric, if it has one, then its half-spaces in the order of their numbers.
     """
     of_surfaces = [
-        Function(_moved(surface.quadric(), surface), f"surface {surface.id}", surface)
+        _function(
+            None if _shape_of(surface) else surface.quadric(), f"surface {surface.id}", surface
+        )
         for surface in surfaces
     ]
     of_parts = [
-        Function(_moved(matrix, part), f"part {part.name}, surface {number}", part)
+        _function(matrix, f"part {part.name}, surface {number}", part)
         for part in parts
         for number, matrix in _matrices(part)
     ]
     return (*of_surfaces, *of_parts)
 
 
+def _function(matrix: Array | None, name: str, owner: Surface | Part) -> Function:
+    """A function of an owner; without a matrix it is of an order above two."""
+    if matrix is not None:
+        return Function(_moved(matrix, owner), name, owner)
+    return Function(np.zeros((4, 4)), name, owner, _shape_of(owner))
+
+
+def _shape_of(owner: object) -> HigherShape | None:
+    return owner if isinstance(owner, HigherShape) else None
+
+
 def function_count(part: Part) -> int:
     """How many functions a part has."""
-    return (not part.is_flat) + len(part.half_spaces())
+    return (not part.is_flat) + _is_in_ball(part) + len(part.half_spaces())
 
 
-def _matrices(part: Part) -> Iterator[tuple[int, Array]]:
-    """Numbers and matrices of what bounds a part, its own coordinates."""
+def _is_in_ball(part: object) -> bool:
+    return isinstance(part, Algebraic) and part.is_in_ball()
+
+
+def _matrices(part: Part) -> Iterator[tuple[int, Array | None]]:
+    """Numbers and matrices of what bounds a part, its own coordinates; none of a higher order."""
     if not part.is_flat:
-        yield 0, part.quadric()
-    for number, row in enumerate(part.half_spaces(), start=1):
+        yield 0, None if part.is_algebraic else part.quadric()
+    if _is_in_ball(part):
+        yield 1, part.quadric()
+    for number, row in enumerate(part.half_spaces(), start=1 + _is_in_ball(part)):
         matrix = np.zeros((4, 4))
         matrix[:3, 3] = matrix[3, :3] = row[:3] / 2
         matrix[3, 3] = -row[3]

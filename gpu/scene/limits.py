@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from halfstep.scene.algebraic import Algebraic
+from halfstep.scene.algebraic import Algebraic, HigherShape, ImplicitShape, TorusShape
 from halfstep.scene.bases import BaseSolid
 from halfstep.scene.copies import Layout
 from halfstep.scene.faults import Fault, Loc, show
@@ -26,13 +26,17 @@ MAX_LITERALS = 1 << 16
 MOST_STEPS_OF_CELLS = 22
 
 
-def algebraic_faults(solids: Sequence[BaseSolid], accuracy: Accuracy) -> list[Fault]:
-    """What of ``[accuracy]`` solids cannot have that polynomials or formulas bound."""
-    found = [solid for solid in solids if isinstance(solid, Algebraic)]
-    if not found:
-        return []
+def algebraic_faults(
+    scene: Fragment, solids: Sequence[BaseSolid], accuracy: Accuracy
+) -> list[Fault]:
+    """What of ``[accuracy]`` solids and cells cannot have that polynomials or formulas bound."""
     kinds = {"torus": "a torus", "implicit": "a formula"}
-    names = " and ".join(sorted({kinds[str(getattr(solid, "kind", ""))] for solid in found}))
+    of_cells = [shape for _, shape in _shapes_of_cells(scene, ())]
+    found: list[object] = [solid for solid in solids if isinstance(solid, Algebraic)]
+    known = {kinds[str(getattr(shape, "kind", ""))] for shape in found + of_cells}
+    if not known:
+        return []
+    names = " and ".join(sorted(known))
     faults: list[Fault] = []
     if accuracy.number_format != "float32":
         text = f"{show(accuracy.number_format)} cannot draw {names} yet; use float32"
@@ -46,9 +50,39 @@ def algebraic_faults(solids: Sequence[BaseSolid], accuracy: Accuracy) -> list[Fa
     return faults
 
 
+def has_algebraic(scene: Fragment, solids: Sequence[BaseSolid]) -> bool:
+    """Whether a torus or a formula bounds a solid or a cell."""
+    of_cells = next(_shapes_of_cells(scene, ()), None)
+    return of_cells is not None or any(solid.is_algebraic for solid in solids)
+
+
+def _shapes_of_cells(fragment: Fragment, loc: Loc) -> Iterator[tuple[Loc, HigherShape]]:
+    """The surfaces and parts of an order above two."""
+    for key, shapes in (("surface", fragment.surfaces), ("part", fragment.parts)):
+        for index, shape in enumerate(shapes):
+            given: object = shape
+            if isinstance(given, HigherShape):
+                yield (*loc, key, index), given
+    for index, group in enumerate(fragment.groups):
+        yield from _shapes_of_cells(group, (*loc, "group", index))
+
+
+def _of_shape(shape: HigherShape, loc: Loc) -> Iterator[Fault]:
+    """Why a surface or part of an order above two cannot bound cells."""
+    if isinstance(shape, ImplicitShape) and shape.sheet:
+        yield (*loc, "sheet"), "true: a part has an inside, and a sheet has none"
+    elif isinstance(shape, ImplicitShape) and not shape.has_polynomial:
+        yield (*loc, "formula"), "it is no polynomial: other formulas cannot bound cells yet"
+    elif isinstance(shape, TorusShape) and not shape.has_polynomial:
+        text = f"{show(shape.minor[0])} is not <= major = {show(shape.major)}: a torus that crosses"
+        yield (*loc, "minor"), f"{text} itself cannot bound cells yet"
+
+
 def limit_faults(scene: Fragment) -> list[Fault]:
-    """What is too much of a scene whose names are in order."""
+    """What is too much of a scene whose names are in order, or cannot bound its cells."""
     faults = [*_of_group(scene, ())]
+    for loc, shape in _shapes_of_cells(scene, ()):
+        faults += _of_shape(shape, loc)
     count = Layout(scene).count
     if count > MAX_PLACES:
         faults.append(((), f"{count} copies of groups is not <= {MAX_PLACES}"))
@@ -66,7 +100,7 @@ def shadow_faults(
     if lights and (scene.cells or scene.places or scene.lattices):
         text = "true: shadows are drawn of solids alone, and the scene has cells"
         faults += [(("light", index, "shadows"), text) for index in lights]
-    if lights and any(solid.is_algebraic for solid in solids):
+    if lights and has_algebraic(scene, solids):
         text = "true: shadows are not drawn of tori and formulas yet, and the scene has some"
         faults += [(("light", index, "shadows"), text) for index in lights]
     return [*faults, *_of_parts(scene, ())]
@@ -91,7 +125,7 @@ def mirror_faults(
         if scene.cells or scene.places or scene.lattices:
             text = f"{shown}: mirrors are drawn of solids alone, and the scene has cells"
             faults.append((loc, text))
-        if any(solid.is_algebraic for solid in solids):
+        if has_algebraic(scene, solids):
             text = (
                 f"{shown}: mirrors are not drawn of tori and formulas yet, and the scene has some"
             )

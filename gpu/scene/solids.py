@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from halfstep.scene import halfspaces
-from halfstep.scene.algebraic import Implicit, Torus
+from halfstep.scene.algebraic import Algebraic, ImplicitShape, TorusShape
 from halfstep.scene.bases import BaseSolid, CutSolid
 from halfstep.scene.faults import fault, show
 from halfstep.scene.formula import Operand
@@ -30,7 +30,7 @@ from halfstep.scene.values import (
 
 
 class Part(BaseSolid, Operand, ABC):
-    """A solid with an inside: it may stand in a region. All kinds are parts but the plane.
+    """A solid that may stand in a region. All kinds are parts but the plane.
 
     From Python, ``Part(kind="box", size=…)`` makes one of the kind, as `Box` does.
     """
@@ -248,6 +248,14 @@ class Polyhedron(Part):
         return self.rows
 
 
+class Torus(TorusShape, Algebraic, Part):
+    """((√(x² + y²) - major)/across)² + (z/along)² <= 1, minor one number or (across, along)."""
+
+
+class Implicit(ImplicitShape, Part):
+    """formula <= 0 within the bounds, which cut it; sheet: formula = 0 itself, two-sided."""
+
+
 class Bounds(Table):
     """The world box that bounds a patch, eq. (14); a side may have no extent."""
 
@@ -336,7 +344,7 @@ QUADRIC_SHAPES: dict[str, type[QuadricShape]] = {
     kind.__name__: kind.__bases__[0] for kind in get_args(QuadricSolid)
 }
 AlgebraicSolid = Torus | Implicit
-AnyPart = Annotated[QuadricSolid | Box | Polyhedron, Field(discriminator="kind")]
+AnyPart = Annotated[QuadricSolid | Box | Polyhedron | AlgebraicSolid, Field(discriminator="kind")]
 Solid = Annotated[
     QuadricSolid | Box | Polyhedron | PlanePatch | AlgebraicSolid, Field(discriminator="kind")
 ]
@@ -347,4 +355,9 @@ SOLID_KINDS: tuple[type[BaseSolid], ...] = (
     PlanePatch,
     *get_args(AlgebraicSolid),
 )
-PART_KINDS: tuple[type[Part], ...] = (*get_args(QuadricSolid), Box, Polyhedron)
+PART_KINDS: tuple[type[Part], ...] = (
+    *get_args(QuadricSolid),
+    Box,
+    Polyhedron,
+    *get_args(AlgebraicSolid),
+)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 import numpy as np
 from pydantic import Field
 
+from halfstep.scene.algebraic import TorusShape
 from halfstep.scene.formula import MAX_ID, Sense
 from halfstep.scene.shapes import Placed, QuadricShape
 from halfstep.scene.solids import QUADRIC_SHAPES
@@ -64,9 +65,14 @@ def _surface_of(name: str, shape: type[QuadricShape]) -> type[Surface]:
     return type(f"{name}Surface", (shape, Surface), own)
 
 
+class TorusSurface(TorusShape, Surface):
+    """((√(x² + y²) - major)/across)² + (z/along)² = 1, minor one number or (across, along)."""
+
+
 SURFACE_KINDS: tuple[type[Surface], ...] = (
     *(_surface_of(name, shape) for name, shape in QUADRIC_SHAPES.items()),
     PlaneSurface,
+    TorusSurface,
 )
 # Pickles find a class by its name.
 globals().update({kind.__name__: kind for kind in SURFACE_KINDS})

@@ -20,6 +20,7 @@ from halfstep.contract.layout import (
     FACE,
     FLAT,
     HALF_SPACE,
+    HIGHER,
     LIGHT_VIEW,
     LOCATION,
     MIRRORS,
@@ -80,7 +81,9 @@ def fetches(needs: Needs) -> str:
             for array, record in REGION_RECORDS.items()
         ]
         functions += [_words_at(needs), _anywhere(needs), _least_number(needs)]
-    if Class.POLYNOMIAL in needs.classes:
+    if "higher" in needs.facts:
+        functions.append(_record_at(needs, HIGHER, "highers", "higher"))
+    if needs.has_polynomials:
         record = POLYNOMIAL.counted(TERMS=term_count(needs.degree))
         functions.append(_record_at(needs, record, "polynomials", "polynomial"))
     if Class.FORMULA in needs.classes:

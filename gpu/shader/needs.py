@@ -52,6 +52,7 @@ class Needs:
     levels: int = 0  # the most levels that a region's program opens at once
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest degree of a polynomial in the scene
+    pairs: int = 0  # the most pairs of ends of a surface of a region of an order above two
     programs: tuple[Program, ...] = ()  # the scene's formulas that are not polynomials
     numbers: int = 0  # the constants that a formula's record has room for
     balls: bool = False  # a bounding ball cuts a solid with a polynomial or a formula
@@ -95,6 +96,7 @@ class Needs:
             wanted.add("broadcast")
         if self.has_regions:
             wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
+            wanted |= {"higher"} if self.pairs else set()
             wanted |= {"surfaces_5"} if self.surfaces > 4 else set()
             wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
         if "places" in wanted or wanted >= {"regions", "normal"}:
@@ -107,6 +109,11 @@ class Needs:
     def has_regions(self) -> bool:
         """Whether the shader tries copies of groups."""
         return Class.REGION in self.classes or Class.REGION_INSIDE in self.classes
+
+    @property
+    def has_polynomials(self) -> bool:
+        """Whether it reads records of polynomials."""
+        return Class.POLYNOMIAL in self.classes or "higher" in self.facts
 
     @property
     def choices(self) -> frozenset[str]:

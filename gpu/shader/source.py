@@ -58,6 +58,9 @@ MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_
 # The binding for formulas of solids.
 EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 
+# The binding for surfaces of regions of an order above two.
+HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
+
 # The constants of `contract.program` that shaders need.
 WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "HIDDEN", "SIDE")
 # Files whose functions cannot run alone: they need an invocation's variables or device memory.
@@ -108,7 +111,8 @@ def _definitions(needs: Needs) -> list[Definition]:
 
 def _expanded(needs: Needs, name: str) -> str:
     """The expanded text of a stage."""
-    return expand(stage(name), needs.facts, needs.quads, {"DEGREE": needs.degree})
+    bounds = {"DEGREE": needs.degree, "PAIRS": needs.pairs}
+    return expand(stage(name), needs.facts, needs.quads, bounds)
 
 
 def _visits(needs: Needs) -> Iterator[str]:
@@ -135,6 +139,7 @@ def constants(needs: Needs) -> str:
         "LEVELS": needs.levels,
         "DEGREE": needs.degree,
         "TERMS": term_count(needs.degree),
+        "PAIRS": needs.pairs,
         "NUMBERS": needs.numbers,
         "CLOCKS": CLOCKS,
         "BOUNDS": BOUNDS,
@@ -172,6 +177,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
     if needs.degree:  # likewise
         types[10 + len(REGION_RECORDS)] = "read-only-storage"
+    if needs.pairs:  # likewise
+        types[HIGHERS_BINDING] = "read-only-storage"
     if needs.programs:  # likewise
         types[EXPRESSIONS_BINDING] = "read-only-storage"
     types |= dict.fromkeys(_placed(needs), "read-only-storage")
@@ -227,7 +234,11 @@ def bindings(needs: Needs) -> str:
             f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;"
             for number, (name, type_) in enumerate((arrays | {"programs": "u32"}).items(), start=9)
         ]
-    if Class.POLYNOMIAL in needs.classes:
+    if "higher" in needs.facts:
+        higher = "Higher" if needs.broadcast == 1 else "vec4<u64>"
+        binding = f"@group(0) @binding({HIGHERS_BINDING})"
+        lines.append(f"{binding} var<storage, read> highers: array<{higher}>;")
+    if needs.has_polynomials:
         polynomial = "Polynomial" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")

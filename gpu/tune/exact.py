@@ -85,7 +85,7 @@ def check_known(scene: Scene) -> None:
     Raises:
         UsageError: the scene has tori or formulas.
     """
-    if any(solid.is_algebraic for solid in scene.solids):
+    if scene.has_algebraic:
         raise UsageError(f"{scene.name}: tune knows no exact answer for tori and formulas")
 
 

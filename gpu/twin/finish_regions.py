@@ -7,10 +7,13 @@ from collections.abc import Collection
 import numpy as np
 
 from halfstep.contract.regions import PackedRegions
+from halfstep.twin.algebraic import world_slope
+from halfstep.twin.cross_higher import higher_surfaces
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import I32, Bools
 from halfstep.twin.normal import Vector, either, gradient
 from halfstep.twin.region import outward, plane_normal, shows_surface
+from halfstep.twin.taylor import slopes_on_rays
 
 
 def painted(old: Nearest, look: np.void, here: Bools, facts: Collection[str]) -> Nearest:
@@ -65,6 +68,13 @@ def finish_region(
             quadric = regions.curved[region["curved_start"] + (number - region["planes"])]
             bent = outward(gradient(quadric["gradient"], x, y, u), old.met)
             slope = either(shows_surface(old.met, number), bent, slope)
+        for one in higher_surfaces(region, solid, regions):
+            right = (i - one.higher["center_x"]).astype(np.float32) * one.form["scale"]
+            down = (j - one.higher["center_y"]).astype(np.float32) * one.form["scale"]
+            v = u - one.form["middle"]
+            slopes = slopes_on_rays(one.form["terms"], right, down, v)
+            bent = outward(world_slope(one.form, right, down, v, slopes), old.met)
+            slope = either(shows_surface(old.met, one.number), bent, slope)
         new = new._replace(slope=slope)
     own = (old.met.side >> np.int32(1)).astype(np.uint32)
     return new._replace(surface=new.surface + own)

@@ -18,6 +18,8 @@ from halfstep.twin.certify_region import (
 )
 from halfstep.twin.chosen import Chosen
 from halfstep.twin.cross import crossed, doubted, line_crossed
+from halfstep.twin.cross_higher import higher_surfaces, keeps_side, kept_ends
+from halfstep.twin.higher import all_crossed, higher_curve, is_about
 from halfstep.twin.lanes import I32
 from halfstep.twin.normal import NO_VECTOR
 from halfstep.twin.region import is_within, position_before, shows_surface
@@ -65,6 +67,23 @@ def visit_region(
     for quadric in curved:
         form = chosen.forms.form_at(quadric["a"], quadric["g"], quadric["c"], at)
         crossings.append(crossed(form, steps, int(quadric["eye"]), chosen))
+    lower = len(crossings)
+    higher = higher_surfaces(region, solid, regions)
+    column, row = x + solid["center_x"], y + solid["center_y"]
+    trails = [
+        all_crossed(
+            higher_curve(one.form, column - one.higher["center_x"], row - one.higher["center_y"]),
+            one.higher,
+            is_about(one.form, column - one.higher["center_x"], row - one.higher["center_y"]),
+            steps,
+            solid["last_step"],
+            2 * regions.pairs,
+            facts,
+        )
+        for one in higher
+    ]
+    for one, trail in zip(higher, trails, strict=True):
+        crossings += kept_ends(trail.found, one.pairs, steps, reopens=True)
     count = len(crossings)
     if "error" in facts:
         known = [known_plane(plane, at, chosen) for plane in flat]
@@ -75,6 +94,9 @@ def visit_region(
                 doubted(one.form, by, raised, steps, one.eye, chosen)
                 for one, by in zip(known, doubts, strict=True)
             ]
+            for surface, trail in zip(higher, trails, strict=True):
+                found = trail.surely if raised else trail.perhaps
+                crossings += kept_ends(found, surface.pairs, steps, reopens=not raised)
     shape = (x + 0 * y).shape
     any_cell = np.full(shape, ANY_CELL)
     places: dict[Walk, Place] = {}
@@ -127,6 +149,14 @@ def visit_region(
             maybe = crossings[Crossed.PERHAPS * count + place]
             certain &= settled(sure, maybe, into) | shows_surface(met, slot)
             begun &= settled(sure, maybe, near) | (region["start_end"] < 0)
+        spot = lower
+        for surface in higher:
+            own = slice(spot, spot + surface.pairs)
+            surely = crossings[Crossed.SURELY * count :][own]
+            perhaps = crossings[Crossed.PERHAPS * count :][own]
+            certain &= keeps_side(surely, perhaps, into) | shows_surface(met, surface.number)
+            begun &= keeps_side(surely, perhaps, near) | (region["start_end"] < 0)
+            spot += surface.pairs
         certificate = certify_region(
             shown,
             hit,

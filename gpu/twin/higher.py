@@ -1,0 +1,307 @@
+"""Twin of ``higher.wgsl``: a surface of a region of an order above two, and where it is crossed.
+
+``cells`` finds the first root of a polynomial and leaves the rest. A region asks for all of them,
+so here the search goes on: behind a cell that holds one root F has the other sign, and -F is
+searched from there. F <= 0 then holds between pairs of grid points, in order. Each pair is a
+`Crossing`: a program takes F <= 0 for the OR of them, and F > 0 for the AND of their complements.
+
+*What is certain.* A cell that was passed has no root, and F has there the sign it is taken for; a
+cell that is single has one. Between these lie stretches in which nothing is known: leaves and cells
+that are neither, what is left when no more cells may be tried, and the beginning of a ray where |F|
+is less than its error. Let a be the last grid point where the sign is sure before such a stretch,
+or before a root, and b the first one behind it. F <= 0 may hold from a + 1 on where F > 0 at a, and
+up to b where F > 0 at b. It surely holds up to a, and from b on, where F < 0 there. These ends are
+those of the pairs `perhaps` and `surely`: walks for certificates take them as those of F - E and
+F + E.
+
+The root of a single cell lies in the leaf that the halvings end in, or near to it: so near as F,
+at the places that `room_about` tries, exceeds its error with either sign. Where the stretch before
+such a cell is not closed, F may have no root in it, or two: then the stretch ends behind it.
+
+*How many pairs.* A polynomial of degree d has d roots at most, so that d // 2 + 1 pairs suffice,
+and for a torus two: F > 0 before and behind it. Where rounding makes more of them, the last pair of
+those that may hold does not end, and of those that surely hold some are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.contract.powers import BOUNDS, CLOCKS
+from halfstep.twin.cells import (
+    Cell,
+    Span,
+    cells_from,
+    judged_of,
+    narrowed,
+    next_cell,
+    span_of,
+)
+from halfstep.twin.crossings import EYE_INSIDE, EYE_UNKNOWN, Crossing
+from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.taylor import (
+    Curve,
+    about,
+    curve_error,
+    curve_value,
+    on_rays,
+    opposite,
+    sizes_on_rays,
+)
+
+# The last sure grid point where no stretch is open.
+SETTLED = np.int32(-2)
+
+
+class Ends(NamedTuple):
+    """Grid points where F <= 0 begins and ends in turn, and how many there were."""
+
+    points: list[I32]  # room for so many
+    total: I32
+
+
+class Trail(NamedTuple):
+    """What is known of F up to a cell."""
+
+    inside: Bools  # F <= 0 is taken to hold
+    found: Ends
+    surely: Ends
+    perhaps: Ends
+    since: I32  # the last sure grid point before the stretch that is open, or `SETTLED`
+    was: Bools  # F <= 0 there
+
+
+def ended(ends: Ends, point: I32, some: Bools) -> Ends:
+    """The ends and another one in some pixels."""
+    points = [np.where(some & (ends.total == k), point, old) for k, old in enumerate(ends.points)]
+    return Ends(points, ends.total + some.astype(np.int32))
+
+
+def pair_of(ends: Ends, number: int, pairs: int, never: np.int32, reopens: bool) -> Crossing:
+    """A pair of ends, of so many; one without room reopens the last, or is left out."""
+    low = np.where(ends.total > 2 * number, ends.points[2 * number], never)
+    high = np.where(ends.total > 2 * number + 1, ends.points[2 * number + 1], never)
+    if reopens and number + 1 == pairs:
+        high = np.where(ends.total > 2 * pairs, never, high)
+    return Crossing(low, high)
+
+
+def closed_trail(old: Trail, last: I32, point: I32, now: Bools, some: Bools) -> Trail:
+    """What is known where, after ``last``, the sign is sure again from a grid point on."""
+    perhaps = ended(old.perhaps, last + 1, some & ~old.was)
+    perhaps = ended(perhaps, point, some & ~now)
+    surely = ended(old.surely, last + 1, some & old.was)
+    surely = ended(surely, point, some & now)
+    since = np.where(some, SETTLED, old.since)
+    return old._replace(perhaps=perhaps, surely=surely, since=since)
+
+
+def opened_trail(old: Trail, last: I32, some: Bools) -> Trail:
+    """What is known where behind the grid point ``last`` nothing is; an open stretch goes on."""
+    here = some & (old.since == SETTLED)
+    return old._replace(
+        since=np.where(here, last, old.since), was=np.where(here, old.inside, old.was)
+    )
+
+
+def _no_ends(room: int, shape: tuple[int, ...]) -> Ends:
+    """None."""
+    return Ends([np.zeros(shape, np.int32)] * room, np.zeros(shape, np.int32))
+
+
+def begun_trail(
+    curve: Curve, higher: np.void, some: Bools, room: int, facts: Collection[str]
+) -> Trail:
+    """What is known where rays start, in some pixels; in the others F > 0."""
+    start = np.full(some.shape, higher["start"])
+    value = curve_value(curve, start)
+    eye = int(higher["eye"])
+    from_eye = eye != EYE_UNKNOWN and int(higher["first"]) == 0
+    inside = np.full(some.shape, eye == EYE_INSIDE) if from_eye else value <= 0
+    inside = inside & some
+    zero, none = np.zeros(some.shape, np.int32), _no_ends(room, some.shape)
+    trail = Trail(
+        inside,
+        ended(none, zero, inside),
+        none,
+        none,
+        np.full(some.shape, SETTLED),
+        np.zeros(some.shape, bool),
+    )
+    if "error" in facts:
+        error = curve_error(curve, np.abs(start - curve.middle))
+        unsure = some & (not from_eye) & (np.abs(value) <= error)
+        sure = inside & ~unsure
+        trail = trail._replace(
+            surely=ended(none, zero, sure),
+            perhaps=ended(none, zero, sure),
+            since=np.where(unsure, np.int32(-1), SETTLED),
+        )
+    return trail
+
+
+def room_about(curve: Curve, leaf: I32, whole: Span, last_step: np.float32) -> I32:
+    """So many leaves about a leaf, on each side, hold the root of a cell; negative if unknown."""
+    u = (leaf + leaf + 1).astype(np.float32) * last_step - np.float32(1)
+    off = np.abs(u - curve.middle)
+    reach = last_step
+    leaves = 0
+    room = np.full(leaf.shape, np.int32(-1))
+    for k in range(BOUNDS):
+        error = curve_error(curve, off + reach)
+        before = (u - reach <= whole.low) | (curve_value(curve, u - reach) > error)
+        behind = (u + reach >= whole.high) | (curve_value(curve, u + reach) < -error)
+        room = np.where(before & behind & (room < 0), np.int32(leaves), room)
+        reach = reach * np.float32(4)
+        leaves = 2 << 2 * k
+    return room
+
+
+def cell_behind(old: Cell, following: I32, stop: F32, steps: int, last_step: np.float32) -> Cell:
+    """The largest cell from a leaf on, before ``stop``, where a root was found."""
+    right = following.astype(np.float32) * (last_step + last_step) - np.float32(1)
+    fresh = cells_from(following, old.met & (right < stop), steps)
+    return Cell(*(np.where(old.met, *pair) for pair in zip(fresh, old, strict=True)))
+
+
+def higher_curve(form: np.void, x: I32, y: I32) -> Curve:
+    """F on the rays of pixels, x and y from its own middle."""
+    right, down = x.astype(np.float32) * form["scale"], y.astype(np.float32) * form["scale"]
+    return Curve(
+        on_rays(form["terms"], right, down),
+        sizes_on_rays(form["terms"], right, down),
+        form["middle"],
+        form["rounding"],
+        form["host_error"],
+    )
+
+
+def is_about(form: np.void, x: I32, y: I32) -> Bools:
+    """Whether pixels are in the rectangle of a surface."""
+    column = (x >= form["left"]) & (x <= form["right"])
+    return np.asarray(column & (y >= form["top"]) & (y <= form["bottom"]))
+
+
+class Quest(NamedTuple):
+    """A search for roots, one after another."""
+
+    trail: Trail
+    cell: Cell
+    clocks: I32  # cells that may be tried yet
+    single: Bools  # the cell that was tried last has one root, surely
+    proven: Bools  # or is a leaf with F < 0 at its end, surely
+
+
+def tried_search(
+    old: Quest,
+    seen: Curve,
+    start: F32,
+    stop: F32,
+    steps: int,
+    last_step: np.float32,
+    facts: Collection[str],
+) -> Quest:
+    """A search that has tried one more cell for a root of ``seen``, which is F or -F."""
+    span = span_of(old.cell, start, stop, last_step)
+    m = span.middle - seen.middle
+    off = curve_error(seen, np.abs(m) + span.half)
+    judged = judged_of(about(seen.powers, m, span.half), off)
+    cell = next_cell(old.cell, span, judged, stop, steps)
+    clocks = old.clocks - old.cell.going
+    spent = cell.going & (clocks <= 0)
+    left = cell._replace(going=cell.going & ~spent)
+    if "error" not in facts:
+        return old._replace(cell=left, clocks=clocks)
+    going, leaf, trail = old.cell.going, old.cell.size == 0, old.trail
+    real = going & (span.high > span.low)
+    passed = real & judged.passed
+    single = np.where(going, real & judged.single & ~judged.passed, old.single)
+    proven = np.where(going, leaf & judged.below, old.proven)
+    settles = passed & (trail.since != SETTLED)
+    trail = closed_trail(trail, trail.since, old.cell.first, trail.inside, settles)
+    lost = real & ~passed & ~cell.met & (leaf | judged.vague)
+    trail = opened_trail(opened_trail(trail, old.cell.first, lost), cell.first, spent)
+    return Quest(trail, left, clocks, single, proven)
+
+
+def rooted_search(
+    old: Quest,
+    seen: Curve,
+    start: F32,
+    stop: F32,
+    steps: int,
+    last_step: np.float32,
+    facts: Collection[str],
+) -> Quest:
+    """A search where ``seen`` has a root in the cell, which is halved for it; it goes on behind."""
+    met, first = old.cell.met, old.cell.first
+    whole = span_of(old.cell, start, stop, last_step)
+    found, middle = old.cell, np.full(met.shape, seen.middle)
+    for _ in range(steps):
+        if not (met & (found.size > 0)).any():
+            break
+        found = narrowed(seen.powers, middle, start, stop, found, last_step)
+    leaf = found.first
+    trail = old.trail._replace(found=ended(old.trail.found, leaf + 1, met))
+    if "error" in facts:
+        room = room_about(seen, leaf, whole, last_step)
+        near = old.single & (room >= 0)
+        is_open = trail.since != SETTLED
+        last = np.where(near, np.maximum(leaf - room, first), first)
+        point = np.where(near, np.minimum(leaf + 1 + room, whole.following), whole.following)
+        last = np.where(is_open, trail.since, last)
+        point = np.where(is_open, whole.following, point)
+        trail = opened_trail(trail, first, met)
+        sure = met & (old.single | old.proven)
+        trail = closed_trail(trail, last, point, ~trail.inside, sure)
+    return old._replace(
+        trail=trail._replace(inside=trail.inside ^ met),
+        cell=cell_behind(old.cell, whole.following, stop, steps, last_step),
+    )
+
+
+def all_crossed(
+    curve: Curve,
+    higher: np.void,
+    some: Bools,
+    steps: int,
+    last_step: np.float32,
+    room: int,
+    facts: Collection[str],
+) -> Trail:
+    """Where F changes its sign, in some pixels.
+
+    Args:
+        curve: F.
+        higher: record of the surface.
+        some: in the others F > 0.
+        steps: n.
+        last_step: 2^-n.
+        room: for so many ends.
+        facts: whether certificates are asked for.
+    """
+    start = np.full(some.shape, higher["start"])
+    stop = np.full(some.shape, higher["stop"])
+    cell = cells_from(np.full(some.shape, higher["first"], np.int32), some, steps)
+    never = np.zeros(some.shape, bool)
+    pairs = int(higher["pairs"])
+    clocks = np.full(some.shape, np.int32(CLOCKS * pairs))
+    search = Quest(begun_trail(curve, higher, some, room, facts), cell, clocks, never, never)
+    for _ in range(2 * pairs + 1):
+        seen = opposite(search.trail.inside, curve)
+        while search.cell.going.any():
+            search = tried_search(search, seen, start, stop, steps, last_step, facts)
+        if not search.cell.met.any():
+            break
+        search = rooted_search(search, seen, start, stop, steps, last_step, facts)
+    trail = search.trail
+    if "error" in facts:
+        trail = opened_trail(trail, search.cell.first, search.cell.going)
+        left_open = trail.since != SETTLED
+        perhaps = ended(trail.perhaps, trail.since + 1, left_open & ~trail.was)
+        surely = ended(trail.surely, trail.since + 1, left_open & trail.was)
+        trail = trail._replace(perhaps=perhaps, surely=surely)
+    return trail

@@ -1,0 +1,45 @@
+// The crossings of a region's surfaces of an order above two: each has some, one after another.
+
+// Where the list of those that count begins: how many they are, how many surfaces of the group come
+// before all of an order above two, and their numbers.
+fn higher_list(region: Region) -> u32 {
+  return region.list_start + counted(region) + region.cell_count + region.face_count;
+}
+
+// How many count.
+fn higher_count(region: Region) -> u32 {
+  return programs[higher_list(region)];
+}
+
+// The number within its group of one of them.
+fn higher_number(region: Region, place: u32) -> u32 {
+  return programs[higher_list(region) + 2u + place];
+}
+
+// One of them.
+fn higher_in(region: Region, solid: Solid, place: u32) -> Higher {
+  let lower = programs[higher_list(region) + 1u];
+  return higher_at(solid.polynomial + (higher_number(region, place) - lower));
+}
+
+// Keeps the pairs of ends of a surface from a place on.
+fn keep_ends(first: u32, ends: Ends, pairs: u32, steps: u32, reopens: bool) {
+  let never = (1i << steps) + 1;
+  for (var k = 0u; k < pairs; k++) {
+    keep_crossing(first + k, pair_of(ends, k, pairs, never, reopens));
+  }
+}
+
+// Whether a surface surely keeps its sign from a cell's beginning to a grid point.
+fn keeps_side(first: u32, pairs: u32, between: Between) -> b4 {
+  var inside = b4(false);
+  var outside = b4(true);
+  for (var k = 0u; k < pairs; k++) {
+    let sure = crossing_at(SURELY + first + k);
+    let maybe = crossing_at(PERHAPS + first + k);
+    inside |= (part_of(sure, between.cell) == i4(1)) & (part_of(sure, between.point) == i4(1));
+    let part = part_of(maybe, between.cell);
+    outside &= (part != i4(1)) & (part == part_of(maybe, between.point));
+  }
+  return inside | outside;
+}

@@ -1,0 +1,252 @@
+// A surface of a region of an order above two -> where it is crossed: all its roots, in order.
+//
+// F <= 0 holds between pairs of grid points, for which there is room for PAIRS. How they are found,
+// and what is certain of them, is told in gpu/twin/higher.py.
+
+const ENDS: u32 = PAIRS + PAIRS;
+// The last sure grid point where no stretch is open.
+const SETTLED: i32 = -2;
+
+// Grid points where F <= 0 begins and ends in turn, and how many there were.
+struct Ends {
+  points: array<i4, ENDS>,
+  total: i4,
+}
+
+// What is known of F up to a cell.
+struct Trail {
+  inside: b4,  // F <= 0 is taken to hold
+  found: Ends,
+  surely: Ends,  //? error
+  perhaps: Ends,  //? error
+  since: i4,  // the last sure grid point before the stretch that is open, or SETTLED  //? error
+  was: b4,  // F <= 0 there  //? error
+}
+
+// The ends and another one in some pixels.
+fn ended(ends: Ends, point: i4, some: b4) -> Ends {
+  var more = ends;
+  // written out
+  for (var k = 0u; k < PAIRS + PAIRS; k++) {
+    more.points[k] = select(ends.points[k], point, some & (ends.total == i4(i32(k))));
+  }
+  more.total = ends.total + select(i4(0), i4(1), some);
+  return more;
+}
+
+// A pair of ends, of so many; one for which there is no room reopens the last, or is left out.
+fn pair_of(ends: Ends, number: u32, pairs: u32, never: i32, reopens: bool) -> Crossing {
+  var low = i4(never);
+  var high = i4(never);
+  // written out
+  for (var k = 0u; k < PAIRS; k++) {
+    low = select(low, ends.points[k + k], number == k);
+    high = select(high, ends.points[k + k + 1u], number == k);
+  }
+  let before = i4(i32(number + number));
+  let full = b4(reopens && number + 1u == pairs) & (ends.total > i4(i32(pairs + pairs)));
+  low = select(i4(never), low, ends.total > before);
+  high = select(i4(never), high, (ends.total > before + i4(1)) & !full);
+  return Crossing(low, high);
+}
+
+// What is known where, after `last`, the sign is sure again from a grid point on.
+fn closed_trail(old: Trail, last: i4, point: i4, now: b4, some: b4) -> Trail {
+  var trail = old;
+  trail.perhaps = ended(trail.perhaps, last + i4(1), some & !trail.was);  //? error
+  trail.perhaps = ended(trail.perhaps, point, some & !now);  //? error
+  trail.surely = ended(trail.surely, last + i4(1), some & trail.was);  //? error
+  trail.surely = ended(trail.surely, point, some & now);  //? error
+  trail.since = select(trail.since, i4(SETTLED), some);  //? error
+  return trail;
+}
+
+// What is known where behind the grid point `last` nothing is; an open stretch goes on.
+fn opened_trail(old: Trail, last: i4, some: b4) -> Trail {
+  var trail = old;
+  let here = some & (trail.since == i4(SETTLED));  //? error
+  trail.since = select(trail.since, last, here);  //? error
+  trail.was = select(trail.was, trail.inside, here);  //? error
+  return trail;
+}
+
+// F on the rays of pixels, x and y from its own middle.
+fn higher_curve(form: Polynomial, x: i4, y: i32) -> Curve {
+  let right = f4(x) * form.scale;
+  let down = f32(y) * form.scale;
+  return Curve(
+    on_rays(form.terms, right, down),
+    sizes_on_rays(form.terms, right, down),
+    form.middle,
+    form.rounding,
+    form.host_error,
+  );
+}
+
+// Whether pixels are in the rectangle of a surface.
+fn is_about(form: Polynomial, x: i4, y: i32) -> b4 {
+  let column = (x >= i4(form.left)) & (x <= i4(form.right));
+  return column & b4((y >= form.top) & (y <= form.bottom));
+}
+
+// What is known where rays start, in some pixels; in the others F > 0.
+fn begun_trail(curve: Curve, higher: Higher, some: b4) -> Trail {
+  let start = f4(higher.start);
+  let value = curve_value(curve, start);
+  let from_eye = higher.eye != EYE_UNKNOWN && higher.first == 0;
+  let inside = some & select(value <= f4(0.0), b4(higher.eye == EYE_INSIDE), from_eye);
+  let none = Ends(array<i4, ENDS>(), i4(0));
+  var trail: Trail;
+  trail.inside = inside;
+  trail.found = ended(none, i4(0), inside);
+  let error = curve_error(curve, abs(start - curve.middle));  //? error
+  let unsure = some & b4(!from_eye) & (abs(value) <= error);  //? error
+  trail.surely = ended(none, i4(0), inside & !unsure);  //? error
+  trail.perhaps = trail.surely;  //? error
+  trail.since = select(i4(SETTLED), i4(-1), unsure);  //? error
+  return trail;
+}
+
+// So many leaves about a leaf, on each side, hold the root of a cell; a negative number if unknown.
+fn room_about(curve: Curve, leaf: i4, whole: Span, last_step: f32) -> i4 {
+  let u = f4(leaf + leaf + i4(1)) * last_step - 1.0;
+  let off = abs(u - curve.middle);
+  var reach = last_step;
+  var leaves = 0i;
+  var room = i4(-1);
+  for (var k = 0u; k < BOUNDS; k++) {
+    let error = curve_error(curve, off + reach);
+    let before = (u - reach <= whole.low) | (curve_value(curve, u - reach) > error);
+    let behind = (u + reach >= whole.high) | (curve_value(curve, u + reach) < -error);
+    room = select(room, i4(leaves), before & behind & (room < i4(0)));
+    reach = reach * 4.0;
+    leaves = 2i << (2u * k);
+  }
+  return room;
+}
+
+// The largest cell from a leaf on, before `stop`, where a root was found.
+fn cell_behind(old: Cell, following: i4, stop: f4, steps: u32, last_step: f32) -> Cell {
+  let right = f4(following) * (last_step + last_step) - 1.0;
+  let fresh = cells_from(following, old.met & (right < stop), steps);
+  return Cell(
+    select(old.first, fresh.first, old.met),
+    select(old.size, fresh.size, old.met),
+    select(old.going, fresh.going, old.met),
+    select(old.met, fresh.met, old.met),
+    select(old.sure, fresh.sure, old.met),
+  );
+}
+
+// A search for roots, one after another.
+struct Quest {
+  trail: Trail,
+  cell: Cell,
+  clocks: i4,  // cells that may be tried yet
+  single: b4,  // the cell that was tried last has one root, surely  //? error
+  proven: b4,  // or is a leaf with F < 0 at its end, surely  //? error
+}
+
+// A search that has tried one more cell for a root of `seen`, which is F or -F.
+fn tried_search(
+  old: Quest,
+  seen: Curve,
+  start: f4,
+  stop: f4,
+  steps: u32,
+  last_step: f32,
+) -> Quest {
+  var search = old;
+  let span = span_of(old.cell, start, stop, last_step);
+  let m = span.middle - seen.middle;
+  let off = curve_error(seen, abs(m) + span.half);
+  let judged = judged_of(about(seen.powers, m, span.half), off);
+  let cell = next_cell(old.cell, span, judged, stop, steps);
+  let going = old.cell.going;  //? error
+  let real = going & (span.high > span.low);  //? error
+  let passed = real & judged.passed;  //? error
+  let leaf = old.cell.size == i4(0);  //? error
+  search.single = select(old.single, real & judged.single & !judged.passed, going);  //? error
+  search.proven = select(old.proven, leaf & judged.below, going);  //? error
+  var trail = old.trail;  //? error
+  let settles = passed & (trail.since != i4(SETTLED));  //? error
+  trail = closed_trail(trail, trail.since, old.cell.first, trail.inside, settles);  //? error
+  let lost = real & !passed & !cell.met & (leaf | judged.vague);  //? error
+  search.trail = opened_trail(trail, old.cell.first, lost);  //? error
+  search.cell = cell;
+  search.clocks = old.clocks - select(i4(0), i4(1), old.cell.going);
+  let spent = cell.going & (search.clocks <= i4(0));
+  search.trail = opened_trail(search.trail, cell.first, spent);  //? error
+  search.cell.going = cell.going & !spent;
+  return search;
+}
+
+// A search where `seen` has a root in the cell, which is halved for it; then it goes on behind.
+fn rooted_search(
+  old: Quest,
+  seen: Curve,
+  start: f4,
+  stop: f4,
+  steps: u32,
+  last_step: f32,
+) -> Quest {
+  let met = old.cell.met;
+  let first = old.cell.first;
+  let whole = span_of(old.cell, start, stop, last_step);
+  var found = old.cell;
+  for (var k = 0u; k < steps; k++) {
+    if !any(met & (found.size > i4(0))) {
+      break;
+    }
+    found = narrowed(seen.powers, f4(seen.middle), start, stop, found, last_step);
+  }
+  let leaf = found.first;
+  var trail = old.trail;
+  trail.found = ended(trail.found, leaf + i4(1), met);
+  let room = room_about(seen, leaf, whole, last_step);  //? error
+  let near = old.single & (room >= i4(0));  //? error
+  let is_open = trail.since != i4(SETTLED);  //? error
+  var last = select(first, max(leaf - room, first), near);  //? error
+  var point = select(whole.following, min(leaf + i4(1) + room, whole.following), near);  //? error
+  last = select(last, trail.since, is_open);  //? error
+  point = select(point, whole.following, is_open);  //? error
+  trail = opened_trail(trail, first, met);  //? error
+  let sure = met & (old.single | old.proven);  //? error
+  trail = closed_trail(trail, last, point, !trail.inside, sure);  //? error
+  trail.inside = trail.inside != met;
+  var search = old;
+  search.trail = trail;
+  search.cell = cell_behind(old.cell, whole.following, stop, steps, last_step);
+  return search;
+}
+
+// Where F changes its sign, in some pixels.
+fn all_crossed(curve: Curve, higher: Higher, some: b4, steps: u32, last_step: f32) -> Trail {
+  let start = f4(higher.start);
+  let stop = f4(higher.stop);
+  let cell = cells_from(i4(higher.first), some, steps);
+  var search: Quest;
+  search.trail = begun_trail(curve, higher, some);
+  search.cell = cell;
+  search.clocks = i4(i32(CLOCKS * higher.pairs));
+  let rounds = higher.pairs + higher.pairs + 1u;
+  for (var k = 0u; k < rounds; k++) {
+    let seen = opposite(search.trail.inside, curve);
+    loop {
+      if !any(search.cell.going) {
+        break;
+      }
+      search = tried_search(search, seen, start, stop, steps, last_step);
+    }
+    if !any(search.cell.met) {
+      break;
+    }
+    search = rooted_search(search, seen, start, stop, steps, last_step);
+  }
+  var trail = search.trail;
+  trail = opened_trail(trail, search.cell.first, search.cell.going);  //? error
+  let left_open = trail.since != i4(SETTLED);  //? error
+  trail.perhaps = ended(trail.perhaps, trail.since + i4(1), left_open & !trail.was);  //? error
+  trail.surely = ended(trail.surely, trail.since + i4(1), left_open & trail.was);  //? error
+  return trail;
+}
