@@ -148,12 +148,17 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         row = np.flatnonzero(ix >= geometry.solid_count)
         spans = (np.stack([low, high[ix]]) - middle) / half
         groups = copies(
-            geometry.regions, row, ix[row] - geometry.solid_count, sight.at(row), spans[:, row]
+            geometry.regions,
+            row,
+            ix[row] - geometry.solid_count,
+            sight.at(row),
+            spans[:, row],
+            starts_at_eye[row],
         )
         at_eye = starts_at_eye[row]
         unsure = np.bincount(groups.owner[~groups.eye_sure], minlength=len(row)) > 0
-        facts.inside[row] = at_eye & groups.eye_inside
-        facts.sure[row] = ~(at_eye & unsure)
+        facts.inside[row] = groups.eye_inside
+        facts.sure[row] = ~unsure
         facts.nearest[row] = np.where(at_eye, groups.nearest, 0.0)
     algebraic = _polynomials(geometry, ix, view, center, sight, np.stack([low, high[ix]]))
     at_eye = np.empty(0, np.int64) if algebraic is None else algebraic.row

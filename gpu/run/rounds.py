@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from halfstep.contract.arrays import Ints
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.contract.regions import PackedRegions
@@ -49,8 +49,8 @@ def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> I
     """The most rounds (E,) that each record of a region takes of an invocation that tries it."""
     records = regions.records
     steps = packed.solids["steps"][records["solid"]].astype(np.int64) + 1
-    flat, curved, cells, faces = (
-        records[f"{name}_count"].astype(np.int64) for name in ("flat", "curved", "cell", "face")
+    flat, curved, cells = (
+        records[f"{name}_count"].astype(np.int64) for name in ("flat", "curved", "cell")
     )
     surfaces, certified = flat + curved, "error" in needs.facts
     groups = records["end_group"].astype(np.int64) - records["first_group"]
@@ -58,7 +58,7 @@ def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> I
     # all pixels that show the region.
     rounds = surfaces * (steps + 2) + 2
     rounds += certified * surfaces * (2 * steps + 5)
-    rounds += 2 * surfaces + cells + faces + 5
+    rounds += surfaces + cells + 6
     # A leap ends where a surface is crossed, a quadric at two places; a walk looks once more where
     # it begins and where it ends.
     looks = 2 * curved + flat + 2
@@ -94,7 +94,7 @@ def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
     left = granted - rounds_of_finish(needs) - rounds_of_light(needs, packed)
     total = np.zeros(len(rounds) + 1, np.int64)
     np.cumsum(rounds, out=total[1:])
-    edges = lists.starts[:: max(len(needs.classes), 1)].astype(np.int64)
+    edges = lists.starts[:: len(lists.classes)].astype(np.int64)
     return int(np.diff(total[edges]).max(initial=0)) > left
 
 
@@ -102,8 +102,8 @@ def rounds_of_members(needs: Needs, packed: Packed, lists: Lists) -> Ints:
     """The most rounds that each member of the lists of tiles takes."""
     if lists.regions is None:
         return rounds_of_solids(needs, packed)[lists.members]
-    slot = np.repeat(np.arange(len(lists.starts) - 1) % len(needs.classes), np.diff(lists.starts))
-    is_region = np.isin(needs.classes, (Class.REGION, Class.REGION_INSIDE))[slot]
+    slot = np.repeat(np.arange(len(lists.starts) - 1) % len(lists.classes), np.diff(lists.starts))
+    is_region = np.isin(lists.classes, [*REGIONS])[slot]
     rounds = np.empty(len(lists.members), np.int64)
     regions = rounds_of_regions(needs, packed, lists.regions)
     rounds[is_region] = regions[lists.members[is_region]]

@@ -6,9 +6,11 @@ all.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import (
     APPEARANCE,
@@ -47,6 +49,25 @@ REGION_RECORDS = {
 }
 
 
+# What is read of a region to see whether it is to be tried, of the solid that it is, and of a
+# quadric along rays: fetches take as long as they are.
+OF_OUTLINE = ("left", "right", "top", "bottom", "near_high", "near_low")
+OF_PLACED = (
+    "center_x",
+    "center_y",
+    "depth_middle",
+    "depth_half",
+    "last_step",
+    "steps",
+    "key_high",
+    "key_low",
+    "key_shift",
+    "spare",
+    "flags",
+    "surface",
+)
+OF_CURVED = ("a", "g", "c", "host_error", "eye")
+
 # Where points are, what hides lights, and what mirrors show.
 PLACE_RECORDS = {"locations": LOCATION}
 SHADOW_RECORDS = {
@@ -73,8 +94,13 @@ def fetches(needs: Needs) -> str:
     ]
     if "regions" in needs.facts:
         functions += [
-            _record_at(needs, record, array, record.name.lower())
-            for array, record in REGION_RECORDS.items()
+            _record_at(needs, REGION, "regions", "region"),
+            _record_at(needs, REGION, "regions", "outline", OF_OUTLINE),
+            _record_at(needs, SOLID, "solids", "placed", OF_PLACED),
+            _record_at(needs, FLAT, "flats", "flat"),
+            _record_at(needs, CURVED, "curves", "curved", OF_CURVED),
+            _record_at(needs, CURVED, "curves", "bent", ("gradient",)),
+            _record_at(needs, APPEARANCE, "appearances", "appearance"),
         ]
         functions += [_words_at(needs), _anywhere(needs), _least_number(needs)]
     if Class.POLYNOMIAL in needs.classes:
@@ -139,19 +165,35 @@ def _tile_at(needs: Needs) -> str:
 
 
 def _words_at(needs: Needs) -> str:
-    """The function that fetches a group of words of programs."""
-    words = [f"programs[first + {k}u]" for k in range(GROUP)]
+    """The functions that fetch words of programs: those of a group, and all of a short program."""
+    most = max(SHORT.values())
+    found = _words(needs, GROUP)
+    short = _words(needs, most)
+    words = "".join(f"    select(0u, words[{k}], {k}u < count),\n" for k in range(most))
+    return f"""// A group of words of programs.
+fn words_at(number: u32) -> array<u32, {GROUP}> {{
+{found}}}
+
+// The words between two groups, and zeros behind them.
+fn short_words_at(number: u32, end: u32) -> array<u32, {most}> {{
+  let count = (end - number) * {GROUP}u;
+{short.replace("return", "let words =")}  return array<u32, {most}>(
+{words}  );
+}}
+"""
+
+
+def _words(needs: Needs, count: int) -> str:
+    """Statements that return so many words of programs from a group on."""
+    words = [f"programs[first + {k}u]" for k in range(count)]
     body = f"  let first = number * {GROUP}u;\n"
     if needs.broadcast > 1:
-        loaded = range(0, GROUP, needs.broadcast)
+        loaded = range(0, count, needs.broadcast)
         body += "".join(f"  let words_{k} = programs[first + {k}u + lane];\n" for k in loaded)
-        lanes = [k % needs.broadcast for k in range(GROUP)]
+        lanes = [k % needs.broadcast for k in range(count)]
         words = [f"subgroupBroadcast(words_{k - n}, {n}u)" for k, n in enumerate(lanes)]
     listed = "".join(f"    {word},\n" for word in words)
-    return (
-        f"// A group of words of programs.\nfn words_at(number: u32) -> array<u32, {GROUP}> {{\n"
-        f"{body}  return array<u32, {GROUP}>(\n{listed}  );\n}}\n"
-    )
+    return f"{body}  return array<u32, {count}>(\n{listed}  );\n"
 
 
 def _anywhere(needs: Needs) -> str:
@@ -174,18 +216,26 @@ def _least_number(needs: Needs) -> str:
     )
 
 
-def _record_at(needs: Needs, record: Record, array: str, name: str) -> str:
-    """The function that fetches a record of an array."""
-    body = f"  return {array}[number];\n" if needs.broadcast == 1 else _shared(needs, record, array)
-    return f"// A record of `{array}`.\nfn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
+def _record_at(
+    needs: Needs, record: Record, array: str, name: str, members: Collection[str] = ()
+) -> str:
+    """The function that fetches a record of an array, or some members and zeros for the others."""
+    body = f"  return {array}[number];\n"
+    if needs.broadcast > 1:
+        wanted = members or [field.name for field in record.fields]
+        body = _shared(needs, record, array, wanted)
+    what = "Some of a record" if members else "A record"
+    return f"// {what} of `{array}`.\nfn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
-def _shared(needs: Needs, record: Record, array: str) -> str:
-    """Statements that return a record that invocations fetch together."""
+def _shared(needs: Needs, record: Record, array: str, wanted: Collection[str]) -> str:
+    """Statements that return members of a record that invocations fetch together."""
     dtype = record.dtype(needs.format)
     places = dict(dtype.fields or {})
-    pieces = dtype.itemsize // FETCHED
-    text = f"  let place = number * {pieces}u + lane;\n"
+    ends = [(places[name][1], places[name][1] + places[name][0].itemsize) for name in wanted]
+    begin, end = min(a for a, _ in ends) // FETCHED, -(-max(b for _, b in ends) // FETCHED)
+    pieces, skipped = end - begin, f" + {begin}u" if begin else ""
+    text = f"  let place = number * {dtype.itemsize // FETCHED}u{skipped} + lane;\n"
     for first in range(0, pieces, needs.broadcast):
         piece = f"piece_{first}"
         load = f"{piece} = {array}[place + {first}u];\n"
@@ -199,6 +249,7 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
         text += f"  let high_{first} = vec4<u32>({piece} >> vec4<u32>(32u));\n"
 
     def word(k: int) -> str:
+        k -= begin * FETCHED // 4
         lane = k // 8 % needs.broadcast
         half = "high" if k % 2 else "low"
         return f"subgroupBroadcast({half}_{k // 8 - lane}.{'xyzw'[k % 8 // 2]}, {lane}u)"
@@ -211,6 +262,12 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
 
     members = ""
     for field in record.fields:
+        if field.name not in wanted:
+            zeros = {"f32": "0.0", "i32": "0i", "u32": "0u"}
+            zero = zeros.get(field.type, f"{field.type}()")
+            array_of = f"array<{field.type}, {field.count}>()"
+            members += f"    {zero if field.count == 1 else array_of},\n"
+            continue
         place = places[field.name][1] // 4
         type_, size = _scalar(needs.format, field.type), 1
         if type_ == "i64":

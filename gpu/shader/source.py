@@ -26,7 +26,7 @@ import functools
 from collections.abc import Iterator
 
 from halfstep.contract import program
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
@@ -58,7 +58,18 @@ MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_
 EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 
 # What words of programs are made of.
-WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "HIDDEN", "SIDE")
+WORD = (
+    "PLACE",
+    "LEAF",
+    "POSITIVE",
+    "TURN",
+    "OPENS",
+    "CLOSES",
+    "CELL_ENDS",
+    "HIDDEN",
+    "SIDE",
+    "NUMBER",
+)
 # Files whose functions need what an invocation or a device holds.
 _JOINING = {
     name
@@ -114,7 +125,8 @@ def _visits(needs: Needs) -> Iterator[str]:
     """How solids of each class are tried."""
     for klass in needs.classes:
         visit = VISITS[needs.method, klass]
-        text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads)
+        words = {"WORDS": visit.words}
+        text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads, words)
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
 
 
@@ -132,6 +144,7 @@ def constants(needs: Needs) -> str:
         "SURFACES": needs.surfaces,
         "CROSSINGS": needs.surfaces * (3 if "error" in needs.facts else 1),
         "LEVELS": needs.levels,
+        "WORDS": max(SHORT.values()),
         "DEGREE": needs.degree,
         "TERMS": term_count(needs.degree),
         "NUMBERS": needs.numbers,
