@@ -51,6 +51,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "_SET_UP", (11, 22))
     monkeypatch.setattr(parts, "_REGIONS", ("die",))
     monkeypatch.setattr(parts, "_PINS", (2,))
+    monkeypatch.setattr(parts, "_RINGS", 1)
     monkeypatch.setattr(parts, "_SHADOWED", ("figure",))
     monkeypatch.setattr(parts, "_own_process", lambda _, count: 12.0 / count)
     monkeypatch.setattr(machine, "cores", lambda: 3)

@@ -99,7 +99,7 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     try:
         planes, _ = device.render_band(scene, packed, 0, SIZE[1], wanted)
         lists = lists_of(packed, 0, SIZE[1], wanted)
-        needs = needs_of(packed, lists.regions, method, wanted, broadcast=device._broadcast)
+        needs = needs_of(packed, lists, method, wanted, broadcast=device._broadcast)
     finally:
         device.close()
     taken = planes["surface"]

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.expressions import Operation
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
@@ -36,7 +36,7 @@ ALL = frozenset(DEVICE_OUTPUTS.keys() | OUTPUT_BYTES)
 
 QUADRICS = {Class.QUADRIC, Class.QUADRIC_INSIDE}
 POLYHEDRA = {Class.POLYHEDRON, Class.POLYHEDRON_INSIDE}
-REGIONS = {Class.REGION, Class.REGION_INSIDE}
+LONG = {Class.REGION, Class.REGION_INSIDE}
 POLYNOMIALS = {Class.POLYNOMIAL, Class.FORMULA}
 # Function -> the classes one of which it is there for.
 CALLED = {
@@ -54,7 +54,7 @@ CALLED = {
         "choose": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE},
         "form_at": {Class.ELLIPSOID, *QUADRICS, *REGIONS},
         "crossing": REGIONS,
-        "look": REGIONS,
+        "look": LONG,
     },
     "article": {
         "article_quadric": QUADRICS,
@@ -63,7 +63,7 @@ CALLED = {
         "facing": {Class.PATCH},
         "form_at": QUADRICS | REGIONS,
         "crossing": REGIONS,
-        "look": REGIONS,
+        "look": LONG,
     },
 }
 # Two formulas with all operations.
@@ -248,7 +248,9 @@ def test_from_pixel_to_key_fixed32_has_no_float(method: str) -> None:
         # Members of records and 2^-n, which only float32 reads, are handed on.
         text = re.sub(r"struct \w+ \{.*?\n\}", "", text, flags=re.DOTALL)
         text = re.sub(r"last_step: f32|alias f4 = vec4<f32>;|const \w+: f32 = [^;]*;", "", text)
-        kernel = text.index("fn solid_at(")
+        fetch = re.search(r"fn \w+_at\(number: u32\)", text)
+        assert fetch is not None
+        kernel = fetch.start()
         assert not re.findall(r"\bf4\b|\bf32\b", text[:kernel]), klass
         assert not re.findall(r"\bf4\b|\bf32\(", text[kernel:]), klass
 

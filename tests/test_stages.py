@@ -335,7 +335,10 @@ FAULTS = [
     ("crossings.crossing", "first | last | turns", "first | last"),
     ("crossings.line_crossing", "line.c - line.b", "line.c + line.b"),
     ("crossings.in_cells", "!= outside", "== outside"),
-    ("walk.literal_at", "q < ends.high", "q <= ends.high"),
+    ("walk.until_at", "q < high", "q <= high"),
+    ("walk.literal_at", "!= b4(turn)", "== b4(turn)"),
+    ("walk.reads", "== place", "!= place"),
+    ("walk.turn_of", "outside !=", "outside =="),
     ("walk.later", "second.until > first.until", "second.until >= first.until"),
     ("walk.either_held", "yes.until", "no.until"),
     ("certify_region.spread", "run.g", "run.c"),
@@ -649,6 +652,11 @@ class Draw:
                 return np.where(rng.random(shape) < 0.5, few, self._usual(name, leaf))
             case "side":
                 return rng.integers(0, 16, shape)
+            case "word":
+                of_words = rng.choice([words.LEAF, words.LEAF | words.TURN, words.TURN, 0], shape)
+                return of_words | rng.integers(0, 3, shape)
+            case "place" if self._function.name == "reads":
+                return rng.integers(0, 3, shape)
             case "left" | "right" | "top" | "bottom":
                 return rng.integers(-3, 4, shape)
             case "by":

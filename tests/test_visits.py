@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.stages import FACTS, VISITS
 from halfstep.host.prepare import prepare
@@ -37,7 +37,7 @@ MOST_SOLIDS = 12
 ROWS = 192
 
 # Visits that are run alone: the others read buffers of their own, and are tried in whole frames.
-TOGETHER = (Class.REGION, Class.REGION_INSIDE, Class.POLYNOMIAL, Class.FORMULA)
+TOGETHER = (*REGIONS, Class.POLYNOMIAL, Class.FORMULA)
 ALONE = [key for key in VISITS if key[1] not in TOGETHER]
 
 # Class by method -> a word of its visit, and what a slip would make of it.

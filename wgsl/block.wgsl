@@ -45,3 +45,14 @@ var<private> caught_0: Caught;  // what a mirror shows there  //? mirrors
 var<private> weight_0: f4;  // how much it adds to the colour  //? mirrors
 // each quad
 var<private> light_0: Vector;  // the colour so far  //? mirrors
+
+// Which block of its tile an invocation has, in rows, where those that skip what none of them needs
+// stand together: in blocks of four pixels, eight invocations have eight pixels by four.
+var<private> local: u32;  //? regions
+
+// Finds the block of an invocation.
+fn stand_together(index: u32) {
+  let column = (index & 1u) + ((index >> 2u) & 2u);
+  let row = ((index >> 1u) & 3u) + ((index >> 4u) << 2u);
+  local = row * 4u + column;
+}

@@ -3,7 +3,7 @@
 // Where the list of those that count begins: how many they are, how many surfaces of the group come
 // before all of an order above two, and their numbers.
 fn higher_list(region: Region) -> u32 {
-  return region.list_start + counted(region) + region.cell_count + region.face_count;
+  return region.list_start + counted(region) + region.cell_count;
 }
 
 // How many count.

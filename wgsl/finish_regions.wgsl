@@ -1,7 +1,7 @@
 // Points of a block that regions show -> their numbers, normals and looks.
 //
-// A region is fetched once for all pixels side by side that show it, and nothing of those that are
-// hidden is looked up.
+// A region, a cell of it and a surface are fetched once for all pixels side by side that show them,
+// and nothing of those that are hidden is looked up.
 
 // A point with the look of a cell or a surface where it is what is met.
 fn painted(old: Nearest, look: Appearance, here: b4) -> Nearest {
@@ -17,48 +17,63 @@ fn painted(old: Nearest, look: Appearance, here: b4) -> Nearest {
 // The points that a region shows.
 fn finish_region(number: u32, j: i32) {
   let region = region_at(number);
-  let solid = solid_at(region.solid);  //? normal
+  let solid = placed_at(region.solid);  //? normal
   let count = counted(region);
-  for (var k = 0u; k < region.cell_count; k++) {
-    let cell = number_at(region, count + k);
+  var lowest = u4(NO_REGION);
+  // each quad
+  let own_0 = nearest_0.met.region == u4(number);
+  // each quad
+  var left_0 = select(u4(NO_REGION), u4(nearest_0.met.cell), own_0);
+  // each quad
+  lowest = min(lowest, left_0);
+  var which = least_number(lowest);
+  loop {
+    // Where nothing is left, nothing changes: the body runs anyway, with what is there.
+    let cell = number_at(region, count + select(which, 0u, which == NO_REGION));
     let look = appearance_at(region.looks_start + cell);  //? color
+    lowest = u4(NO_REGION);
     // each quad
     {
-      let met = nearest_0.met;
-      let here = (met.region == u4(number)) & (met.cell == i4(i32(k)));
+      let here = own_0 & (left_0 == u4(which));
       let first = select(u4(0u), u4(cell * region.surfaces), here);
       nearest_0.surface = nearest_0.surface + first;
       nearest_0 = painted(nearest_0, look, here);  //? color
+      left_0 = select(left_0, u4(NO_REGION), here);
+      lowest = min(lowest, left_0);
+    }
+    which = least_number(lowest);
+    if which == NO_REGION {
+      break;
     }
   }
-  for (var k = 0u; k < region.face_count; k++) {  //? color
-    let face = number_at(region, count + region.cell_count + k);
-    let look = appearance_at(region.looks_start + region.cells + face);
-    // each quad
-    {
-      let here = (nearest_0.met.region == u4(number)) & shows_surface(nearest_0.met, face);
-      nearest_0 = painted(nearest_0, look, here);
-    }
+  // each quad
+  {  //? normal
+    left_0 = select(u4(NO_REGION), u4(nearest_0.met.side >> u4(1u)), own_0);
+    lowest = min(lowest, left_0);
   }
-  for (var k = 0u; k < region.flat_count; k++) {  //? normal
-    let normal = plane_normal(plane_at(region, k));
-    let surface = number_at(region, k);
+  which = least_number(lowest);  //? normal
+  loop {  //? normal
+    let surface = select(which, 0u, which == NO_REGION);
+    let is_flat = surface < region.planes;
+    let plane = flat_at(region.flat_start + select(0u, surface, is_flat));
+    let quadric = bent_at(region.curved_start + select(surface - region.planes, 0u, is_flat));
+    let look = appearance_at(region.looks_start + region.cells + surface);  //? color
+    lowest = u4(NO_REGION);
     // each quad
     {
-      let here = (nearest_0.met.region == u4(number)) & shows_surface(nearest_0.met, surface);
-      nearest_0.slope = either(here, outward(normal, nearest_0.met), nearest_0.slope);
-    }
-  }
-  for (var k = 0u; k < region.curved_count; k++) {  //? normal
-    let quadric = quadric_at(region, k);
-    let surface = number_at(region, region.flat_count + k);
-    // each quad
-    {
+      let here = own_0 & (left_0 == u4(which));
       let x = f4(i_0 - i4(solid.center_x));
       let u = f4(nearest_0.position) * solid.last_step;
-      let normal = gradient(quadric.gradient, x, f32(j - solid.center_y), u);
-      let here = (nearest_0.met.region == u4(number)) & shows_surface(nearest_0.met, surface);
-      nearest_0.slope = either(here, outward(normal, nearest_0.met), nearest_0.slope);
+      let bent = gradient(quadric.gradient, x, f32(j - solid.center_y), u);
+      let normal = outward(either(b4(is_flat), plane_normal(plane), bent), nearest_0.met);
+      nearest_0.slope = either(here, normal, nearest_0.slope);
+      nearest_0 = painted(nearest_0, look, here & b4(look.is_own != 0u));  //? color
+      left_0 = select(left_0, u4(NO_REGION), here);
+      lowest = min(lowest, left_0);
+    }
+    which = least_number(lowest);
+    if which == NO_REGION {
+      break;
     }
   }
   for (var k = 0u; k < higher_count(region); k++) {  //? normal & higher
@@ -79,8 +94,7 @@ fn finish_region(number: u32, j: i32) {
   // each quad
   {
     let own = u4(nearest_0.met.side >> u4(1u));
-    let here = nearest_0.met.region == u4(number);
-    nearest_0.surface = nearest_0.surface + select(u4(0u), own, here);
+    nearest_0.surface = nearest_0.surface + select(u4(0u), own, own_0);
   }
 }
 

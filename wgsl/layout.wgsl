@@ -72,14 +72,16 @@ struct Light {
 
 // What some tiles see of a copy of a group of cells; grid points count from 0 to 2^n.
 struct Region {
-  @align(32) first: i32,  // grid point where rays start
-  start_end: i32,  // last cell that may lie before the near base plane, or -1
-  last: i32,  // last grid point before the far base plane
-  last_sure: i32,  // the same, surely
-  left: i32,  // first column of its rectangle
+  @align(32) left: i32,  // first column of its rectangle
   right: i32,  // last column
   top: i32,  // first row
   bottom: i32,  // last row
+  near_high: u32,  // depth key where rays start, high word
+  near_low: u32,  // low word
+  first: i32,  // grid point where rays start
+  start_end: i32,  // last cell that may lie before the near base plane, or -1
+  last: i32,  // last grid point before the far base plane
+  last_sure: i32,  // the same, surely
   solid: u32,  // its row among the solids
   surfaces: u32,  // how many its group has, planes first
   planes: u32,  // how many of them are planes
@@ -87,15 +89,12 @@ struct Region {
   curved_start: u32,  // its first quadric
   looks_start: u32,  // appearance of its first cell; its surfaces follow
   cells: u32,  // how many its group shows
-  list_start: u32,  // numbers of what counts: planes, quadrics, cells, faces
+  list_start: u32,  // numbers of what counts: planes, quadrics, cells
   flat_count: u32,  // planes that count
   curved_count: u32,  // quadrics that count
   cell_count: u32,  // cells that count
-  face_count: u32,  // surfaces that count and have an appearance of their own
   first_group: u32,  // where its program begins, in groups of words
   end_group: u32,  // where it ends
-  near_high: u32,  // depth key where rays start, high word
-  near_low: u32,  // low word
 }
 
 // A plane of a region along a ray: F = c + b u.
@@ -113,8 +112,8 @@ struct Curved {
   g: array<Coefficient, 6>,  // G
   c: array<Coefficient, 6>,  // C
   host_error: f32,  // error of A, G and C from the set-up, in their units
-  gradient: array<f32, 18>,  // half the gradient of F, world: [1, u][1, x, y][axis]
   eye: u32,  // EYE_…: what is known of F at the eye
+  gradient: array<f32, 18>,  // half the gradient of F, world: [1, u][1, x, y][axis]
 }
 
 // How a cell, or a face that a surface cuts, looks.
@@ -122,6 +121,7 @@ struct Appearance {
   @align(32) color: array<f32, 3>,  // linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
+  is_own: u32,  // 0 of a surface that looks as the cell does, else 1
 }
 
 // What a solid that a polynomial bounds has besides: F = Σ term (u - middle)^j x^a y^b.

@@ -18,12 +18,13 @@ fn keep_block(solid: Solid) {
 }
 
 // The first entry of a list of regions, from one on, that may show something nearer than what is
-// shown so far in some pixel, or else the last one. A loop is what invocations side by side skip
-// code by.
+// shown so far in some pixel, or else the end. A loop is what invocations side by side skip code
+// by.
 fn next_entry(first: u32, end: u32, j: i32) -> u32 {
   var entry = first;
   loop {
-    let region = region_at(tile_solids[entry]);
+    // The loop is left at the end of its body: what is looked at behind the last does not matter.
+    let region = outline_at(tile_solids[min(entry, max(end, 1u) - 1u)]);
     var wanted = b4(false);
     // each quad
     {
@@ -33,10 +34,11 @@ fn next_entry(first: u32, end: u32, j: i32) -> u32 {
       seen_0 = seen_0 & !is_behind;  //? !error & !claims
       wanted = wanted | seen_0;
     }
-    if anywhere(wanted) || entry + 1u >= end {
+    let is_wanted = anywhere(wanted);
+    entry += select(1u, 0u, is_wanted);
+    if is_wanted || entry >= end {
       break;
     }
-    entry++;
   }
   return entry;
 }
@@ -45,10 +47,12 @@ fn next_entry(first: u32, end: u32, j: i32) -> u32 {
 @compute @workgroup_size(WORKGROUP)
 fn render(
   @builtin(workgroup_id) group: vec3<u32>,
-  @builtin(local_invocation_index) local: u32,
+  @builtin(local_invocation_index) local: u32,  //? !regions
+  @builtin(local_invocation_id) index: vec3<u32>,  //? regions
   @builtin(subgroup_invocation_id) invocation: u32,  //? broadcast
 ) {
   lane = invocation % BROADCAST;  //? broadcast
+  stand_together(index.x);  //? regions
   let tile = tile_at(group.x);
   let column = (tile.place & 0xFFFFu) * TILE + local % BLOCKS * BLOCK;
   let row = (tile.place >> 16u) * TILE + local / BLOCKS;
@@ -149,31 +153,59 @@ fn render(
     }
   }
   {  //? list_region
-    let first = tile.starts[LIST_REGION];
     let end = tile.starts[LIST_REGION + 1u];
+    let first = next_entry(tile.starts[LIST_REGION], end, j);
     for (var entry = first; entry < end; entry++) {
-      entry = next_entry(entry, end, j);
       let number = tile_solids[entry];
       let region = region_at(number);
-      let solid = solid_at(region.solid);
+      let solid = placed_at(region.solid);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
       visit_region(number, region, solid, j - solid.center_y);
       keep_block(solid);
+      entry = next_entry(entry + 1u, end, j) - 1u;
     }
   }
   {  //? list_region_inside
-    let first = tile.starts[LIST_REGION_INSIDE];
     let end = tile.starts[LIST_REGION_INSIDE + 1u];
+    let first = next_entry(tile.starts[LIST_REGION_INSIDE], end, j);
     for (var entry = first; entry < end; entry++) {
-      entry = next_entry(entry, end, j);
       let number = tile_solids[entry];
       let region = region_at(number);
-      let solid = solid_at(region.solid);
+      let solid = placed_at(region.solid);
       // each quad
       x_0 = i_0 - i4(solid.center_x);
       visit_region_inside(number, region, solid, j - solid.center_y);
       keep_block(solid);
+      entry = next_entry(entry + 1u, end, j) - 1u;
+    }
+  }
+  {  //? list_region_4
+    let end = tile.starts[LIST_REGION_4 + 1u];
+    let first = next_entry(tile.starts[LIST_REGION_4], end, j);
+    for (var entry = first; entry < end; entry++) {
+      let number = tile_solids[entry];
+      let region = region_at(number);
+      let solid = placed_at(region.solid);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region_4(number, region, solid, j - solid.center_y);
+      keep_block(solid);
+      entry = next_entry(entry + 1u, end, j) - 1u;
+    }
+  }
+  {  //? list_region_8
+    let end = tile.starts[LIST_REGION_8 + 1u];
+    let first = next_entry(tile.starts[LIST_REGION_8], end, j);
+    for (var entry = first; entry < end; entry++) {
+      let number = tile_solids[entry];
+      let region = region_at(number);
+      let solid = placed_at(region.solid);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region_8(number, region, solid, j - solid.center_y);
+      keep_block(solid);
+      entry = next_entry(entry + 1u, end, j) - 1u;
     }
   }
   finish_regions(j);  //? regions

@@ -11,6 +11,8 @@
 // complement of the OR of complements, so closing a level complements, and literals on odd levels
 // are complemented once more.
 
+// The ends of a crossing of which e is less than all others.
+const NOTHING_CROSSED: i32 = 0x7FFFFFFFi;
 // Less than all e.
 const LEAST: i32 = i32(-0x80000000);
 // No cell in particular.
@@ -53,12 +55,28 @@ struct Path {
   twice: bool,  // it holds where two cells do  //? overlap
 }
 
+// e of what holds at the grid points low <= q < high.
+fn until_at(low: i4, high: i4, q: i4, never: i32) -> i4 {
+  let within = select(i4(~never), high, q < high);
+  return select(within, ~low, q < low);
+}
+
 // e of F <= 0, or of its complement if turn.
 fn literal_at(crossing: Crossing, q: i4, never: i32, turn: bool) -> i4 {
   let ends = ends_of(crossing);
-  let within = select(i4(~never), ends.high, q < ends.high);
-  let e = select(within, ~ends.low, q < ends.low);
+  let e = until_at(ends.low, ends.high, q, never);
   return select(e, ~e, is_outside(crossing) != b4(turn));
+}
+
+// Whether a word has a literal of a surface that counts, by its place.
+fn reads(word: u32, place: u32) -> bool {
+  return (word & LEAF) != 0u && (word & PLACE) == place;
+}
+
+// All bits where e of a word's literal is the complement of that of the ends of a crossing, which
+// may be where F <= 0 outside of them; else none.
+fn turn_of(word: u32, outside: b4) -> i4 {
+  return select(i4(0), i4(-1), outside != b4((word & TURN) != 0u));
 }
 
 // The one with the greater e; of equal ones the first.

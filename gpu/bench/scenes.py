@@ -123,6 +123,35 @@ def pins(side: int) -> Scene:
     )
 
 
+def channels(rings: int) -> Scene:
+    """A block with 1 + 3 rings (rings + 1) channels side by side, which is one cell."""
+    surfaces: list[dict[str, Any]] = [
+        {"id": 1, "kind": "cylinder", "radius": rings + 1.0},
+        {"id": 2, "kind": "plane", "origin": (0.0, 0.0, -float(rings))},
+        {"id": 3, "kind": "plane", "origin": (0.0, 0.0, float(rings))},
+    ]
+    for j in range(-rings, rings + 1):
+        for i in range(max(-rings, -rings - j), min(rings, rings - j) + 1):
+            origin = (i + j / 2, math.sqrt(0.75) * j, 0.0)
+            number = len(surfaces) + 1
+            surfaces.append({"id": number, "kind": "cylinder", "radius": 0.35, "origin": origin})
+    outside = " ".join(str(surface["id"]) for surface in surfaces[3:])
+    camera = {
+        "center": (1.6 * rings, -2.4 * rings, 3.2 * rings),
+        "look_at": (0.0, 0.0, 0.0),
+        "fov_degrees": 40.0,
+    }
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": camera,
+            "light": [{"direction": (1.0, -1.0, 2.0)}],
+            "surface": surfaces,
+            "cell": [{"region": f"-1 2 -3 {outside}", "color": _COLORS[0]}],
+        }
+    )
+
+
 def torus() -> Scene:
     """A torus that covers a third of a picture."""
     solid = {"kind": "torus", "major": 1.0, "minor": 0.4, "color": _COLORS[0]}

@@ -18,3 +18,11 @@ class Class(IntEnum):
     REGION_INSIDE = 7
     POLYNOMIAL = 8  # any degree, whole or cut, seen from outside or inside
     FORMULA = 9  # any other formula, likewise
+    REGION_4 = 10  # tiles see no more of any than four words of one level, all from outside
+    REGION_8 = 11  # eight words
+
+
+# The classes of copies of groups.
+REGIONS = frozenset({Class.REGION, Class.REGION_INSIDE, Class.REGION_4, Class.REGION_8})
+# Words that programs have at most, by class.
+SHORT = {Class.REGION_4: 4, Class.REGION_8: 8}

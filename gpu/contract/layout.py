@@ -202,14 +202,16 @@ REGION = Record(
     "Region",
     "What some tiles see of a copy of a group of cells; grid points count from 0 to 2^n.",
     (
-        Field("first", "i32", 1, "grid point where rays start"),
-        Field("start_end", "i32", 1, "last cell that may lie before the near base plane, or -1"),
-        Field("last", "i32", 1, "last grid point before the far base plane"),
-        Field("last_sure", "i32", 1, "the same, surely"),
         Field("left", "i32", 1, "first column of its rectangle"),
         Field("right", "i32", 1, "last column"),
         Field("top", "i32", 1, "first row"),
         Field("bottom", "i32", 1, "last row"),
+        Field("near_high", "u32", 1, "depth key where rays start, high word"),
+        Field("near_low", "u32", 1, "low word"),
+        Field("first", "i32", 1, "grid point where rays start"),
+        Field("start_end", "i32", 1, "last cell that may lie before the near base plane, or -1"),
+        Field("last", "i32", 1, "last grid point before the far base plane"),
+        Field("last_sure", "i32", 1, "the same, surely"),
         Field("solid", "u32", 1, "its row among the solids"),
         Field("surfaces", "u32", 1, "how many its group has, planes first"),
         Field("planes", "u32", 1, "how many of them are planes"),
@@ -217,15 +219,12 @@ REGION = Record(
         Field("curved_start", "u32", 1, "its first quadric"),
         Field("looks_start", "u32", 1, "appearance of its first cell; its surfaces follow"),
         Field("cells", "u32", 1, "how many its group shows"),
-        Field("list_start", "u32", 1, "numbers of what counts: planes, quadrics, cells, faces"),
+        Field("list_start", "u32", 1, "numbers of what counts: planes, quadrics, cells"),
         Field("flat_count", "u32", 1, "planes that count"),
         Field("curved_count", "u32", 1, "quadrics that count"),
         Field("cell_count", "u32", 1, "cells that count"),
-        Field("face_count", "u32", 1, "surfaces that count and have an appearance of their own"),
         Field("first_group", "u32", 1, "where its program begins, in groups of words"),
         Field("end_group", "u32", 1, "where it ends"),
-        Field("near_high", "u32", 1, "depth key where rays start, high word"),
-        Field("near_low", "u32", 1, "low word"),
     ),
 )
 
@@ -249,8 +248,8 @@ CURVED = Record(
         Field("g", "Coefficient", 6, "G"),
         Field("c", "Coefficient", 6, "C"),
         Field("host_error", "f32", 1, "error of A, G and C from the set-up, in their units"),
-        Field("gradient", "f32", 18, "half the gradient of F, world: [1, u][1, x, y][axis]"),
         Field("eye", "u32", 1, "EYE_…: what is known of F at the eye"),
+        Field("gradient", "f32", 18, "half the gradient of F, world: [1, u][1, x, y][axis]"),
     ),
 )
 
@@ -261,6 +260,7 @@ APPEARANCE = Record(
         Field("color", "f32", 3, "linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
+        Field("is_own", "u32", 1, "0 of a surface that looks as the cell does, else 1"),
     ),
 )
 

@@ -10,7 +10,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
 
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 
@@ -99,6 +99,7 @@ class Visit:
 
     file: str
     facts: frozenset[str]
+    words: int = 0  # of a short program
 
 
 def _visit(file: str, *facts: str) -> Visit:
@@ -122,6 +123,11 @@ VISITS = {
         (method, klass): _visit("visit_region", *facts)
         for method in ("visible", "article")
         for klass, facts in ((Class.REGION, ()), (Class.REGION_INSIDE, ("opened", "leaving")))
+    },
+    **{
+        (method, klass): Visit("visit_short", frozenset(), words)
+        for method in ("visible", "article")
+        for klass, words in SHORT.items()
     },
 }
 

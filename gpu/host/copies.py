@@ -5,19 +5,24 @@ A copy has one interval and one rectangle, and so one grid, for all its surfaces
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.contract.arrays import F32, Bools, Floats, Ints
 from halfstep.host.forms import (
     HOST_ROUNDINGS,
     Curved,
+    Linear,
     Sight,
     curved,
+    discriminant,
     half_gradient,
     length,
+    linear,
     nearest_root,
     quadric_rounding,
     quadric_value,
@@ -26,7 +31,21 @@ from halfstep.host.higher_rays import HigherOnRays
 from halfstep.host.regions import Regions
 
 # Surfaces that are computed at once: more make NumPy wait for memory.
-CHUNK = 1 << 12
+CHUNK = 4000
+# Groups that have so many copies are computed a surface at a time.
+ALIKE = 64
+
+
+# Of an array, as it takes them.
+Places = Ints | slice
+
+
+class Batch(NamedTuple):
+    """Some surfaces of copies, all planes or all quadrics."""
+
+    places: Places  # (P,), among the surfaces of all copies
+    of: Ints  # (P,), which copy
+    forms: Curved | Linear
 
 
 @dataclass(frozen=True)
@@ -39,19 +58,35 @@ class Copies:
     owner: Ints  # (N,), which of the R
     slot: Ints  # (N,), the surface within its program
     is_plane: Bools  # (N,)
-    a: Floats  # (N, 6), coefficients of 1, x, y, x², xy, y²
-    g: Floats  # (N, 6)
-    c: Floats  # (N, 6)
+    batches: tuple[Batch, ...]  # which together have all surfaces
     host_error: Floats  # (N,), error of A, G and C made by this set-up
-    gradient: Floats  # (N, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis]
-    value: Floats  # (N,), F at the eye
+    value: Floats  # (N,), F at the eye where rays start there, else 0
     eye_sure: Bools  # (N,), rounding cannot have decided its sign
-    eye_inside: Bools  # (R,), the eye is in a cell
+    eye_inside: Bools  # (R,), rays start at the eye, which is in a cell
     span: Floats  # (2, R), u between which the cells are
-    nearest: Floats  # (R,), no surface is seen at a smaller depth
+    nearest: Floats  # (R,), no surface is seen at a smaller depth where rays start at the eye
     thinnest: Floats  # (R,), least distance of surfaces side by side
     higher: HigherOnRays | None  # of surfaces of an order above two, for which A, G and C are 0
     higher_at: Ints  # (M,), which of the N these are
+
+    @functools.cached_property
+    def coefficients(self) -> Floats:
+        """A, G and C (3, 6, N): coefficients of 1, x, y, x², xy, y² of each surface."""
+        found = np.zeros((3, 6, len(self.owner)))
+        for batch in self.batches:
+            forms = batch.forms
+            if isinstance(forms, Linear):
+                found[1][:3, batch.places], found[2][:3, batch.places] = forms.b, forms.c
+            else:
+                for all_of, own in zip(found, (forms.a, forms.g, forms.c), strict=True):
+                    all_of[:, batch.places] = own
+        return found
+
+    @functools.cached_property
+    def forms(self) -> F32:
+        """A, G, C and G² - 4AC (24, N) of each surface."""
+        forms = self.coefficients
+        return np.concatenate([*forms, discriminant(forms)]).astype(np.float32)
 
 
 def copies(
@@ -60,80 +95,139 @@ def copies(
     copy: Ints,
     sight: Sight,
     span: Floats,
+    at_eye: Bools,
     higher: HigherOnRays | None,
 ) -> Copies:
-    """What the rays of a frame need of some copies; ``sight``, ``span``, ``higher`` are theirs."""
+    """What the rays of a frame need of some copies.
+
+    ``sight``, ``span``, ``at_eye``, whether rays start at the eye, and ``higher`` are theirs. What
+    holds at the eye is found for those alone.
+    """
     program = regions.of[copy]
     counts = np.diff(regions.first_surface)[program]
     owner = np.repeat(np.arange(len(copy)), counts)
     slot = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     surface = regions.first_surface[program][owner] + slot
     planes = np.array([one.planes for one in regions.programs], np.int64)[program]
-    parts = [
-        _surfaces(regions, surface[part], copy[owner[part]], sight.at(owner[part]))
-        for part in _chunks(len(owner))
-    ]
-    forms = [part.forms for part in parts]
-    value = np.concatenate([part.value for part in parts])
-    eye_sure = np.concatenate([part.eye_sure for part in parts])
-    nearest = np.full(len(copy), np.inf)
-    # How exactly a copy is drawn does not depend on cells that are not shown.
-    is_seen = np.concatenate([one.seen for one in regions.programs])[surface]
-    depths = np.concatenate([part.nearest for part in parts])
+    is_plane = slot < planes[owner]
+    batches = tuple(_batches(regions, program, copy, surface, owner, is_plane, sight))
+    host_error = np.empty(len(owner))
+    for batch in batches:
+        host_error[batch.places] = batch.forms.error
     higher_at = np.empty(0, np.int64)
     if higher is not None:
         higher_at = (np.cumsum(counts) - counts)[higher.owner] + higher.slot
-        value[higher_at] = np.where(higher.outside, 1.0, -1.0)
-        eye_sure[higher_at], depths[higher_at] = higher.eye_sure, higher.nearest
-    np.minimum.at(nearest, owner[is_seen], depths[is_seen])
+    surfaces = _Surfaces(surface, owner, counts, higher, higher_at)
+    eye = _eye(regions, program, surfaces, sight, at_eye)
     return Copies(
         regions=regions,
         row=row,
         copy=copy,
         owner=owner,
         slot=slot,
-        is_plane=slot < planes[owner],
-        a=np.concatenate([form.a.T for form in forms]),
-        g=np.concatenate([form.g.T for form in forms]),
-        c=np.concatenate([form.c.T for form in forms]),
-        host_error=np.concatenate([form.error for form in forms]),
-        gradient=np.concatenate([form.gradient.transpose(3, 0, 1, 2) for form in forms]),
-        value=value,
-        eye_sure=eye_sure,
-        eye_inside=_eye_inside(regions, program, counts, value),
+        is_plane=is_plane,
+        batches=batches,
+        host_error=host_error,
+        value=eye.value,
+        eye_sure=eye.sure,
+        eye_inside=eye.inside,
         span=span,
-        nearest=nearest,
+        nearest=eye.nearest,
         thinnest=np.array([one.thinnest for one in regions.programs])[program],
         higher=higher,
         higher_at=higher_at,
     )
 
 
-def _chunks(count: int) -> list[slice]:
-    """So many surfaces in parts that a cache holds; at least one part, if an empty one."""
-    return [slice(first, first + CHUNK) for first in range(0, max(count, 1), CHUNK)]
+def _batches(
+    regions: Regions,
+    program: Ints,
+    copy: Ints,
+    surface: Ints,
+    owner: Ints,
+    is_plane: Bools,
+    sight: Sight,
+) -> Iterator[Batch]:
+    """Surfaces of copies in batches that a cache holds.
+
+    Where a group has many copies, a batch is one surface of many, and its matrix is there once.
+    """
+    start = np.searchsorted(owner, np.arange(len(program)))
+    often = np.bincount(program, minlength=len(regions.programs)) >= ALIKE
+    rest = ~often[program][owner]
+    for kind in (True, False):
+        own = np.flatnonzero(rest & (is_plane == kind))
+        for first in range(0, len(own), CHUNK):
+            places = own[first : first + CHUNK]
+            of = owner[places]
+            matrix = regions.matrices.take(surface[places], axis=-1)
+            rotation = regions.world_from_local.take(copy[of], axis=-1)
+            yield Batch(places, of, _forms(matrix, kind, rotation, sight.at(of)))
+    for number in np.flatnonzero(often).tolist():
+        own = np.flatnonzero(program == number)
+        matrices = regions.programs[number].matrices
+        for first in range(0, len(own), CHUNK):
+            of = own[first : first + CHUNK]
+            seen, rotation = sight.at(of), regions.world_from_local.take(copy[of], axis=-1)
+            for slot in range(matrices.shape[-1]):
+                places, matrix = start[of] + slot, matrices[..., slot : slot + 1]
+                forms = _forms(matrix, bool(is_plane[places[0]]), rotation, seen)
+                yield Batch(evenly(places), of, forms)
+
+
+def _forms(matrix: Floats, is_plane: bool, rotation: Floats, seen: Sight) -> Curved | Linear:
+    """Forms of planes or of quadrics."""
+    if is_plane:
+        return linear(matrix, rotation, seen)
+    return curved(matrix, np.zeros(len(seen.middle), bool), rotation, seen)
+
+
+def evenly(places: Ints) -> Places:
+    """A slice in place of places that are as far apart as it goes on, which NumPy copies faster."""
+    first, step = int(places[0]), int(places[1] - places[0]) if len(places) > 1 else 1
+    stop = first + step * len(places)
+    same = step > 0 and np.array_equal(places, np.arange(first, stop, step))
+    return slice(first, stop, step) if same else places
 
 
 class _Surfaces(NamedTuple):
-    """P surfaces of copies along their rays, and at the eye."""
+    """The N surfaces of R copies."""
 
-    forms: Curved
-    value: Floats
-    eye_sure: Bools
-    nearest: Floats
+    number: Ints  # (N,), among those of all programs
+    owner: Ints  # (N,), which of the R
+    counts: Ints  # (R,), how many each has
+    higher: HigherOnRays | None
+    higher_at: Ints  # (M,), which of the N are of an order above two
 
 
-def _surfaces(regions: Regions, surface: Ints, copy: Ints, sight: Sight) -> _Surfaces:
-    """Surfaces (P,) of all programs in copies (P,), seen by ``sight``."""
-    matrix = regions.matrices.take(surface, axis=-1)
-    rotation = regions.world_from_local.take(copy, axis=-1)
-    forms = curved(matrix, np.zeros(len(copy), bool), rotation, sight)
-    eye, directions = sight.rays[0], sight.rays[1:]
+class _Eye(NamedTuple):
+    """What is known of N surfaces of R copies at the eye, where rays start there."""
+
+    value: Floats  # (N,), F
+    sure: Bools  # (N,)
+    inside: Bools  # (R,), it is in a cell
+    nearest: Floats  # (R,)
+
+
+def _eye(regions: Regions, program: Ints, surfaces: _Surfaces, sight: Sight, at_eye: Bools) -> _Eye:
+    surface, owner, counts, higher, higher_at = surfaces
+    known = _Eye(
+        np.zeros(len(owner)),
+        np.ones(len(owner), bool),
+        np.zeros(len(at_eye), bool),
+        np.full(len(at_eye), np.inf),
+    )
+    places = np.flatnonzero(at_eye[owner])
+    if not len(places):
+        return known
+    of, matrix = owner[places], regions.matrices.take(surface[places], axis=-1)
+    own = sight.at(of)
+    eye, directions = own.rays[0], own.rays[1:]
     slopes = half_gradient(matrix, eye)
     value = quadric_value(matrix, eye, slopes)
     error = 2 * length(slopes) * HOST_ROUNDINGS * length(eye)
     error += quadric_rounding(matrix, np.abs(eye))
-    reach = np.concatenate([np.ones((1, len(copy))), sight.offsets])
+    reach = np.concatenate([np.ones((1, len(of))), own.offsets])
     slope = np.abs(2 * np.einsum("ak,iak->ik", slopes, directions))
     bend = np.abs(np.einsum("iak,abk,jbk->ijk", directions, matrix[:3, :3], directions))
     nearest = nearest_root(
@@ -141,7 +235,19 @@ def _surfaces(regions: Regions, surface: Ints, copy: Ints, sight: Sight) -> _Sur
         np.einsum("ik,ik->k", slope, reach),
         np.einsum("ijk,ik,jk->k", bend, reach, reach),
     )
-    return _Surfaces(forms, value, np.abs(value) > error, nearest)
+    sure = np.abs(value) > error
+    if higher is not None:
+        some = at_eye[owner[higher_at]]
+        own_places = np.searchsorted(places, higher_at[some])
+        value[own_places] = np.where(higher.outside[some], 1.0, -1.0)
+        sure[own_places], nearest[own_places] = higher.eye_sure[some], higher.nearest[some]
+    known.value[places], known.sure[places] = value, sure
+    # How exactly a copy is drawn does not depend on cells that are not shown.
+    is_seen = np.concatenate([one.seen for one in regions.programs])[surface[places]]
+    np.minimum.at(known.nearest, of[is_seen], nearest[is_seen])
+    row = np.flatnonzero(at_eye)
+    known.inside[row] = _eye_inside(regions, program[row], counts[row], value)
+    return known
 
 
 def _eye_inside(regions: Regions, program: Ints, counts: Ints, value: Floats) -> Bools:

@@ -8,14 +8,15 @@ nothing of a copy can be seen leave it out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from halfstep.contract.arrays import U32, Bools, Ints
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
 from halfstep.contract.program import GROUP
@@ -23,11 +24,11 @@ from halfstep.contract.regions import PackedRegions
 from halfstep.errors import SceneError
 from halfstep.host.copies import Copies
 from halfstep.host.formulas import Decided, Excerpt
-from halfstep.host.pack import Packed
+from halfstep.host.pack import MOST_CLASSES, Packed
 from halfstep.host.reach import squares_of
 from halfstep.host.regions import Program
 from halfstep.host.signs import Rays, signs
-from halfstep.host.tiles import tile_lists
+from halfstep.host.tiles import Classes, tile_lists
 
 # A copy has excerpts if its surfaces times its tiles are so many: less costs the host more than it
 # saves the device.
@@ -38,6 +39,10 @@ FIRST_BLOCKS, HALVED = 4, 2
 MOST_WHOLE = 16
 # Outputs of devices for which it matters what lies behind the first point of a cell.
 LOOKING_BEHIND = frozenset({"exit", "overlap", "gap"})
+# Excerpts that are kept from frame to frame.
+MOST_KNOWN = 1 << 14
+# The length of a program that is no OR of ANDs.
+ENDLESS = 1 << 30
 # Surfaces of a group that a ray crosses in one tile: it holds where it crosses each.
 MOST_CROSSED = 255
 
@@ -45,6 +50,7 @@ MOST_CROSSED = 255
 class Lists(NamedTuple):
     """What each tile tries: rows of solids, for classes of regions those of ``regions.records``."""
 
+    classes: Classes  # of the lists
     starts: U32  # as of `tiles.tile_lists`
     members: U32
     regions: PackedRegions | None
@@ -65,7 +71,7 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     starts, members = tile_lists(packed, packed.present, first_row, rows)
     copies = packed.setup.copies
     if packed.regions is None or copies is None:
-        return Lists(starts, members, None)
+        return Lists(packed.present, starts, members, None)
     lists = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     tile, slot = np.divmod(lists, len(packed.present))
     entry = np.flatnonzero(np.isin(packed.present, (Class.REGION, Class.REGION_INSIDE))[slot])
@@ -80,17 +86,57 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     found = _found(packed, copies, blocks, written, leaving)
     some = np.flatnonzero(found[1] >= 0)
     first, record = _distinct(found[:, some])
+    places = entry[some]
+    lengths = written.lengths[found[1, some]]
+    classes, slot[places] = _short(packed, outputs, tile[places], slot[places], lengths)
     regions = written.regions(found[:, some[first]])
     # Each list of regions from front to back, so that what comes late is often hidden.
     keys = joined_key(regions.records["near_high"], regions.records["near_low"])
-    by_depth = np.lexsort([keys[record], lists[entry[some]]])
-    renamed = members.copy()
-    renamed[entry[some]] = record[by_depth]
+    lists = tile * len(classes) + slot
     kept = np.ones(len(members), bool)
-    kept[entry] = found[1] >= 0
-    counts = np.bincount(lists[kept], minlength=len(starts) - 1)
+    kept[entry] = False
+    kept[places] = True
+    depth = np.zeros(len(members), np.uint64)
+    depth[places] = keys[record]
+    members = members.copy()
+    members[places] = record
+    order = np.lexsort([depth[kept], lists[kept]])
+    tiles = (len(starts) - 1) // len(packed.present)
+    counts = np.bincount(lists[kept], minlength=tiles * len(classes))
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
-    return Lists(starts, renamed[kept], regions)
+    return Lists(classes, starts, members[kept][order], regions)
+
+
+def _short(
+    packed: Packed,
+    outputs: frozenset[str],
+    tile: Ints,
+    slot: Ints,
+    lengths: Ints,
+) -> tuple[Classes, Ints]:
+    """The classes of the lists, and which of them that of regions in each tile has.
+
+    A tile that sees short programs alone has a class of its own, if all cells of these are shown
+    and nothing is asked of what lies behind their first points.
+
+    Args:
+        packed: the frame.
+        outputs: of the device.
+        tile: (P,), of each entry in a list of regions.
+        slot: (P,), of the list.
+        lengths: (P,), of the entry's program.
+    """
+    present = packed.present
+    room = MOST_CLASSES - len(present)
+    if present[-1] != Class.REGION or not room or outputs & LOOKING_BEHIND or "error" in outputs:
+        return present, slot
+    short = [*SHORT][-room:]
+    longest = np.zeros(tile.max(initial=0) + 1, np.int64)
+    np.maximum.at(longest, tile, lengths)
+    sizes = np.array([SHORT[klass] for klass in short])
+    which = np.searchsorted(sizes, longest[tile])
+    is_long = which == len(sizes)
+    return (*present, *short), np.where(is_long, slot, len(present) + which)
 
 
 def _found(
@@ -101,9 +147,10 @@ def _found(
     It depends on the frame, not on the band, so that bands make up the same picture.
     """
     assert packed.regions is not None
-    records = packed.regions.records[tiles.copy]
+    records = packed.regions.records
     found = np.full((4, len(tiles.copy)), -1)
-    found[0], found[2], found[3] = tiles.copy, records["first"], records["last"]
+    found[0] = tiles.copy
+    found[2], found[3] = (records[name].take(tiles.copy) for name in ("first", "last"))
     left, right, top, bottom = packed.setup.rectangle[copies.row].T // TILE
     across, down = right - left + 1, bottom - top + 1
     programs = copies.regions.of[copies.copy]
@@ -116,7 +163,7 @@ def _found(
         small = np.flatnonzero(own & ~is_large[tiles.copy])
         large = np.flatnonzero(own & is_large[tiles.copy])
         if len(small):
-            found[1, small] = written.add(number, program.formula.whole)
+            found[1, small] = written.add_whole(number)
         if len(large):
             levels = _levels(int(widest[programs == number].max()))
             rest = _left(packed, copies, program, tiles.take(large), levels, leaving)
@@ -188,19 +235,18 @@ def _left(
             known = known.at(parent)
             blocks, of, asked, rays = finer, within, asked[:, parent], rays.at(parent)
         surface, block = np.nonzero(asked)
-        copy, side = blocks.copy[block], TILE << level
-        corner = blocks.x[block] * side, blocks.y[block] * side
-        squares = squares_of(setup, copies.row[copy], *corner, side)
+        side = TILE << level
+        squares = squares_of(setup, copies.row[blocks.copy], blocks.x * side, blocks.y * side, side)
         inside = np.zeros((program.count, len(blocks.copy)), np.uint8)
         outside = np.zeros_like(inside)
-        found = signs(copies, first_surface[copy] + surface, squares, rays.at(block))
+        first = first_surface[blocks.copy]
+        found = signs(copies, first[block] + surface, block, squares, rays)
         inside[surface, block], outside[surface, block] = found
         is_long = rays.are_long
         known = formula.decided(inside, outside, known, cut[blocks.copy] & is_long, is_long)
         rays = rays.narrowed(known.first, known.last)
         live, holds = formula.live(known), formula.holds(known)
-        asked = np.zeros_like(asked)
-        np.logical_or.at(asked, formula.literal_surfaces, live)
+        asked = formula.surfaces_of(live, program.count)
     return _Left(live[:, of], holds[:, of], rays.first[of], rays.last[of])
 
 
@@ -213,65 +259,98 @@ class _Left(NamedTuple):
     last: Ints
 
 
+class _Block(NamedTuple):
+    """An excerpt as the numbers that shaders and twin read: its words, then what it lists."""
+
+    content: U32  # whole groups
+    groups: int  # of words
+    counts: tuple[int, int, int]  # planes, quadrics, cells
+    crossings: int  # the most that a ray has with the surfaces
+    length: int  # words of an OR of ANDs, else `ENDLESS`
+
+
+def _block(excerpt: Excerpt, program: Program, *, lists_higher: bool) -> _Block:
+    """An excerpt of a program; surfaces of an order above two are listed last, if they are."""
+    flat, lower = np.searchsorted(excerpt.surfaces, (program.planes, program.lower)).tolist()
+    surfaces, higher = excerpt.surfaces[:lower], excerpt.surfaces[lower:]
+    count = len(excerpt.words)
+    listed = np.concatenate([surfaces, excerpt.cells])
+    if lists_higher:
+        listed = np.concatenate([listed, [len(higher), program.lower], higher])
+    content = np.zeros(-(-count // GROUP) * GROUP + -(-len(listed) // GROUP) * GROUP, np.uint32)
+    content[:count] = excerpt.words
+    content[-(-count // GROUP) * GROUP :][: len(listed)] = listed
+    return _Block(
+        content,
+        -(-count // GROUP),
+        (flat, lower - flat, len(excerpt.cells)),
+        excerpt.crossings,
+        count if excerpt.levels <= 1 and not len(higher) else ENDLESS,
+    )
+
+
 class _Written:
-    """Excerpts as the numbers that shaders and twin read."""
+    """Excerpts as shaders and twin read them, one after another."""
 
     def __init__(self, packed: Packed, copies: Copies) -> None:
         self._packed, self._copies = packed, copies
-        self._parts: list[U32] = []
-        self._length = 0
-        self._rows: list[tuple[int, ...]] = []
-        self._most_surfaces = 0
+        self._blocks: list[_Block] = []
 
     def add_all(self, number: int, left: _Left) -> Ints:
         """Rows (P,) of what is left of a program in P tiles, -1 where nothing is."""
         formula = self._copies.regions.programs[number].formula
         bits = np.packbits(np.concatenate([left.live, left.holds]), axis=0).T
         keys = np.ascontiguousarray(bits).view(f"V{bits.shape[1]}").reshape(-1)
-        _, first, which = np.unique(keys, return_index=True, return_inverse=True)
-        rows = [
-            self.add(number, formula.excerpt(left.live[:, ix], left.holds[:, ix]))
-            if bits[ix].any()
-            else -1
-            for ix in first.tolist()
-        ]
+        found, first, which = np.unique(keys, return_index=True, return_inverse=True)
+        rows = []
+        for key, ix in zip(found.tolist(), first.tolist(), strict=True):
+            if any(key):
+                rows.append(
+                    self._add(
+                        number, key, partial(formula.excerpt, left.live[:, ix], left.holds[:, ix])
+                    )
+                )
+            else:
+                rows.append(-1)
         return np.array(rows, np.int64)[which]
 
-    def add(self, number: int, excerpt: Excerpt) -> int:
-        """The row of an excerpt of a program."""
+    def add_whole(self, number: int) -> int:
+        """The row of a whole program."""
+        formula = self._copies.regions.programs[number].formula
+        return self._add(number, b"", lambda: formula.whole)
+
+    def _add(self, number: int, key: bytes, excerpt: Callable[[], Excerpt]) -> int:
+        """The row of an excerpt of a program, kept from frame to frame by its key."""
         regions, looks = self._copies.regions, self._packed.surfaces.appearances
         assert looks is not None
-        program = regions.programs[number]
-        flat = int(np.searchsorted(excerpt.surfaces, program.planes))
-        lower = int(np.searchsorted(excerpt.surfaces, program.lower))
-        first_face = looks.start[number] + len(regions.programs[number].cells)
-        faces = excerpt.surfaces[looks.is_own[first_face + excerpt.surfaces]]
-        counts = flat, lower - flat, len(excerpt.cells), len(faces)
-        words = len(excerpt.words)
-        end = -(-(self._length + words) // GROUP)
-        self._rows.append((self._length // GROUP, end, end * GROUP, *counts))
-        nothing = np.zeros(end * GROUP - self._length - words, np.uint32)
-        parts = [excerpt.words, nothing]
-        listed = excerpt.surfaces[:lower], excerpt.cells, faces
-        parts += [part.astype(np.uint32) for part in listed]
-        if self._copies.higher is not None:
-            higher = excerpt.surfaces[lower:]
-            parts.append(np.array([len(higher), program.lower, *higher], np.uint32))
-        length = sum(map(len, parts))
-        parts.append(np.zeros(-length % GROUP, np.uint32))
-        self._length += length + len(parts[-1])
-        self._parts += parts
-        self._most_surfaces = max(self._most_surfaces, excerpt.crossings)
-        return len(self._rows) - 1
+        # If a copy in the frame has such a surface, all excerpts list theirs.
+        lists_higher = self._copies.higher is not None
+        known = number, key, lists_higher
+        block = looks.written.get(known)
+        if block is None:
+            if len(looks.written) >= MOST_KNOWN:
+                looks.written.clear()
+            program = regions.owned[number].program
+            block = _block(excerpt(), program, lists_higher=lists_higher)
+            looks.written[known] = block
+        self._blocks.append(block)
+        return len(self._blocks) - 1
+
+    @property
+    def lengths(self) -> Ints:
+        """Words of each excerpt, without end where it is no OR of ANDs."""
+        return np.array([block.length for block in self._blocks], np.int64)
 
     def regions(self, distinct: Ints) -> PackedRegions:
         """The regions, with a record for each copy, excerpt, first and last grid point (4, E)."""
         regions, order = self._packed.regions, self._packed.order
         assert regions is not None
-        if self._most_surfaces > MOST_CROSSED:
+        counts = np.array([block.counts for block in self._blocks], np.int64).reshape(-1, 3)
+        most = max((block.crossings for block in self._blocks), default=0)
+        if most > MOST_CROSSED:
             raise SceneError(
-                f"one tile of the picture sees {self._most_surfaces:,} surfaces of one group, more "
-                f"than {MOST_CROSSED}"
+                f"one tile of the picture sees {most:,} surfaces of one group, more than "
+                f"{MOST_CROSSED}"
             )
         copy, row, first, last = distinct
         rows = np.empty(self._packed.setup.count, np.int64)
@@ -290,15 +369,19 @@ class _Written:
             key >> np.uint64(32),
             key & np.uint64(0xFFFFFFFF),
         )
-        written = np.array(self._rows, np.uint32).reshape(-1, len(_WRITTEN))[row]
-        for name, column in zip(_WRITTEN, written.T, strict=True):
+        sizes = np.array([len(block.content) for block in self._blocks], np.int64)
+        first_group = (np.cumsum(sizes) - sizes) // GROUP
+        end_group = first_group + [block.groups for block in self._blocks]
+        places = np.stack([first_group, end_group, end_group * GROUP])
+        written = np.concatenate([places, counts.T]).astype(np.uint32)[:, row]
+        for name, column in zip(_WRITTEN, written, strict=True):
             records[name] = column
-        words = np.concatenate([*self._parts, np.zeros(0, np.uint32)])
+        words = np.concatenate([*(b.content for b in self._blocks), np.zeros(0, np.uint32)])
         return replace(
             regions,
             records=records,
             words=words,
-            most_surfaces=self._most_surfaces,
+            most_surfaces=most,
         )
 
 
@@ -310,5 +393,4 @@ _WRITTEN = (
     "flat_count",
     "curved_count",
     "cell_count",
-    "face_count",
 )

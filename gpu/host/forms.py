@@ -98,7 +98,7 @@ def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> C
     """Forms of quadrics.
 
     Args:
-        matrix: (4, 4, V), F = [x 1] M [x 1].
+        matrix: (4, 4, V), F = [x 1] M [x 1]; (4, 4, 1) where all have the same.
         is_ended: (V,), F > 0 is wanted beside a rectangle that is one pixel wide or high.
         rotation: (3, 3, V), world from local.
         sight: how they are seen.
@@ -108,7 +108,10 @@ def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> C
     points = sight.rays.copy()
     points[0] += middle * points[1]
     # Half the gradient of F, M p + q, there and its change along the directions of rays.
-    slopes = np.einsum("abk,cbk->cak", matrix[:3, :3], points)
+    if matrix.shape[-1] == 1:
+        slopes = np.matmul(matrix[:3, :3, 0], points)
+    else:
+        slopes = np.einsum("abk,cbk->cak", matrix[:3, :3], points)
     slopes[0] += matrix[:3, 3]
     steepest = sight.largest(length(slopes))
 
@@ -124,7 +127,7 @@ def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> C
     error = 2 * steepest * sight.error
     error += quadric_rounding(matrix, sight.largest(points))
 
-    gradient = np.empty((2, 3, 3, matrix.shape[-1]))
+    gradient = np.empty((2, 3, 3, len(middle)))
     unit = power_of_two(steepest)
     world = np.einsum("ijk,cjk->cik", rotation, slopes)
     np.multiply(world[0], unit, out=gradient[0, 0])
@@ -136,6 +139,41 @@ def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> C
     gradient[:, 1:] *= (sight.offsets > 0)[:, None]
     a, g, c = forms
     return Curved(a, g, c, scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
+
+
+class Linear(NamedTuple):
+    """F = c + b u of planes, and their gradients."""
+
+    c: Floats  # (3, V), coefficients of 1, x, y
+    b: Floats  # (3, V)
+    error: Floats  # (V,)
+    normal: Floats  # (3, V)
+
+
+def linear(matrix: Floats, rotation: Floats, sight: Sight) -> Linear:
+    """What `curved` says of matrices without second-order terms."""
+    half_normal = matrix[:3, 3]
+    points = sight.rays.copy()
+    points[0] += sight.middle * points[1]
+    c, b = np.empty((2, 3, points.shape[-1]))
+    slope = 2 * np.einsum("ak,cak->ck", half_normal, points[1:])
+    c[0] = np.einsum("ak,ak->k", 2 * half_normal, points[0]) + matrix[3, 3]
+    np.multiply(slope[1:], sight.spread, out=c[1:])
+    np.multiply(slope, sight.half, out=b)
+    if sight.parallel:
+        b[1:] = 0.0
+    monomials = monomials_of(sight.offsets)[:3]
+    scale = power_of_two(np.einsum("fmk,mk->k", np.abs([c, b]), monomials))
+    least = NEGLIGIBLE / np.maximum(monomials, 1.0)
+    for form in (c, b):
+        form *= scale
+        form *= np.abs(form) >= least
+    steepest = length(half_normal)
+    error = 2 * steepest * sight.error
+    error += quadric_rounding(matrix, sight.largest(points))
+    normal = np.einsum("ijk,jk->ik", rotation, half_normal) * power_of_two(steepest)
+    normal *= np.abs(normal) >= NEGLIGIBLE
+    return Linear(c, b, scaled_error(error, scale) + 6 * NEGLIGIBLE, normal)
 
 
 def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: Sight) -> Floats:
@@ -168,6 +206,28 @@ def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: Sight)
     if sight.parallel:
         a[1:] = 0.0
     return forms
+
+
+def discriminant(forms: Floats) -> Floats:
+    """G² - 4 A C as coefficients (6, V) of 1, x, y, x², xy, y²; those of higher terms are 0.
+
+    It is, but for a factor, the form whose zero set is the outline of the surface.
+    """
+    a, g, c = forms
+
+    def product(p: Floats, q: Floats) -> Floats:
+        return np.stack(
+            [
+                p[0] * q[0],
+                p[0] * q[1] + p[1] * q[0],
+                p[0] * q[2] + p[2] * q[0],
+                p[0] * q[3] + p[1] * q[1] + p[3] * q[0],
+                p[0] * q[4] + p[1] * q[2] + p[2] * q[1] + p[4] * q[0],
+                p[0] * q[5] + p[2] * q[2] + p[5] * q[0],
+            ]
+        )
+
+    return product(g, g) - 4 * product(a, c)
 
 
 def length(vectors: Floats) -> Floats:

@@ -29,8 +29,6 @@ from halfstep.scene.region import Complement, Intersection, Literal, Region, Uni
 
 # Where literals are hoisted, no more levels are made than this.
 MOST_LEVELS = 6
-# Excerpts of a formula that are kept from frame to frame.
-MOST_KNOWN = 1 << 14
 # The lowest and the highest bit of a byte, 8 and -1 where there is none.
 _LOWEST = np.array([(byte & -byte).bit_length() - 1 if byte else 8 for byte in range(256)])
 _HIGHEST = np.array([byte.bit_length() - 1 for byte in range(256)])
@@ -242,7 +240,6 @@ class Formula:
         self.nodes: list[Node] = []
         self.roots = [self._added(region) for region in regions]
         self._literals = [ix for ix, node in enumerate(self.nodes) if node.kind is Literal]
-        self._known: dict[bytes, Excerpt] = {}
 
     def _added(self, region: Region) -> int:
         if isinstance(region, Literal):
@@ -314,6 +311,15 @@ class Formula:
                 live[member] &= live[ix]
         return np.asarray(live[self._literals])
 
+    def surfaces_of(self, live: Bools, count: int) -> Bools:
+        """Which of so many surfaces (S, P) the literals (L, P) are of."""
+        order = np.argsort(self.literal_surfaces, kind="stable")
+        used, first = np.unique(self.literal_surfaces[order], return_index=True)
+        found = np.zeros((count, live.shape[1]), bool)
+        if len(used):
+            found[used] = np.logical_or.reduceat(live[order], first, axis=0)
+        return found
+
     def holds(self, decided: Decided) -> Bools:
         """The cells (C, P) that hold all along what is seen."""
         # Where nothing is seen, everything and its complement hold.
@@ -326,22 +332,14 @@ class Formula:
         decided = self.decided(~outside, outside, None, whole, whole)
         return self.holds(decided)
 
-    def excerpt(self, live: Bools, holds: Bools) -> Excerpt:
-        """What is left where some literals (L,) are ``live`` and some cells (C,) hold."""
-        key = np.packbits(np.concatenate([live, holds])).tobytes()
-        if key not in self._known:
-            if len(self._known) >= MOST_KNOWN:
-                self._known.clear()
-            self._known[key] = self._excerpt(live, holds)
-        return self._known[key]
-
     @functools.cached_property
     def whole(self) -> Excerpt:
         """All of it."""
         everywhere = [self.nodes[root] == Node(Intersection) for root in self.roots]
-        return self._excerpt(np.ones(self.literal_count, bool), np.array(everywhere, bool))
+        return self.excerpt(np.ones(self.literal_count, bool), np.array(everywhere, bool))
 
-    def _excerpt(self, live: Bools, holds: Bools) -> Excerpt:
+    def excerpt(self, live: Bools, holds: Bools) -> Excerpt:
+        """What is left where some literals (L,) are ``live`` and some cells (C,) hold."""
         surfaces = np.unique(self.literal_surfaces[live])
         counts = [self._crossings.get(surface, 1) for surface in surfaces.tolist()]
         ends = np.cumsum([0, *counts]).tolist()
@@ -364,6 +362,8 @@ class Formula:
         opened = np.cumsum([bool(word & OPENS) - bool(word & CLOSES) for word in words])
         closing = np.array([bool(word & CLOSES) for word in words], np.int64)
         levels = int((opened + closing).max(initial=0))
+        if levels <= 1:
+            words, levels = _of_ands(words), 1
         numbers = np.array(cells, np.int64), np.array(words, np.uint32)
         return Excerpt(surfaces, ends[-1], *numbers, levels)
 
@@ -393,3 +393,16 @@ class Formula:
         if words[-1] & CLOSES:
             words.append(0)
         words[-1] |= CLOSES
+
+
+def _of_ands(words: list[int]) -> list[int]:
+    """Words of one level at most as an OR of ANDs alone: a literal by itself is one, too."""
+    found, is_open = [], False
+    for word in words:
+        is_open |= bool(word & OPENS)
+        if word & LEAF and not is_open:
+            # The complement of its complement.
+            word = (word ^ TURN) | OPENS | CLOSES
+        found.append(word)
+        is_open &= not word & CLOSES
+    return found

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Bools, Floats, Ints, Records
+from halfstep.contract.arrays import Floats, Ints, Records
 from halfstep.contract.formats import Format
 from halfstep.contract.regions import PackedRegions
-from halfstep.host.copies import Copies
+from halfstep.host.copies import Batch, Copies, Places, evenly
 from halfstep.host.edges import monomials_of
-from halfstep.host.forms import FAINT, fixed_point_scale
+from halfstep.host.forms import FAINT, Linear, fixed_point_scale, length
 from halfstep.host.regions import NO_MATERIAL, Regions
 from halfstep.host.setup import BASE_PLANE_SLACK, Setup
 from halfstep.scene import Material, Scene
@@ -27,8 +28,9 @@ class Appearances:
     """How the cells of each program look, and then its surfaces, one program after another."""
 
     records: Records
-    is_own: Bools  # which are there: surfaces without look as the cell does
     start: Ints  # (G,), of each program
+    # What excerpts of programs are as numbers, by program and what is left: see `excerpts`.
+    written: dict[tuple[int, bytes, bool], Any] = field(default_factory=dict)
 
 
 def appearances(scene: Scene, regions: Regions) -> Appearances:
@@ -53,8 +55,8 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
     records["color"] = [material.color for material, _ in rows]
     records["specular"] = [material.specular for material, _ in rows]
     records["shininess"] = [material.shininess for material, _ in rows]
-    is_own = np.array([is_own for _, is_own in rows], bool)
-    return Appearances(records, is_own, np.array(start, np.int64))
+    records["is_own"] = [is_own for _, is_own in rows]
+    return Appearances(records, np.array(start, np.int64))
 
 
 def pack_regions(
@@ -87,8 +89,7 @@ def pack_regions(
         records[name] = edge
     is_curved = ~copies.is_plane
     is_curved[copies.higher_at] = False
-    flat, curved = np.flatnonzero(copies.is_plane), np.flatnonzero(is_curved)
-    for kind, chosen in (("flat", flat), ("curved", curved)):
+    for kind, chosen in (("flat", copies.is_plane), ("curved", is_curved)):
         counts = np.bincount(copies.owner[chosen], minlength=len(row))
         records[f"{kind}_start"] = np.cumsum(counts) - counts
     programs = regions.programs
@@ -96,10 +97,11 @@ def pack_regions(
     records["planes"] = np.array([one.planes for one in programs])[program]
     records["cells"] = np.array([len(one.cells) for one in programs])[program]
     records["looks_start"] = looks.start[program]
+    flat, curved = _surfaces(copies, setup, number_format)
     return PackedRegions(
         records=records,
-        flat=_flat(copies, flat, setup, number_format),
-        curved=_curved(copies, curved, setup, number_format),
+        flat=flat,
+        curved=curved,
         words=np.zeros(0, np.uint32),
         appearances=looks.records,
         most_surfaces=0,
@@ -108,46 +110,48 @@ def pack_regions(
     )
 
 
-def _flat(copies: Copies, chosen: Ints, setup: Setup, number_format: Format) -> Records:
-    """Records of planes."""
-    records = np.zeros(len(chosen), layout.FLAT.dtype(number_format))
-    forms = {"c": copies.c[chosen, :3], "b": copies.g[chosen, :3]}
-    _write(records, copies, chosen, forms, setup, number_format)
-    normals = copies.gradient[chosen, 0, 0]
-    size = np.sqrt((normals**2).sum(axis=1, keepdims=True))
-    normals = normals / np.where(size > 0, size, 1.0)
-    records["normal"] = np.where(np.abs(normals) < FAINT, 0.0, normals)
-    return records
-
-
-def _curved(copies: Copies, chosen: Ints, setup: Setup, number_format: Format) -> Records:
-    """Records of quadrics."""
-    records = np.zeros(len(chosen), layout.CURVED.dtype(number_format))
-    forms = {"a": copies.a[chosen], "g": copies.g[chosen], "c": copies.c[chosen]}
-    _write(records, copies, chosen, forms, setup, number_format)
-    records["gradient"] = copies.gradient[chosen].reshape(-1, 18)
-    return records
+def _surfaces(copies: Copies, setup: Setup, number_format: Format) -> tuple[Records, Records]:
+    """Records of planes and of quadrics, in the order of the copies."""
+    of_planes = np.cumsum(copies.is_plane)
+    count = int(of_planes[-1]) if len(of_planes) else 0
+    flat = np.zeros(count, layout.FLAT.dtype(number_format))
+    curved = np.zeros(len(copies.is_plane) - count, layout.CURVED.dtype(number_format))
+    row = np.where(copies.is_plane, of_planes - 1, np.arange(len(of_planes)) - of_planes)
+    for batch in copies.batches:
+        records = flat if isinstance(batch.forms, Linear) else curved
+        _write(records, evenly(row[batch.places]), copies, batch, setup, number_format)
+    return flat, curved
 
 
 def _write(
     records: Records,
+    rows: Places,
     copies: Copies,
-    chosen: Ints,
-    forms: dict[str, Floats],
+    batch: Batch,
     setup: Setup,
     number_format: Format,
 ) -> None:
     """Write the forms of surfaces, their errors, and what is known of them at the eye."""
-    owner = copies.row[copies.owner[chosen]]
-    error = copies.host_error[chosen]
+    found, owner = batch.forms, copies.row[batch.of]
+    if isinstance(found, Linear):
+        forms = {"c": found.c, "b": found.b}
+        size = length(found.normal)
+        normal = found.normal / np.where(size > 0, size, 1.0)
+        records["normal"][rows] = np.where(np.abs(normal) < FAINT, 0.0, normal).T
+    else:
+        forms = {"a": found.a, "g": found.g, "c": found.c}
+        records["gradient"][rows] = found.gradient.reshape(18, -1).T
+    error = found.error
     if number_format.integer:
-        offsets = monomials_of(setup.offsets[owner].T + layout.TILE).T
-        sums = [(np.abs(form) * offsets[:, : form.shape[1]]).sum(axis=1) for form in forms.values()]
-        unit = fixed_point_scale(np.max(sums, axis=0))
+        offsets = monomials_of(setup.offsets[owner].T + layout.TILE)
+        sums = [(np.abs(form) * offsets[: len(form)]).sum(axis=0) for form in forms.values()]
+        unit = fixed_point_scale(np.max(sums, axis=0))[:, 0]
         forms = {name: np.rint(form * unit) for name, form in forms.items()}
-        error = error * unit[:, 0]
+        error = error * unit
     for name, form in forms.items():
-        records[name] = form
-    records["host_error"] = error
+        records[name][rows] = form.T
+    records["host_error"][rows] = error
     at_eye = setup.starts_at_eye[owner]
-    records["eye"] = np.where(at_eye, np.where(copies.value[chosen] > 0, 2, 1), 0)
+    if at_eye.any():
+        value = copies.value[batch.places]
+        records["eye"][rows] = np.where(at_eye, np.where(value > 0, 2, 1), 0)

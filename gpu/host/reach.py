@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.host.forms import discriminant
 from halfstep.host.setup import Setup
 
 # The device's values of forms that are at most 1 are much closer to them than this.
@@ -142,25 +143,3 @@ def quadratic_range(form: Floats, blocks: Blocks) -> tuple[Floats, Floats]:
     below = np.minimum(square_x, 0.0) + np.minimum(square_y, 0.0)
     above = np.maximum(square_x, 0.0) + np.maximum(square_y, 0.0)
     return middle - linear + below, middle + linear + above
-
-
-def discriminant(forms: Floats) -> Floats:
-    """G² - 4 A C as coefficients (6, V) of 1, x, y, x², xy, y²; those of higher terms are 0.
-
-    It is, but for a factor, the form whose zero set is the outline of the surface.
-    """
-    a, g, c = forms
-
-    def product(p: Floats, q: Floats) -> Floats:
-        return np.stack(
-            [
-                p[0] * q[0],
-                p[0] * q[1] + p[1] * q[0],
-                p[0] * q[2] + p[2] * q[0],
-                p[0] * q[3] + p[1] * q[1] + p[3] * q[0],
-                p[0] * q[4] + p[1] * q[2] + p[2] * q[1] + p[4] * q[0],
-                p[0] * q[5] + p[2] * q[2] + p[5] * q[0],
-            ]
-        )
-
-    return product(g, g) - 4 * product(a, c)

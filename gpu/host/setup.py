@@ -149,11 +149,13 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     if geometry.regions is not None:
         row = np.flatnonzero(ix >= geometry.solid_count)
         spans = (np.stack([low, high[ix]]) - middle) / half
-        groups = _copies(geometry, view, row, ix, center[:, row], sight.at(row), spans[:, row])
         at_eye = starts_at_eye[row]
+        groups = _copies(
+            geometry, view, row, ix, center[:, row], sight.at(row), spans[:, row], at_eye
+        )
         unsure = np.bincount(groups.owner[~groups.eye_sure], minlength=len(row)) > 0
-        facts.inside[row] = at_eye & groups.eye_inside
-        facts.sure[row] = ~(at_eye & unsure)
+        facts.inside[row] = groups.eye_inside
+        facts.sure[row] = ~unsure
         facts.nearest[row] = np.where(at_eye, groups.nearest, 0.0)
     algebraic = _polynomials(geometry, ix, view, center, sight, np.stack([low, high[ix]]))
     at_eye = np.empty(0, np.int64) if algebraic is None else algebraic.row
@@ -334,12 +336,13 @@ def _copies(
     middle: Ints,
     sight: Sight,
     span: Floats,
+    at_eye: Bools,
 ) -> Copies:
     """The visible copies of groups, in rows of solids ``ix``; what follows is theirs."""
     assert geometry.regions is not None
     copy = ix[row] - geometry.solid_count
     higher = higher_on_rays(geometry.regions, copy, middle, sight, view, geometry.degree)
-    return copies(geometry.regions, row, copy, sight, span, higher)
+    return copies(geometry.regions, row, copy, sight, span, at_eye, higher)
 
 
 def _polynomials(

@@ -12,13 +12,14 @@ import numpy as np
 
 from halfstep.contract.arrays import F32, Bools, Bytes, Floats, Ints
 from halfstep.host.copies import Copies
-from halfstep.host.reach import MARGIN, Blocks, discriminant, quadratic_range
+from halfstep.host.reach import MARGIN, Blocks
 
 # One bit each.
-PIECES = 8
+PIECE_BITS = 3
+PIECES = 1 << PIECE_BITS
 _BITS = (1 << np.arange(PIECES)).astype(np.uint8)[:, None]
 # Blocks and surfaces that are tested at once.
-CHUNK = 1 << 13
+CHUNK = 1 << 11
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Rays:
     def ends(self) -> Ints:
         """Grid points between which the pieces are, (PIECES + 1, P)."""
         length = self.last - self.first
-        return self.first + length * np.arange(PIECES + 1)[:, None] // PIECES
+        return self.first + (length * np.arange(PIECES + 1)[:, None] >> PIECE_BITS)
 
     def narrowed(self, first: Ints, last: Ints) -> Rays:
         """From one piece to another."""
@@ -51,77 +52,86 @@ class Rays:
 
     def places(self) -> tuple[Floats, Floats]:
         """The middle of each piece in u, and half its length, (PIECES, P)."""
-        ends = 2 * self.ends / np.exp2(self.steps) - 1
+        ends = self.ends * np.exp2(1.0 - self.steps) - 1
         return (ends[1:] + ends[:-1]) / 2, (ends[1:] - ends[:-1]) / 2
 
 
-def signs(copies: Copies, surface: Ints, blocks: Blocks, rays: Rays) -> tuple[Bytes, Bytes]:
+def signs(
+    copies: Copies, surface: Ints, block: Ints, squares: Blocks, rays: Rays
+) -> tuple[Bytes, Bytes]:
     """The pieces all over which F <= 0, and those all over which F > 0, (P,) each.
 
     Args:
         copies: the surfaces of a frame.
-        surface: (P,), one of them for each block.
-        blocks: P blocks; their ``solid`` does not matter.
-        rays: of each.
+        surface: (P,), of them.
+        block: (P,), for each of them one of the blocks.
+        squares: B blocks; their ``solid`` does not matter.
+        rays: (B,), of each block.
     """
     inside = np.empty(len(surface), np.uint8)
     outside = np.empty_like(inside)
+    middle = np.stack([squares.x, squares.y, squares.half_width, squares.half_height])
+    places = np.concatenate([middle, *rays.places()]).astype(np.float32)
     for first in range(0, len(surface), CHUNK):
-        part = np.arange(first, min(first + CHUNK, len(surface)))
-        found = _signs(copies, surface[part], blocks.at(part), rays.at(part))
-        inside[part], outside[part] = found
+        part = slice(first, first + CHUNK)
+        own = places.take(block[part], axis=-1)
+        inside[part], outside[part] = _signs(copies, surface[part], own)
     return inside, outside
 
 
-def _signs(copies: Copies, surface: Ints, blocks: Blocks, rays: Rays) -> tuple[Bytes, Bytes]:
-    forms = np.stack([copies.a[surface].T, copies.g[surface].T, copies.c[surface].T])
-    slack = MARGIN + copies.host_error[surface]
-    # About the middle of a block A, G and C are a value, two slopes, and what is of second order.
-    one, x1, y1, x2, xy, y2 = np.moveaxis(forms, 1, 0)
-    x, y, across, down = blocks.x, blocks.y, blocks.half_width, blocks.half_height
-    value = one + (x1 + x2 * x + xy * y) * x + (y1 + y2 * y) * y
-    along_x = (x1 + 2 * x2 * x + xy * y) * across
-    along_y = (y1 + xy * x + 2 * y2 * y) * down
-    bends = np.abs(x2) * across**2 + np.abs(xy) * across * down + np.abs(y2) * down**2
-    places, half = rays.places()
-    u = places.astype(np.float32)
+def _signs(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:
+    # About the middle of a block A, G, C and G² - 4AC are a value, two slopes, and what is of
+    # second order. The margins exceed float32's rounding of forms that are at most 1.
+    forms = copies.forms.take(surface, axis=-1).reshape(4, 6, -1)
+    slack = MARGIN + copies.host_error.take(surface).astype(np.float32)
+    one, x1, y1, x2, xy, y2 = forms.transpose(1, 0, 2)
+    x, y, across, down = places[:4]
+    u, half = places[4:].reshape(2, PIECES, -1)
+    by_x, by_y = x2 * x, y2 * y
+    mixed = xy * y
+    value = one + (x1 + by_x + mixed) * x + (y1 + by_y) * y
+    along_x = (x1 + (by_x + by_x) + mixed) * across
+    along_y = (y1 + xy * x + (by_y + by_y)) * down
+    # Of G² - 4AC only the greatest value matters, so what bends it down does not.
+    x2[3], y2[3] = np.maximum(x2[3], 0), np.maximum(y2[3], 0)
+    bends = np.abs(x2) * (across * across) + np.abs(y2) * (down * down)
+    bends += np.abs(xy) * (across * down)
+    spread = np.abs(along_x) + np.abs(along_y) + bends
     # F(u) = F(m) + F'(m) (u - m) + A (u - m)² about the middle m of a piece.
     middle = _polynomial(value, u)
     reach = np.abs(_polynomial(along_x, u)) + np.abs(_polynomial(along_y, u))
-    slope = np.abs((2 * value[0]).astype(np.float32) * u + value[1].astype(np.float32))
-    spread = np.abs(along_x) + np.abs(along_y) + bends
-    fixed = bends.sum(axis=0) + half * (2 * spread[0] + spread[1])
-    fixed += half**2 * (np.abs(value[0]) + spread[0]) + 3 * slack
-    reach += slope * half.astype(np.float32) + fixed.astype(np.float32)
+    fixed = bends[:3].sum(axis=0) + half * (2 * spread[0] + spread[1])
+    fixed += half * half * (np.abs(value[0]) + spread[0]) + 3 * slack
+    reach += np.abs(2 * value[0] * u + value[1]) * half + fixed
     # Without a root F has one sign on the whole ray.
-    _, square = quadratic_range(discriminant(forms), blocks)
     far = np.abs(value[2]) - spread[2] > slack
-    rootless = (square < -8 * slack) & far
-    positive = (middle > reach) | (rootless & (value[2] > 0))
-    negative = (middle < -reach) | (rootless & (value[2] < 0))
+    rootless = (value[3] + spread[3] < -8 * slack) & far
+    above = value[2] > 0
+    positive = (middle > reach) | (rootless & above)
+    negative = (middle < -reach) | (rootless & ~above)
     if copies.higher is not None:
-        positive |= _is_beside(copies, surface, blocks, places, half)
+        positive |= _is_beside(copies, surface, places)
     return _packed(negative), _packed(positive)
 
 
-def _is_beside(
-    copies: Copies, surface: Ints, blocks: Blocks, places: Floats, half: Floats
-) -> Bools:
+def _is_beside(copies: Copies, surface: Ints, places: F32) -> Bools:
     """Where surfaces (P,) of an order above two, or what they bound, are not met (PIECES, P)."""
     higher = copies.higher
     assert higher is not None
+    x, y, across, down = places[:4]
+    u, half = places[4:].reshape(2, PIECES, -1)
     place = np.minimum(np.searchsorted(copies.higher_at, surface), len(copies.higher_at) - 1)
     left, right, top, bottom = higher.edges[:, place]
     start, stop = higher.stretch[:, place]
-    aside = (blocks.x + blocks.half_width < left) | (blocks.x - blocks.half_width > right)
-    aside |= (blocks.y + blocks.half_height < top) | (blocks.y - blocks.half_height > bottom)
-    beside = aside | (places + half < start) | (places - half > stop)
+    aside = (x + across < left) | (x - across > right)
+    aside |= (y + down < top) | (y - down > bottom)
+    beside = aside | (u + half + MARGIN < start) | (u - half - MARGIN > stop)
     return np.asarray(beside & (copies.higher_at[place] == surface))
 
 
-def _polynomial(forms: Floats, u: F32) -> F32:
-    """A u² + G u + C of forms (3, P) at places (PIECES, P)."""
-    a, g, c = forms.astype(np.float32)
+def _polynomial(forms: F32, u: F32) -> F32:
+    """A u² + G u + C of forms (3 or more, P) at places (PIECES, P)."""
+    a, g, c, *_ = forms
     return np.asarray((a * u + g) * u + c)
 
 

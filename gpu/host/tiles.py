@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.host.pack import Packed
 from halfstep.host.reach import Reach, squares_of
@@ -86,7 +86,7 @@ def tile_groups(
     seen = _seen(starts, classes)
     choice = np.full(len(seen), len(sets) - 1)
     for ix in sorted(range(len(sets) - 1), key=lambda ix: -len(sets[ix])):
-        unknown = [slot for slot, klass in enumerate(classes) if klass not in sets[ix]]
+        unknown = [slot for slot, klass in enumerate(classes) if not _draws(sets[ix], klass)]
         choice[~seen[:, unknown].any(axis=1)] = ix
     if left_out is not None:
         choice[left_out] = -1
@@ -99,7 +99,8 @@ def tile_groups(
         tiles = np.flatnonzero(choice == ix)
         records = np.zeros((len(tiles), TILE_WORDS), np.uint32)
         records[:, 0] = places[tiles]
-        # Lists that are left out are empty, so each list ends where the next one begins.
+        # Lists that are left out are empty, so each list ends where the next one begins. Those of
+        # short programs come right behind that of regions, so that it goes on through them.
         for word, klass in enumerate(known, start=1):
             records[:, word] = begin[tiles, classes.index(klass)]
         records[:, len(known) + 1] = end[tiles]
@@ -107,8 +108,13 @@ def tile_groups(
     return [group for group in groups if len(group.records)]
 
 
-def frequent_sets(starts: U32, classes: Classes) -> list[Classes]:
-    """The sets of classes that many tiles see exactly, most frequent first, and the whole last."""
+def _draws(known: Classes, klass: Class) -> bool:
+    """Whether a shader that knows some classes can draw another one."""
+    return klass in known or (klass in SHORT and Class.REGION in known)
+
+
+def frequent_sets(starts: U32, classes: Classes, whole: Classes) -> list[Classes]:
+    """The sets of classes that many tiles see exactly, but for the whole, most frequent first."""
     sets, counts = np.unique(_seen(starts, classes), axis=0, return_counts=True)
     often = np.argsort(-counts, kind="stable")[:MOST_SETS]
     found = [
@@ -116,7 +122,7 @@ def frequent_sets(starts: U32, classes: Classes) -> list[Classes]:
         for ix in often
         if counts[ix] * LEAST_SHARE >= counts.sum()
     ]
-    return [*(known for known in found if known != classes), classes]
+    return [known for known in found if known != whole]
 
 
 def _seen(starts: U32, classes: Classes) -> NDArray[np.bool_]:

@@ -227,7 +227,7 @@ class Device(Turns):
         lists = lists_of(packed, first_row, rows, written)
         needs = needs_of(
             packed,
-            lists.regions,
+            lists,
             scene.accuracy.method,
             written,
             broadcast=self._broadcast,
@@ -251,11 +251,11 @@ class Device(Turns):
         with device_errors(self.adapter):
             buffer = self._frame_buffer(layout)
         ground = buffer, layout, scene.image.background
-        blank = blank_tiles(lists.starts, needs.classes)
+        blank = blank_tiles(lists.starts, lists.classes)
         left_out = self._left_out(shaders, ground, blank)
-        sets = shaders.sets(lists.starts)
+        sets = shaders.sets(lists.starts, lists.classes)
         tiles_x = layout.shape[1] // TILE
-        records, parts = _parts(tile_groups(lists.starts, needs.classes, tiles_x, sets, left_out))
+        records, parts = _parts(tile_groups(lists.starts, lists.classes, tiles_x, sets, left_out))
         contents = {
             0: frame,
             1: packed.solids,

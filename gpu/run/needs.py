@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from halfstep.contract.regions import PackedRegions
-from halfstep.host.excerpts import lists_of
+from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
 
 
 def needs_of(
     packed: Packed,
-    regions: PackedRegions | None,
+    lists: Lists,
     method: str,
     outputs: frozenset[str],
     *,
@@ -21,13 +20,13 @@ def needs_of(
 
     Args:
         packed: the frame's records.
-        regions: records of the copies of groups that tiles of the frame see, if any.
+        lists: what the tiles of the frame try.
         method: the scene's method.
         outputs: the device outputs.
         broadcast: see `Needs`.
         uniform: put solids and half-spaces in uniform memory if they fit.
     """
-    shadows = packed.shadows
+    shadows, regions = packed.shadows, lists.regions
     return Needs(
         classes=packed.present,
         outputs=outputs,
@@ -62,7 +61,7 @@ def needs_of(
 def needs_of_frame(packed: Packed, method: str, outputs: frozenset[str]) -> Needs:
     """What the shader of a whole frame must contain; `needs_of` describes the arguments."""
     lists = lists_of(packed, 0, packed.setup.view.height, outputs)
-    return needs_of(packed, lists.regions, method, outputs)
+    return needs_of(packed, lists, method, outputs)
 
 
 def _enough(count: int) -> int:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from halfstep.contract.arrays import Ints
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.contract.regions import PackedRegions
@@ -52,8 +52,8 @@ def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> I
     """The most rounds (E,) that an invocation takes to try each of the E records of regions."""
     records = regions.records
     steps = packed.solids["steps"][records["solid"]].astype(np.int64) + 1
-    flat, curved, cells, faces = (
-        records[f"{name}_count"].astype(np.int64) for name in ("flat", "curved", "cell", "face")
+    flat, curved, cells = (
+        records[f"{name}_count"].astype(np.int64) for name in ("flat", "curved", "cell")
     )
     surfaces, certified = flat + curved, "error" in needs.facts
     groups = records["end_group"].astype(np.int64) - records["first_group"]
@@ -61,10 +61,18 @@ def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> I
     # normals and appearances once for all pixels that show the region.
     rounds = surfaces * (steps + 2) + 2
     rounds += certified * surfaces * (2 * steps + 5)
-    rounds += 2 * surfaces + cells + faces + 5
+    rounds += surfaces + cells + 6
     # A walk leaps from crossing to crossing: two for a quadric, one for a plane. It looks once
     # more at its begin and at its end.
     looks = 2 * curved + flat + 2
+    if regions.higher is not None:
+        # A surface of an order above two tries cells, halves each root and looks for its bounds.
+        # Each root, and the rest behind the last one, begins anew.
+        counts = regions.words[records["list_start"].astype(np.int64) + surfaces + cells]
+        higher, pairs = counts.astype(np.int64), regions.pairs
+        roots = 2 * pairs + 1
+        rounds += higher * (CLOCKS * pairs + roots * (steps + BOUNDS + 4) + 6 * pairs + 8)
+        looks += higher * 2 * pairs
     walks = 6 if certified else 2
     rounds += walks * (looks * (groups + 2) + 2)
     return np.asarray(
@@ -94,7 +102,7 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
 def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
     """Whether an invocation of some tile may take more than ``granted`` rounds."""
     left = granted - rounds_of_finish(needs) - rounds_of_light(needs, packed)
-    edges = lists.starts[:: max(len(needs.classes), 1)].astype(np.int64)
+    edges = lists.starts[:: max(len(lists.classes), 1)].astype(np.int64)
     solids = rounds_of_solids(needs, packed)
     longest = int(np.diff(edges).max(initial=0))
     if lists.regions is None and longest * int(solids.max(initial=0)) <= left:
@@ -109,8 +117,8 @@ def rounds_of_members(needs: Needs, packed: Packed, lists: Lists) -> Ints:
     """The most rounds (M,) that each of the M members of the tiles' lists takes."""
     if lists.regions is None:
         return rounds_of_solids(needs, packed)[lists.members]
-    slot = np.repeat(np.arange(len(lists.starts) - 1) % len(needs.classes), np.diff(lists.starts))
-    is_region = np.isin(needs.classes, (Class.REGION, Class.REGION_INSIDE))[slot]
+    slot = np.repeat(np.arange(len(lists.starts) - 1) % len(lists.classes), np.diff(lists.starts))
+    is_region = np.isin(lists.classes, [*REGIONS])[slot]
     rounds = np.empty(len(lists.members), np.int64)
     regions = rounds_of_regions(needs, packed, lists.regions)
     rounds[is_region] = regions[lists.members[is_region]]

@@ -35,8 +35,10 @@ class Shaders:
         """Whether the next frame may compile shaders that no frame had before."""
         return self._may_have_parts and not self._sets
 
-    def sets(self, starts: U32) -> list[Classes]:
-        """The classes of each shader of a frame whose lists begin at ``starts``, all classes last.
+    def sets(self, starts: U32, classes: Classes) -> list[Classes]:
+        """The classes of each shader of a frame, those of the one that draws all tiles last.
+
+        The lists begin at ``starts`` and are of ``classes``.
 
         The first frame uses one shader, because compiling takes longer than rendering. On a
         software adapter the second frame picks the sets of classes that get their own shader.
@@ -47,7 +49,7 @@ class Shaders:
             self._sets = []
             return self._whole
         if not self._sets:
-            self._sets = frequent_sets(starts, self.needs.classes)
+            self._sets = [*frequent_sets(starts, classes, self.needs.classes), *self._whole]
         return self._sets
 
     def pipeline(self, classes: Classes) -> object:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from halfstep.contract.arrays import Array, Bools, Bytes, Ints, Planes
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
 from halfstep.contract.planes import DEVICE_OUTPUTS, Kept
@@ -43,7 +43,7 @@ class Band:
     ) -> None:
         """``chosen``: stages to use in place of those of the number format."""
         self._lists = lists_of(packed, first_row, rows, outputs)
-        needs = needs_of(packed, self._lists.regions, scene.accuracy.method, outputs)
+        needs = needs_of(packed, self._lists, scene.accuracy.method, outputs)
         self._packed, self._first_row, self._outputs = packed, first_row, outputs
         self._method, self._facts = needs.method, needs.facts
         self._chosen = chosen or chosen_for(packed.format, needs.method)
@@ -54,7 +54,7 @@ class Band:
 
     def visit(self) -> None:
         """Try each solid and region of the tiles' lists on all tiles that list it."""
-        lists, classes = self._lists, self._packed.present
+        lists, classes = self._lists, self._lists.classes
         tile, slot = np.divmod(
             np.repeat(np.arange(len(lists.starts) - 1), np.diff(lists.starts)), len(classes)
         )
@@ -81,7 +81,7 @@ class Band:
         row = member
         regions = self._lists.regions
         region: tuple[Any, ...] = ()
-        if klass in (Class.REGION, Class.REGION_INSIDE):
+        if klass in REGIONS:
             assert regions is not None
             region, rest = (member, regions.records[member]), (regions,)
             row = int(regions.records[member]["solid"])

@@ -6,9 +6,11 @@ them to the others.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import (
     APPEARANCE,
@@ -51,6 +53,25 @@ REGION_RECORDS = {
 }
 
 
+# The members that a shader reads of a region to see whether to try it, of the solid that the region
+# is, and of a quadric along rays: a fetch takes as long as it is.
+OF_OUTLINE = ("left", "right", "top", "bottom", "near_high", "near_low")
+OF_PLACED = (
+    "center_x",
+    "center_y",
+    "depth_middle",
+    "depth_half",
+    "last_step",
+    "steps",
+    "key_high",
+    "key_low",
+    "key_shift",
+    "spare",
+    "flags",
+    "surface",
+)
+OF_CURVED = ("a", "g", "c", "host_error", "eye")
+
 # The arrays for positions of points, for shadows and for mirrors, in the order of their bindings.
 PLACE_RECORDS = {"locations": LOCATION}
 SHADOW_RECORDS = {
@@ -76,9 +97,15 @@ def fetches(needs: Needs) -> str:
         _tile_at(needs),
     ]
     if "regions" in needs.facts:
+        of_placed = (*OF_PLACED, "polynomial") if "higher" in needs.facts else OF_PLACED
         functions += [
-            _record_at(needs, record, array, record.name.lower())
-            for array, record in REGION_RECORDS.items()
+            _record_at(needs, REGION, "regions", "region"),
+            _record_at(needs, REGION, "regions", "outline", OF_OUTLINE),
+            _record_at(needs, SOLID, "solids", "placed", of_placed),
+            _record_at(needs, FLAT, "flats", "flat"),
+            _record_at(needs, CURVED, "curves", "curved", OF_CURVED),
+            _record_at(needs, CURVED, "curves", "bent", ("gradient",)),
+            _record_at(needs, APPEARANCE, "appearances", "appearance"),
         ]
         functions += [_words_at(needs), _anywhere(needs), _least_number(needs)]
     if "higher" in needs.facts:
@@ -145,19 +172,35 @@ def _tile_at(needs: Needs) -> str:
 
 
 def _words_at(needs: Needs) -> str:
-    """The function that fetches a group of words of programs."""
-    words = [f"programs[first + {k}u]" for k in range(GROUP)]
+    """The functions that fetch words of programs: those of a group, and all of a short program."""
+    most = max(SHORT.values())
+    found = _words(needs, GROUP)
+    short = _words(needs, most)
+    words = "".join(f"    select(0u, words[{k}], {k}u < count),\n" for k in range(most))
+    return f"""// A group of words of programs.
+fn words_at(number: u32) -> array<u32, {GROUP}> {{
+{found}}}
+
+// The words between two groups, and zeros behind them.
+fn short_words_at(number: u32, end: u32) -> array<u32, {most}> {{
+  let count = (end - number) * {GROUP}u;
+{short.replace("return", "let words =")}  return array<u32, {most}>(
+{words}  );
+}}
+"""
+
+
+def _words(needs: Needs, count: int) -> str:
+    """Statements that return so many words of programs from a group on."""
+    words = [f"programs[first + {k}u]" for k in range(count)]
     body = f"  let first = number * {GROUP}u;\n"
     if needs.broadcast > 1:
-        loaded = range(0, GROUP, needs.broadcast)
+        loaded = range(0, count, needs.broadcast)
         body += "".join(f"  let words_{k} = programs[first + {k}u + lane];\n" for k in loaded)
-        lanes = [k % needs.broadcast for k in range(GROUP)]
+        lanes = [k % needs.broadcast for k in range(count)]
         words = [f"subgroupBroadcast(words_{k - n}, {n}u)" for k, n in enumerate(lanes)]
     listed = "".join(f"    {word},\n" for word in words)
-    return (
-        f"// A group of words of programs.\nfn words_at(number: u32) -> array<u32, {GROUP}> {{\n"
-        f"{body}  return array<u32, {GROUP}>(\n{listed}  );\n}}\n"
-    )
+    return f"{body}  return array<u32, {count}>(\n{listed}  );\n"
 
 
 def _anywhere(needs: Needs) -> str:
@@ -183,24 +226,36 @@ def _least_number(needs: Needs) -> str:
     )
 
 
-def _record_at(needs: Needs, record: Record, array: str, name: str) -> str:
-    """The function that fetches a record of an array."""
-    body = f"  return {array}[number];\n" if needs.broadcast == 1 else _shared(needs, record, array)
-    return f"// A record of `{array}`.\nfn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
+def _record_at(
+    needs: Needs, record: Record, array: str, name: str, members: Collection[str] = ()
+) -> str:
+    """The function that fetches a record of an array, or some members and zeros for the others."""
+    body = f"  return {array}[number];\n"
+    if needs.broadcast > 1:
+        wanted = members or [field.name for field in record.fields]
+        body = _shared(needs, record, array, wanted)
+    what = "Some of a record" if members else "A record"
+    return f"// {what} of `{array}`.\nfn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
-def _shared(needs: Needs, record: Record, array: str) -> str:
-    """Statements by which invocations fetch a record together and return it."""
+def _shared(needs: Needs, record: Record, array: str, wanted: Collection[str]) -> str:
+    """Statements by which invocations fetch members of a record together and return them."""
     dtype = record.dtype(needs.format)
     places = dict(dtype.fields or {})
-    pieces = dtype.itemsize // FETCHED
+    ends = [(places[name][1], places[name][1] + places[name][0].itemsize) for name in wanted]
+    begin, end = min(a for a, _ in ends) // FETCHED, -(-max(b for _, b in ends) // FETCHED)
+    pieces, stride = end - begin, dtype.itemsize // FETCHED
     loaded = {
         first: _words_each(pieces - first, needs.broadcast)
         for first in range(0, pieces, needs.broadcast)
     }
-    text = "".join(_load(array, pieces, first, count) for first, count in loaded.items())
+    text = ""
+    for first, count in loaded.items():
+        start = f"number * {stride}u" + (f" + {begin + first}u" if begin + first else "")
+        text += _load(array, start, first, count)
 
     def word(k: int) -> str:
+        k -= begin * FETCHED // 4
         first = k // 8 // needs.broadcast * needs.broadcast
         lane, axis = divmod(k // 2 - WIDE * first, loaded[first])
         component = "" if loaded[first] == 1 else "." + "xyzw"[axis]
@@ -214,6 +269,12 @@ def _shared(needs: Needs, record: Record, array: str) -> str:
 
     members = ""
     for field in record.fields:
+        if field.name not in wanted:
+            zeros = {"f32": "0.0", "i32": "0i", "u32": "0u"}
+            zero = zeros.get(field.type, f"{field.type}()")
+            array_of = f"array<{field.type}, {field.count}>()"
+            members += f"    {zero if field.count == 1 else array_of},\n"
+            continue
         place = places[field.name][1] // 4
         type_, size = _scalar(needs.format, field.type), 1
         if type_ == "i64":
@@ -236,9 +297,8 @@ def _words_each(pieces: int, lanes: int) -> int:
     return next((count for count in (1, 2) if count * lanes >= WIDE * pieces), WIDE)
 
 
-def _load(array: str, pieces: int, first: int, count: int) -> str:
-    """Statements that load pieces from ``first`` on, ``count`` words for each invocation."""
-    start = f"number * {pieces}u" + (f" + {first}u" if first else "")
+def _load(array: str, start: str, first: int, count: int) -> str:
+    """Statements that load pieces from ``start`` on, ``count`` words for each invocation."""
     if count == WIDE:
         text = f"  let piece_{first} = {array}[{start} + lane];\n"
         type_, shift = "vec4<u32>", "vec4<u32>(32u)"

@@ -6,7 +6,7 @@ import functools
 from dataclasses import dataclass
 from functools import cached_property
 
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.expressions import Program
 from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
@@ -108,7 +108,7 @@ class Needs:
     @property
     def has_regions(self) -> bool:
         """Whether the shader tries copies of groups."""
-        return Class.REGION in self.classes or Class.REGION_INSIDE in self.classes
+        return not REGIONS.isdisjoint(self.classes)
 
     @property
     def has_polynomials(self) -> bool:

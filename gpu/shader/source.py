@@ -27,7 +27,7 @@ import functools
 from collections.abc import Iterator
 
 from halfstep.contract import program
-from halfstep.contract.classes import Class
+from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
@@ -62,7 +62,18 @@ EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
 
 # The constants of `contract.program` that shaders need.
-WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "HIDDEN", "SIDE")
+WORD = (
+    "PLACE",
+    "LEAF",
+    "POSITIVE",
+    "TURN",
+    "OPENS",
+    "CLOSES",
+    "CELL_ENDS",
+    "HIDDEN",
+    "SIDE",
+    "NUMBER",
+)
 # Files whose functions cannot run alone: they need an invocation's variables or device memory.
 _JOINING = {
     name
@@ -119,7 +130,8 @@ def _visits(needs: Needs) -> Iterator[str]:
     """The text of the visit of each class, renamed after the class."""
     for klass in needs.classes:
         visit = VISITS[needs.method, klass]
-        text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads)
+        words = {"WORDS": visit.words}
+        text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads, words)
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
 
 
@@ -137,6 +149,7 @@ def constants(needs: Needs) -> str:
         "SURFACES": needs.surfaces,
         "CROSSINGS": needs.surfaces * (3 if "error" in needs.facts else 1),
         "LEVELS": needs.levels,
+        "WORDS": max(SHORT.values()),
         "DEGREE": needs.degree,
         "TERMS": term_count(needs.degree),
         "PAIRS": needs.pairs,

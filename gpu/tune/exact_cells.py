@@ -33,7 +33,7 @@ def seen(constants: Setup, which: int, x: Floats, y: Floats) -> Seen:
     row, own = copies.row[which], np.flatnonzero(copies.owner == which)
     formula = copies.regions.programs[copies.regions.of[copies.copy[which]]].formula
     monomials = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
-    a, g, c = (form[own] @ monomials for form in (copies.a, copies.g, copies.c))
+    a, g, c = (form[:, own].T @ monomials for form in copies.coefficients)
     low, high = constants.near_u[row], constants.far_u[row]
     roots = np.concatenate(_roots(a, g, c))
     roots = np.where((roots > low) & (roots < high), roots, high)

@@ -31,7 +31,7 @@ def higher_surfaces(region: np.void, solid: np.void, regions: PackedRegions) -> 
     """Those of a region's surfaces of an order above two that count."""
     if regions.higher is None:
         return []
-    counts = ("flat_count", "curved_count", "cell_count", "face_count")
+    counts = ("flat_count", "curved_count", "cell_count")
     begin = int(region["list_start"]) + sum(int(region[name]) for name in counts)
     count, lower = map(int, regions.words[begin : begin + 2])
     found = []

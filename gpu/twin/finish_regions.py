@@ -37,44 +37,40 @@ def finish_region(
     facts: Collection[str],
 ) -> Nearest:
     """Points that a region, a record, shows all of; i and j are their pixels."""
-    flat_count, curved_count, cell_count, face_count = (
-        int(region[f"{of}_count"]) for of in ("flat", "curved", "cell", "face")
+    start, *counts = (
+        int(region[name]) for name in ("list_start", "flat_count", "curved_count", "cell_count")
     )
-    ends = np.cumsum([region["list_start"], flat_count, curved_count, cell_count, face_count])
-    listed = regions.words[ends[0] : ends[4]].astype(np.int64)
-    planes, quadrics, cells, faces = np.split(listed, ends[1:4] - ends[0])
+    cells = regions.words[start + counts[0] + counts[1] :][: counts[2]].tolist()
     looks = regions.appearances[int(region["looks_start"]) :]
     new = old
-    for k, cell in enumerate(cells.tolist()):
-        here = old.met.cell == k
+    for k in np.unique(old.met.cell).tolist():
+        here, cell = old.met.cell == k, cells[k]
         first = np.where(here, np.uint32(cell * int(region["surfaces"])), np.uint32(0))
         new = new._replace(surface=new.surface + first)
         if "color" in facts:
             new = painted(new, looks[cell], here, facts)
-    if "color" in facts:
-        for face in faces.tolist():
-            look = looks[int(region["cells"]) + face]
-            new = painted(new, look, shows_surface(old.met, face), facts)
+    own = (old.met.side >> np.int32(1)).astype(np.uint32)
     if "normal" in facts:
-        slope = old.slope
-        for number in planes.tolist():
-            plane = regions.flat[region["flat_start"] + number]
-            normal = outward(plane_normal(plane), old.met)
-            slope = either(shows_surface(old.met, number), normal, slope)
         x = (i - solid["center_x"]).astype(np.float32)
         y = (j - solid["center_y"]).astype(np.float32)
         u = old.position.astype(np.float32) * solid["last_step"]
-        for number in quadrics.tolist():
-            quadric = regions.curved[region["curved_start"] + (number - region["planes"])]
-            bent = outward(gradient(quadric["gradient"], x, y, u), old.met)
-            slope = either(shows_surface(old.met, number), bent, slope)
-        for one in higher_surfaces(region, solid, regions):
-            right = (i - one.higher["center_x"]).astype(np.float32) * one.form["scale"]
-            down = (j - one.higher["center_y"]).astype(np.float32) * one.form["scale"]
-            v = u - one.form["middle"]
-            slopes = slopes_on_rays(one.form["terms"], right, down, v)
-            bent = outward(world_slope(one.form, right, down, v, slopes), old.met)
-            slope = either(shows_surface(old.met, one.number), bent, slope)
-        new = new._replace(slope=slope)
-    own = (old.met.side >> np.int32(1)).astype(np.uint32)
+        higher = {one.number: one for one in higher_surfaces(region, solid, regions)}
+        for number in np.unique(own).tolist():
+            here = shows_surface(old.met, number)
+            if number < region["planes"]:
+                normal = plane_normal(regions.flat[int(region["flat_start"]) + number])
+            elif number in higher:
+                one = higher[number]
+                right = (i - one.higher["center_x"]).astype(np.float32) * one.form["scale"]
+                down = (j - one.higher["center_y"]).astype(np.float32) * one.form["scale"]
+                v = u - one.form["middle"]
+                slopes = slopes_on_rays(one.form["terms"], right, down, v)
+                normal = world_slope(one.form, right, down, v, slopes)
+            else:
+                row = int(region["curved_start"]) + number - int(region["planes"])
+                normal = gradient(regions.curved[row]["gradient"], x, y, u)
+            new = new._replace(slope=either(here, outward(normal, old.met), new.slope))
+            look = looks[int(region["cells"]) + number]
+            if "color" in facts and look["is_own"]:
+                new = painted(new, look, here, facts)
     return new._replace(surface=new.surface + own)

@@ -19,9 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.program import LEAF, PLACE, TURN
 from halfstep.twin.crossings import Crossing, ends_of, is_outside
 from halfstep.twin.lanes import I32, Bools
 
+# The ends of a crossing of which e is less than all others.
+NOTHING_CROSSED = np.int32(2**31 - 1)
 # Less than all e.
 LEAST = np.int32(-(2**31))
 # No cell in particular.
@@ -72,12 +75,30 @@ class Place(NamedTuple):
     cell: I32
 
 
+def until_at(low: I32, high: I32, q: I32, never: np.int32) -> I32:
+    """e of what holds at the grid points ``low`` <= q < ``high``."""
+    within = np.where(q < high, high, ~never)
+    return np.where(q < low, ~low, within)
+
+
 def literal_at(crossing: Crossing, q: I32, never: np.int32, turn: bool) -> I32:
     """e of F <= 0, or of its complement if ``turn``."""
     ends = ends_of(crossing)
-    within = np.where(q < ends.high, ends.high, ~never)
-    e = np.where(q < ends.low, ~ends.low, within)
+    e = until_at(ends.low, ends.high, q, never)
     return np.where(is_outside(crossing) != turn, ~e, e)
+
+
+def reads(word: int, place: int) -> bool:
+    """Whether a word has a literal of a surface that counts, by its place."""
+    return bool(word & LEAF) and word & PLACE == place
+
+
+def turn_of(word: int, outside: Bools) -> I32:
+    """All bits where e of a word's literal is the complement of that of a crossing's ends.
+
+    Else none. ``outside``: F <= 0 is outside of the ends.
+    """
+    return np.where(outside != bool(word & TURN), np.int32(-1), np.int32(0))
 
 
 def later(first: Held, second: Held) -> Held:
