@@ -217,9 +217,11 @@ class _Written:
     """Excerpts as the numbers that shaders and twin read."""
 
     def __init__(self, packed: Packed, copies: Copies) -> None:
+        assert packed.regions is not None
         self._packed, self._copies = packed, copies
-        self._parts: list[U32] = []
-        self._length = 0
+        # What does not depend on the frame comes first.
+        self._parts: list[U32] = [packed.regions.words]
+        self._length = len(packed.regions.words)
         self._rows: list[tuple[int, ...]] = []
         self._most_surfaces = 0
 

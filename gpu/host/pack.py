@@ -19,6 +19,7 @@ from halfstep.contract.mirrors import PackedMirrors
 from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.contract.regions import PackedRegions
 from halfstep.contract.shadows import PackedShadows
+from halfstep.contract.veils import PackedVeils
 from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, fixed_point_scale
 from halfstep.host.geometry import Geometry
@@ -118,6 +119,7 @@ class Packed:
     locations: Records | None = None  # (V,), of the points of solids, if these are needed
     shadows: PackedShadows | None = None  # what hides lights, if any have shadows
     mirrors: PackedMirrors | None = None  # what mirrors show, if there are any
+    veils: PackedVeils | None = None  # what copies of groups hide of lights, if they hide any
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -186,6 +188,8 @@ def pack(
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
     solids = solids.take(order)  # a fancy index copies member by member
+    veils = None if lit is None else lit.veils
+    words = np.zeros(0, np.uint32) if veils is None else veils.words
     return Packed(
         setup=setup,
         surfaces=tables,
@@ -204,12 +208,13 @@ def pack(
         surface_count=tables.numbers.count,
         regions=None
         if tables.appearances is None
-        else pack_regions(setup, tables.appearances, count, number_format),
+        else pack_regions(setup, tables.appearances, count, number_format, words),
         polynomials=pack_polynomials(setup, half_spaces),
         expressions=pack_expressions(setup, half_spaces),
         locations=None if lit is None else locations(lit, setup, solids, number_format),
         shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
         mirrors=None if lit is None or lit.mirrors is None else lit.mirrors.packed(setup.view),
+        veils=veils,
     )
 
 

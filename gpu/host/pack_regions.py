@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Bools, Floats, Ints, Records
+from halfstep.contract.arrays import U32, Bools, Floats, Ints, Records
 from halfstep.contract.formats import Format
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.copies import Copies
@@ -58,9 +58,12 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
 
 
 def pack_regions(
-    setup: Setup, looks: Appearances, steps: Ints, number_format: Format
+    setup: Setup, looks: Appearances, steps: Ints, number_format: Format, words: U32
 ) -> PackedRegions:
-    """Records of the copies in ``setup`` with ``steps`` (V,) halvings for each solid."""
+    """Records of the copies in ``setup`` with ``steps`` (V,) halvings for each solid.
+
+    ``words`` are those of programs that do not depend on the frame.
+    """
     copies = setup.copies
     assert copies is not None
     regions = copies.regions
@@ -98,7 +101,7 @@ def pack_regions(
         records=records,
         flat=_flat(copies, flat, setup, number_format),
         curved=_curved(copies, curved, setup, number_format),
-        words=np.zeros(0, np.uint32),
+        words=words,
         appearances=looks.records,
         most_surfaces=0,
         levels=max(one.formula.whole.levels for one in programs),

@@ -44,6 +44,7 @@ from halfstep.shader.source import (
     LOCATIONS,
     MIRROR_BINDINGS,
     SHADOW_BINDINGS,
+    VEIL_BINDINGS,
 )
 
 # A band's frame buffer is at most this large, so that memory stays bounded for any picture.
@@ -82,6 +83,12 @@ _NAMES = {
     22: "faces of bodies",
     23: "balls around bodies",
     24: "formulas",
+    25: "veils of lights",
+    26: "veils",
+    27: "boxes of veils",
+    28: "copies before lights",
+    29: "planes of copies before lights",
+    30: "quadrics of copies before lights",
 }
 # A binding: a buffer, and where in it what is bound begins and how long it is, in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -427,6 +434,8 @@ def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
         found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
     if packed.shadows is not None:
         found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
+    if packed.veils is not None:
+        found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
     return found
 
 

@@ -32,7 +32,13 @@ from halfstep.scene.faults import Fault, fault, line, show
 from halfstep.scene.gathering import with_what_is_named
 from halfstep.scene.groups import Cell, Fragment
 from halfstep.scene.keys import Animation
-from halfstep.scene.limits import algebraic_faults, limit_faults, mirror_faults, shadow_faults
+from halfstep.scene.limits import (
+    algebraic_faults,
+    cell_shadow_faults,
+    limit_faults,
+    mirror_faults,
+    shadow_faults,
+)
 from halfstep.scene.names import get, name_faults
 from halfstep.scene.placement import unit
 from halfstep.scene.solids import Solid
@@ -132,6 +138,7 @@ class Scene(Fragment, _Tables):
         return [
             *limit_faults(self),
             *shadow_faults(self, [each.shadows for each in self.lights], self.solids),
+            *cell_shadow_faults(self, [each.shadows for each in self.lights], self.accuracy),
             *algebraic_faults(self.solids, self.accuracy),
             *mirror_faults(self, self.materials, self.image, self.accuracy, self.solids),
         ]

@@ -29,6 +29,10 @@ from halfstep.contract.layout import (
     SLAB,
     SOLID,
     TILE_WORDS,
+    VEIL,
+    VEIL_CURVED,
+    VEIL_FLAT,
+    VEIL_VIEW,
     Record,
 )
 from halfstep.contract.powers import term_count
@@ -55,13 +59,21 @@ SHADOW_RECORDS = {
     "slabs": SLAB,
     "boxes": BOX,
 }
+VEIL_RECORDS = {
+    "veil_views": VEIL_VIEW,
+    "veils": VEIL,
+    "veil_boxes": BOX,
+    "veiled": OCCLUDER,
+    "veil_flats": VEIL_FLAT,
+    "veil_curves": VEIL_CURVED,
+}
 MIRROR_RECORDS = {
     "mirrors": MIRRORS,
     "bodies": BODY,
     "faces": FACE,
     "balls": BALL,
 }
-_NAMES = {"light_views": "light_view", "bodies": "body", "boxes": "box", "mirrors": "mirrors"}
+_NAMES = {"bodies": "body", "boxes": "box", "veil_boxes": "veil_box", "mirrors": "mirrors"}
 
 
 def fetches(needs: Needs) -> str:
@@ -86,6 +98,7 @@ def fetches(needs: Needs) -> str:
     placed: dict[str, Record] = {}
     placed |= PLACE_RECORDS if "places" in needs.facts else {}
     placed |= SHADOW_RECORDS if "shadows" in needs.facts else {}
+    placed |= VEIL_RECORDS if "veils" in needs.facts else {}
     placed |= MIRROR_RECORDS if "mirrors" in needs.facts else {}
     for array, record in placed.items():
         name = _NAMES.get(array, array.removesuffix("s"))

@@ -62,6 +62,7 @@ class Needs:
     curves: bool = False  # a solid before these has a quadric
     encloses: bool = False  # a light may be inside a solid
     many: bool = False  # more than a few solids are before a light
+    veils: bool = False  # a copy of a group of cells may be
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -85,6 +86,7 @@ class Needs:
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
             wanted |= {"curves"} if self.curves else set()
+            wanted |= {"veils"} if self.veils else set()
             wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
         if self.bounces and self.outputs & {"image", "color"}:
             wanted.add("mirrors")
@@ -104,8 +106,10 @@ class Needs:
 
     @property
     def has_regions(self) -> bool:
-        """Whether it tries copies of groups."""
-        return Class.REGION in self.classes or Class.REGION_INSIDE in self.classes
+        """Whether it tries copies of groups, or asks what lights these hide."""
+        tried = Class.REGION in self.classes or Class.REGION_INSIDE in self.classes
+        shaded = not self.outputs.isdisjoint(("image", "color", "shadow"))
+        return tried or (self.veils and shaded)
 
     @property
     def choices(self) -> frozenset[str]:

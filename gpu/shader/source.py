@@ -33,6 +33,7 @@ from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
+from halfstep.contract.veils import VEIL_ROUNDS, VEIL_STEPS
 from halfstep.shader.expand import expand
 from halfstep.shader.fetch import (
     FETCHED,
@@ -40,6 +41,7 @@ from halfstep.shader.fetch import (
     PLACE_RECORDS,
     REGION_RECORDS,
     SHADOW_RECORDS,
+    VEIL_RECORDS,
     fetches,
 )
 from halfstep.shader.formulas import formulas
@@ -56,6 +58,8 @@ SHADOW_BINDINGS = range(16, 16 + len(SHADOW_RECORDS))
 MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_RECORDS))
 # Where formulas of solids are bound.
 EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
+# Where is bound what copies of groups hide of lights.
+VEIL_BINDINGS = range(EXPRESSIONS_BINDING + 1, EXPRESSIONS_BINDING + 1 + len(VEIL_RECORDS))
 
 # What words of programs are made of.
 WORD = ("PLACE", "LEAF", "POSITIVE", "TURN", "OPENS", "CLOSES", "CELL_ENDS", "HIDDEN", "SIDE")
@@ -143,12 +147,14 @@ def constants(needs: Needs) -> str:
         "GROUPED": GROUP,
         "BOUNCES": needs.bounces,
         "MIRROR_STEPS": MIRROR_STEPS,
+        "VEIL_STEPS": VEIL_STEPS,
         **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
     numbers |= {f"PLANE_{name.upper()}": n for name, n in plane_offsets(needs.outputs).items()}
     numbers |= {f"BYTES_{name.upper()}": n for name, n in byte_offsets(needs.outputs).items()}
     lines = [f"const {name}: u32 = {number}u;" for name, number in numbers.items()]
+    lines.append(f"const VEIL_ROUNDS: i32 = {VEIL_ROUNDS};")
     lines.append(f"const HALVINGS: Run = {halvings};")
     lines.append(f"const SEARCHES: Run = {needs.format.run};")
     return "".join(f"{line}\n" for line in lines)
@@ -184,6 +190,7 @@ def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
         ("places", LOCATIONS, PLACE_RECORDS),
         ("shadows", SHADOW_BINDINGS.start, SHADOW_RECORDS),
         ("mirrors", MIRROR_BINDINGS.start, MIRROR_RECORDS),
+        ("veils", VEIL_BINDINGS.start, VEIL_RECORDS),
     ):
         if fact in needs.facts:
             found += enumerate(records.items(), start=first)
