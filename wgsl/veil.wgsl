@@ -24,7 +24,7 @@ fn veil_line(flat: VeilFlat, ray: Ray) -> Line {
   return Line(first_order(flat.c, ray, ray.t), first_order(flat.b, ray, ray.z));
 }
 
-// Where a lamp is near, a ray to it that begins far away, from within some radii of the lamp on: the
+// Where a lamp is near, a ray to it that begins far away, from within some radii of the lamp on: a
 // copy is nearer. The scale is a power of two.
 fn brought_near(ray: Ray, at_lamp: bool) -> Ray {
   let size = max(max(max(abs(ray.x), abs(ray.y)), abs(ray.z)), f4(8.0));
@@ -101,8 +101,8 @@ fn curve_crossed(form: Form) -> Crossing {
   return crossing(form, enters, cell_with(max(far, near)), VEIL_STEPS, EYE_UNKNOWN);
 }
 
-// How many grid points further a ray is on the surface where it begins: a point is as far beside its
-// surface as its place is off, and on others that touch there it would not be where it is seen.
+// How many grid points further a ray is on the surface where it begins: a point is as far beside
+// its surface as its place is off, and of others that touch there it may be on the wrong side.
 fn points_to_surface(value: v4, slope: v4) -> i4 {
   let way = -value / select(slope, v4(1), slope == v4(0));
   return i4(ceil(min(max(way, v4(0)), v4(MOST_BESIDE)) * f32(1u << (VEIL_STEPS - 1u))));

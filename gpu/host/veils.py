@@ -44,6 +44,8 @@ PIECES = 8
 ASIDE = 2.0**-12
 # Veils across a copy whose formula has more literals than this; of fewer one is enough.
 ACROSS = ((6, 4), (16, 12))
+# Where copies are many, veils across each are fewer: about so many are before a light.
+ENOUGH = 1 << 11
 # Surfaces of a group that a ray crosses in one veil: it holds where it crosses each.
 MOST_CROSSED = 255
 # Of how many copies each of how many lights is hidden.
@@ -134,7 +136,8 @@ def _before(
     else:
         end = 0.0 if approach.reach == 0 else approach.end
         planes, quadrics = linears(sides, end), quadratics(bent, end)
-        veils = _across(program, matrices, to_local, world, approach, end, light, axes)
+        most = max(1, int((ENOUGH / regions.count) ** 0.5))
+        veils = _across(program, most, matrices, to_local, world, approach, end, light, axes)
     return Veiled(
         occluder=Occluder(
             solid=ix,
@@ -171,6 +174,7 @@ def _amid(program: Program) -> tuple[Veil, ...]:
 
 def _across(
     program: Program,
+    most: int,
     matrices: Floats,
     to_local: Floats,
     world: World,
@@ -179,7 +183,10 @@ def _across(
     light: Light,
     axes: Axes,
 ) -> tuple[Veil, ...]:
-    """Of rays to a light that is not near, the veils in which something may hide it."""
+    """Of rays to a light that is not near, the veils in which something may hide it.
+
+    There are ``most`` veils across the copy at most.
+    """
     corners = program.box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]]
     a, b, v, _ = np.linalg.solve(to_local, np.concatenate([corners, np.ones((1, 8))]))
     least = min(1.0, float((1 - end * v).min()))
@@ -187,7 +194,7 @@ def _across(
     low, high = seen.min(axis=1) - ASIDE, seen.max(axis=1) + ASIDE
     from_v, to_v = max(float(v.min()) - ASIDE, -1.0), min(float(v.max()) + ASIDE, 1.0)
     count = program.formula.literal_count
-    across = max([1, *(tiles for literals, tiles in ACROSS if count > literals)])
+    across = min(most, max([1, *(tiles for literals, tiles in ACROSS if count > literals)]))
     edges = low[:, None] + (high - low)[:, None] * np.arange(across + 1) / across
     edges[:, -1] = high
     y, x = np.divmod(np.arange(across * across), across)

@@ -83,7 +83,7 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
         slabs = packed.shadows.occluders["slab_count"].astype(np.int64)
         of_shadows = int((slabs + 5).sum()) + 2 * len(packed.shadows.views)
     if packed.veils is not None and "veils" in needs.facts:
-        of_shadows += _rounds_of_veils(packed.veils)
+        of_shadows += _rounds_of_veils(packed.veils, needs.broadcast)
     if packed.mirrors is not None and "mirrors" in needs.facts:
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
         of_mirrors = int((faces + MIRROR_STEPS + 5).sum())
@@ -91,9 +91,12 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
     return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
 
 
-def _rounds_of_veils(veils: PackedVeils) -> int:
-    """The most rounds that an invocation takes for shadows of copies: all boxes are looked at."""
-    return VEIL_ROUNDS + 2 * len(veils.records) + 2 * len(veils.views)
+def _rounds_of_veils(veils: PackedVeils, together: int) -> int:
+    """The most rounds that an invocation takes for shadows of copies.
+
+    It looks at all boxes, ``together`` at once, in two loops.
+    """
+    return VEIL_ROUNDS + 2 * (len(veils.records) // together) + 4 * len(veils.views)
 
 
 def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:

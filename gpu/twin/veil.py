@@ -120,8 +120,8 @@ def curve_crossed(form: Form) -> Crossing:
 def points_to_surface(value: F32, slope: F32) -> I32:
     """How many grid points further a ray is on the surface where it begins.
 
-    A point is as far beside its surface as its place is off, and on others that touch there it
-    would not be where it is seen.
+    A point is as far beside its surface as its place is off, and of others that touch there it may
+    be on the wrong side.
     """
     way = -value / np.where(slope == 0, np.float32(1), slope)
     way = np.minimum(np.maximum(way, np.float32(0)), MOST_BESIDE)
