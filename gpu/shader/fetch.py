@@ -89,6 +89,8 @@ def fetches(needs: Needs) -> str:
             for array, record in REGION_RECORDS.items()
         ]
         functions += [_words_at(needs), _anywhere(needs), _least_number(needs)]
+    elif "mirrors" in needs.facts:
+        functions.append(_anywhere(needs))
     if Class.POLYNOMIAL in needs.classes:
         record = POLYNOMIAL.counted(TERMS=term_count(needs.degree))
         functions.append(_record_at(needs, record, "polynomials", "polynomial"))
