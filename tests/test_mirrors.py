@@ -194,6 +194,7 @@ FAULTS = [
     ("point_0 = caught_0.point;", ""),
     ("nearest_0.turned = caught_0.turned;", ""),
     ("weight_0 = passed_on;", ""),
+    ("if !anywhere(left)", "if anywhere(left)"),
     ("& !leaves;", ";"),
     ("either(inside_0, normal_out_0, normal_in_0)", "normal_in_0"),
 ]

@@ -382,8 +382,8 @@ BAD = [
     ({"light": [LIGHT] * 33}, "light: 33 with shadows is not <= 32"),
     ({"light": [{**LIGHT, "shadows": 1}]}, "light[0].shadows: 1 is not true or false"),
     (
-        CELLS,
-        "light[0].shadows: true: shadows are drawn of solids alone, and the scene has cells",
+        {**CELLS, "accuracy": {"number_format": "fixed32"}},
+        'accuracy.number_format: "fixed32" cannot draw shadows of cells yet; use float32',
     ),
     (
         {"solid": [{"kind": "torus", "major": 2, "minor": 0.5, **GRAY}]},
@@ -422,8 +422,8 @@ def test_options_replace_what_lights_say() -> None:
     assert not with_overrides(scene, shadows=False).lights[0].shadows
     with pytest.raises(halfstep.SceneError, match="shadows: 3 is not true or false"):
         with_overrides(scene, shadows=3)  # type: ignore[arg-type]
-    with pytest.raises(halfstep.SceneError, match="shadows: true: shadows are drawn of solids"):
-        with_overrides(halfstep.load("die"), shadows=True)
+    with pytest.raises(halfstep.SceneError, match="shadows: true: shadows are not drawn of tori"):
+        with_overrides(halfstep.load("one_torus"), shadows=True)
 
 
 def test_scenes_far_wider_than_a_solid_are_told_of() -> None:

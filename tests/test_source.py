@@ -110,7 +110,9 @@ NEEDS = Needs(
 )
 
 
-SHADOWED = replace(NEEDS, shadows=2, far_lights=1, curves=True, encloses=True, bounces=1)
+SHADOWED = replace(
+    NEEDS, shadows=2, far_lights=1, curves=True, encloses=True, bounces=1, veils=True
+)
 
 
 @pytest.fixture(scope="module")
@@ -308,8 +310,10 @@ def _combinations() -> Iterator[Needs]:
         yield from (lit, replace(lit, parallel=True))
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
         bounces = int(form is not FIXED32)  # which cannot draw mirrors
-        lit = replace(SHADOWED, format=form, bounces=bounces)
+        lit = replace(SHADOWED, format=form, bounces=bounces, veils=False)
         yield replace(lit, far_lights=far, encloses=encloses)
+        if form is not FIXED32:  # which cannot draw shadows of cells
+            yield replace(lit, far_lights=far, encloses=encloses, veils=True)
     for shadows, image in product((0, 2), (False, True)):
         wanted = frozenset({"tag", "image" if image else "color"})
         yield replace(SHADOWED, shadows=shadows, outputs=wanted, bounces=3, encloses=False)
@@ -347,6 +351,7 @@ def as_it_lies(name: str) -> str:
         # Blocks of regions are of one quad.
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
+    need = replace(need, veils=need.veils and form is not FIXED32)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)
     method = "article" if name == "visit_article" else "visible"

@@ -20,6 +20,7 @@ from halfstep.contract.layout import Flag, Shade
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
 from halfstep.contract.srgb import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.contract.stages import FACTS, STAGES, VISITS, Kind, files_of
+from halfstep.contract.veils import VEIL_STEPS
 from halfstep.shader.library import stage
 from halfstep.shader.source import WORD
 from halfstep.testing import Kit, MismatchError, near_ties
@@ -59,8 +60,8 @@ LIT = ("ambient", "specular")
 SHADERS = ("shade", "finish")
 
 # Records of what hides lights, and files of functions that read them.
-SHADOWED = ("location.", "occluder.", "slab.", "body.", "face.")
-SHADOWS = ("place", "beam", "beam_fixed", "shadow", "mirror")
+SHADOWED = ("location.", "occluder.", "slab.", "body.", "face.", "veil.", "flat.")
+SHADOWS = ("place", "beam", "beam_fixed", "shadow", "mirror", "veil")
 
 # Values that make products, sums and roots coincide exactly.
 DYADIC = np.array([0, -0.0, 1, -1, 0.5, -0.5, 0.25, -0.25, 2, -2, 0.75, 2**-20, -(2**-20)])
@@ -118,6 +119,7 @@ def _module(number_format: Format, *chosen: str) -> Module:
 const MAX_LINES: u32 = 8u;
 const LIGHTS: u32 = 2u;
 const SHADOWS: u32 = 1u;
+const VEIL_STEPS: u32 = {VEIL_STEPS}u;
 const SHININESS_BITS: u32 = 11u;
 const HALVINGS: Run = {number_format.run};
 const SEARCHES: Run = {number_format.run};
@@ -139,8 +141,8 @@ var<private> lights: array<Light, LIGHTS>;
     alone = {name for item in STAGES if item.kind in ALONE for name in (item.file, *item.others)}
     # Short keys are never kept together with what needs long ones.
     alone -= {"keep", "finish"} if chosen else set()
-    # Mirrors are for float32.
-    alone -= {"mirror"} if number_format is FIXED32 else set()
+    # Mirrors and shadows of cells are for float32.
+    alone -= {"mirror", "veil"} if number_format is FIXED32 else set()
     files = [name for name in files_of(number_format, {"lines", *chosen}) if name in alone]
     return Module("the stages", "\n".join([shared, table, *map(stage, files)]))
 
@@ -404,6 +406,22 @@ FAULTS = [
     ("mirror.face_of", "+ face.beyond", "- face.beyond"),
     ("mirror.piece_of", "f4(1.0), i4(0)", "f4(2.0), i4(0)"),
     ("mirror.point_on", "round(spot.z", "floor(spot.z"),
+    ("veil.veil_curve", "curve.g, ray, ray.z", "curve.g, ray, ray.t"),
+    ("veil.veil_line", "flat.b, ray, ray.z", "flat.b, ray, ray.t"),
+    ("veil.brought_near", "0x80800000u", "0x80000000u"),
+    ("veil.is_behind", "veil.high[1]", "veil.high[0]"),
+    ("veil.point_ahead", "passed + i4(1)", "passed"),
+    ("veil.point_ahead", "min(v, radius)", "v"),
+    ("veil.line_ahead", "line.c, line.b, on_line", "line.b, line.c, on_line"),
+    ("veil.form_ahead", "form.g, rest.b", "form.g, rest.c"),
+    ("veil.cell_with", "+ cells,", "- cells,"),
+    ("veil.flat_crossed", "-line.c /", "line.c /"),
+    ("veil.curve_crossed", "4.0 * bowl.a", "2.0 * bowl.a"),
+    ("veil.curve_crossed", "half * BEHIND_ALL", "half"),
+    ("veil.points_to_surface", "ceil", "floor"),
+    ("veil.points_to_surface", "v4(MOST_BESIDE)", "v4(1)"),
+    ("veil.value_at_start", "+ form.c", "- form.c"),
+    ("veil.is_faced", "-rest.b, back", "rest.b, back"),
     ("shadow.own_shadow", "turned == u4(1u)", "turned == u4(2u)"),
     ("region.is_within", "y <= region.bottom", "y < region.bottom"),
     ("region.position_before", "+ 1)", ")"),
@@ -543,6 +561,7 @@ class Draw:
         # Pixels have places of their own; what else is one number or a record's is of a solid.
         records = ("solid.", "half_space.", "plane.", "look.", "form.", "higher.", *SHADOWED)
         is_record = place.startswith(records)
+        is_record |= self._function.file == "veil" and place.startswith("curve.")
         own = name in ("y", "j") or (leaf.ndim > 1 and not is_record)
         return values if own else values[::BLOCK_ROWS][BLOCK]
 
@@ -753,6 +772,9 @@ class Draw:
                 return rng.integers(0, 5, shape)
             case "most":
                 return np.abs(self._usual(name, leaf))
+            case "v" if leaf.dtype == np.int32:
+                size = np.exp2(rng.uniform(0, 30, shape))
+                return np.rint(size * rng.choice([-1, 1], shape))
             case "v" if leaf.dtype == np.int64:
                 return rng.integers(-(2**30), 2**30, shape)
         return None
@@ -803,6 +825,9 @@ class Draw:
             form["c"][ties] = form["g"][ties] - form["a"][ties]
         elif self._function.name == "normalized":
             self._make_unit(inputs["a"], np.exp2(rng.integers(-20, 20, (ROWS, 1))))
+        elif self._function.name == "brought_near":
+            for axis in "xyz":
+                inputs["ray"][axis] *= np.exp2(rng.integers(0, 20, (ROWS, 4)))
         elif self._function.name == "mirrored":
             self._make_unit(inputs["direction"], np.exp2(rng.integers(-9, 9, (ROWS, 1))))
             self._make_unit(inputs["normal"])

@@ -288,5 +288,12 @@ fn follow_mirrors(j: i32) {
       );
       weight_0 = passed_on;
     }
+    // What reflects nothing has no more bounces.
+    var left = b4(false);
+    // each quad
+    left = left | (weight_0 > f4(0.0));
+    if !anywhere(left) {
+      break;
+    }
   }
 }

@@ -237,6 +237,42 @@ struct Slab {
   numbers: u32,  // SLAB_… bits: what surfaces they are, and if the light is outside
 }
 
+// What hides a light with shadows of copies of groups.
+struct VeilView {
+  @align(32) first: u32,  // its first veil
+  end: u32,  // the one behind its last
+}
+
+// What rays to a light that are close together meet of a copy of a group.
+struct Veil {
+  @align(32) low: array<f32, 2>,  // their least a and b over h, in radii
+  high: array<f32, 2>,  // their greatest
+  copy: u32,  // its row among the copies before lights
+  first: i32,  // grid point before which is nothing of it
+  last: i32,  // grid point behind which is nothing
+  flat_start: u32,  // the first plane of the copy along rays to the light
+  curved_start: u32,  // its first quadric
+  planes: u32,  // how many planes its group has
+  list_start: u32,  // numbers of what counts: planes, quadrics
+  flat_count: u32,  // planes that count
+  curved_count: u32,  // quadrics that count
+  first_group: u32,  // where its program begins, in groups of words
+  end_group: u32,  // where it ends
+}
+
+// A plane of a copy along rays to a light: F = c + b v.
+struct VeilFlat {
+  @align(32) c: array<Value, 3>,  // coefficients of t, x, y
+  b: array<Value, 3>,  // coefficients of z, x, y
+}
+
+// A quadric of a copy along rays to a light: F = A v² + G v + C.
+struct VeilCurved {
+  @align(32) a: array<Value, 6>,  // A as coefficients of tz, tx, ty, x², xy, y²; for A, t is z
+  g: array<Value, 6>,  // G
+  c: array<Value, 6>,  // C; for C, z is t
+}
+
 // What all rays from mirrors share.
 struct Mirrors {
   @align(32) middle: array<f32, 3>,  // of the grid of the world, from the eye

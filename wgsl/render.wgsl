@@ -43,6 +43,21 @@ fn next_entry(first: u32, end: u32, j: i32) -> u32 {
   return entry;
 }
 
+// The row among the solids of what an entry of a tile's lists names.
+fn row_of(tile: Tile, entry: u32) -> u32 {
+  let member = tile_solids[entry];
+  var is_region = false;
+  {  //? list_region
+    is_region = (entry >= tile.starts[LIST_REGION]) & (entry < tile.starts[LIST_REGION + 1u]);
+  }
+  {  //? list_region_inside
+    let first = tile.starts[LIST_REGION_INSIDE];
+    let end = tile.starts[LIST_REGION_INSIDE + 1u];
+    is_region = is_region | ((entry >= first) & (entry < end));
+  }
+  return select(member, region_at(select(0u, member, is_region)).solid, is_region);
+}
+
 // One workgroup renders one tile, one invocation a block of it.
 @compute @workgroup_size(WORKGROUP)
 fn render(
@@ -213,7 +228,8 @@ fn render(
     let first = tile.starts[0];
     let end = tile.starts[CLASSES];
     for (var entry = first; entry < end; entry++) {
-      find_points(location_at(tile_solids[entry]), j);
+      find_points(location_at(tile_solids[entry]), j);  //? !regions
+      find_points(location_at(row_of(tile, entry)), j);  //? regions
     }
     find_shadows();  //? shadows
   }

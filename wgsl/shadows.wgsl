@@ -194,6 +194,7 @@ fn find_shadows() {
       other = all_around(other, is_far.x);
     }
     try_occluders(light, all_around(around, is_far.x), other);
+    try_veils(ix, light.bit, all_around(around, is_far.x), other);  //? veils
   }
   // each quad
   nearest_0.dark = select(u4(0u), nearest_0.dark, nearest_0.surface > u4(0u));

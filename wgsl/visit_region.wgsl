@@ -154,5 +154,6 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
       shown, hit, inside, within, into, certain, begun_surely, region, solid.last_step
     );
     slope_0 = NO_VECTOR;  //? normal
+    turned_0 = other_side(solid, inside);  //? places
   }
 }

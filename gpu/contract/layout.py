@@ -402,6 +402,54 @@ SLAB = Record(
     ),
 )
 
+VEIL_VIEW = Record(
+    "VeilView",
+    "What hides a light with shadows of copies of groups.",
+    (
+        Field("first", "u32", 1, "its first veil"),
+        Field("end", "u32", 1, "the one behind its last"),
+    ),
+)
+
+VEIL = Record(
+    "Veil",
+    "What rays to a light that are close together meet of a copy of a group.",
+    (
+        Field("low", "f32", 2, "their least a and b over h, in radii"),
+        Field("high", "f32", 2, "their greatest"),
+        Field("copy", "u32", 1, "its row among the copies before lights"),
+        Field("first", "i32", 1, "grid point before which is nothing of it"),
+        Field("last", "i32", 1, "grid point behind which is nothing"),
+        Field("flat_start", "u32", 1, "the first plane of the copy along rays to the light"),
+        Field("curved_start", "u32", 1, "its first quadric"),
+        Field("planes", "u32", 1, "how many planes its group has"),
+        Field("list_start", "u32", 1, "numbers of what counts: planes, quadrics"),
+        Field("flat_count", "u32", 1, "planes that count"),
+        Field("curved_count", "u32", 1, "quadrics that count"),
+        Field("first_group", "u32", 1, "where its program begins, in groups of words"),
+        Field("end_group", "u32", 1, "where it ends"),
+    ),
+)
+
+VEIL_FLAT = Record(
+    "VeilFlat",
+    "A plane of a copy along rays to a light: F = c + b v.",
+    (
+        Field("c", "Value", 3, "coefficients of t, x, y"),
+        Field("b", "Value", 3, "coefficients of z, x, y"),
+    ),
+)
+
+VEIL_CURVED = Record(
+    "VeilCurved",
+    "A quadric of a copy along rays to a light: F = A v² + G v + C.",
+    (
+        Field("a", "Value", 6, "A as coefficients of tz, tx, ty, x², xy, y²; for A, t is z"),
+        Field("g", "Value", 6, "G"),
+        Field("c", "Value", 6, "C; for C, z is t"),
+    ),
+)
+
 MIRRORS = Record(
     "Mirrors",
     "What all rays from mirrors share.",
@@ -478,6 +526,10 @@ RECORDS = (
     LIGHT_VIEW,
     OCCLUDER,
     SLAB,
+    VEIL_VIEW,
+    VEIL,
+    VEIL_FLAT,
+    VEIL_CURVED,
     MIRRORS,
     BODY,
     FACE,

@@ -293,6 +293,7 @@ class _Written:
     """Excerpts as shaders and twin read them, one after another."""
 
     def __init__(self, packed: Packed, copies: Copies) -> None:
+        assert packed.regions is not None
         self._packed, self._copies = packed, copies
         self._blocks: list[_Block] = []
 
@@ -370,13 +371,14 @@ class _Written:
             key & np.uint64(0xFFFFFFFF),
         )
         sizes = np.array([len(block.content) for block in self._blocks], np.int64)
-        first_group = (np.cumsum(sizes) - sizes) // GROUP
+        # What does not depend on the frame comes first.
+        first_group = (len(regions.words) + np.cumsum(sizes) - sizes) // GROUP
         end_group = first_group + [block.groups for block in self._blocks]
         places = np.stack([first_group, end_group, end_group * GROUP])
         written = np.concatenate([places, counts.T]).astype(np.uint32)[:, row]
         for name, column in zip(_WRITTEN, written, strict=True):
             records[name] = column
-        words = np.concatenate([*(b.content for b in self._blocks), np.zeros(0, np.uint32)])
+        words = np.concatenate([regions.words, *(block.content for block in self._blocks)])
         return replace(
             regions,
             records=records,

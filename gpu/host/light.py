@@ -9,11 +9,14 @@ import numpy as np
 from halfstep.contract import layout
 from halfstep.contract.arrays import Ints, Records
 from halfstep.contract.formats import Format
+from halfstep.contract.veils import PackedVeils
 from halfstep.host.geometry import Geometry
 from halfstep.host.mirrors import MirrorTables, has_mirrors
 from halfstep.host.occluders import has_shadows, shadows_of
 from halfstep.host.pack_shadows import ShadowTables
+from halfstep.host.pack_veils import pack_veils
 from halfstep.host.setup import Setup
+from halfstep.host.veils import veils_of
 from halfstep.host.world import World
 from halfstep.scene import Scene
 
@@ -28,13 +31,15 @@ class Lit:
     world: World
     shadows: ShadowTables | None  # what hides lights, if any have shadows
     mirrors: MirrorTables | None  # what mirrors show, if there are any
+    veils: PackedVeils | None  # what copies of groups hide of lights, if they hide any
 
     @classmethod
     def of(cls, scene: Scene, geometry: Geometry) -> Lit | None:
         """That of a scene; None where there is neither shadow nor mirror.
 
         Raises:
-            SceneError: a solid has no end, so that no grid holds it.
+            SceneError: a solid has no end, so that no grid holds it; or copies of groups before
+                lights are too many.
         """
         shadows, mirrors = has_shadows(scene), has_mirrors(scene)
         if not shadows and not mirrors:
@@ -43,10 +48,12 @@ class Lit:
         if not shadows:
             what = "mirrors are not drawn; cut it, or let no material reflect"
         world = World.of(scene, geometry, what)
+        hiding = shadows_of(scene, geometry, world) if shadows else None
         return cls(
             world=world,
-            shadows=ShadowTables(shadows_of(scene, geometry, world)) if shadows else None,
+            shadows=None if hiding is None else ShadowTables(hiding),
             mirrors=MirrorTables(scene, geometry, world) if mirrors else None,
+            veils=None if hiding is None else pack_veils(hiding, veils_of(scene, geometry, world)),
         )
 
 

@@ -68,6 +68,34 @@ class Axes:
 
 
 @dataclass(frozen=True)
+class Approach:
+    """How rays to a light come to a solid in a world box."""
+
+    axes: Axes
+    level: int  # the radius is 2^level units of the grid
+    center: Ints  # (3,), on the grid
+    reach: int  # of a lamp along the axis, in units of the grid; 0 if it is not asked for
+    at_lamp: bool
+    end: float  # 1/v where rays end: k of a lamp
+
+    @classmethod
+    def of(cls, box: Floats, grid: Grid, light: Light, axes: Axes) -> Approach:
+        """That to a solid in ``box`` (2, 3); ``axes`` are those of a light far away."""
+        level, center = _level(box, grid), grid.whole(box.mean(axis=0))
+        if light.position is None:
+            return cls(axes, level, center, 0, at_lamp=False, end=FAR_END)
+        place = np.array(light.position)
+        to = (place - grid.middle) / grid.unit - center
+        if np.abs(to).max() >= NEAR * 2.0**level:
+            # The lamp is where the rounded axes say, along the axis as far as the rounded reach.
+            reach = int(np.rint(np.abs(to).max()))
+            end = 2.0**level / reach
+            return cls(Axes.towards(to), level, center, reach, at_lamp=False, end=end)
+        own = Axes(2, 1, np.zeros(2, np.int64))
+        return cls(own, level, grid.whole(place), 0, at_lamp=True, end=1.0)
+
+
+@dataclass(frozen=True)
 class Occluder:
     """A solid before a light; see `halfstep.contract.layout.OCCLUDER`."""
 
@@ -100,7 +128,7 @@ class Shadows:
     views: tuple[tuple[Axes, Ints], ...]  # axes of lights far away, places (3,) of lamps
     far_lights: int
     occluders: tuple[tuple[Occluder, ...], ...]  # by light
-    casts: Bools  # (K,)
+    casts: Bools  # (K,), copies of groups last
 
 
 def has_shadows(scene: Scene) -> bool:
@@ -109,7 +137,7 @@ def has_shadows(scene: Scene) -> bool:
 
 
 def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
-    """What hides the lights of ``scene``, without cells, that have shadows."""
+    """What solids hide of the lights of ``scene`` that have shadows."""
     lights = [light for light in scene.lights if light.shadows]
     order = sorted(range(len(lights)), key=lambda bit: lights[bit].position is not None)
     views, occluders = [], []
@@ -123,7 +151,10 @@ def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
         views=tuple(views),
         far_lights=sum(light.position is None for light in lights),
         occluders=tuple(occluders),
-        casts=np.array([solid.casts_shadow for solid in scene.solids], np.bool_),
+        casts=np.append(
+            [solid.casts_shadow for solid in scene.solids],
+            np.ones(geometry.count - geometry.solid_count, np.bool_),
+        ).astype(np.bool_),
     )
 
 
@@ -131,25 +162,28 @@ def _view(
     geometry: Geometry, found: Floats, grid: Grid, light: Light
 ) -> tuple[tuple[Axes, Ints], tuple[Occluder, ...]]:
     """The axes of a light, and its occluders."""
-    shown = np.flatnonzero(~geometry.is_empty)
-    if light.position is None:
-        assert light.direction is not None
-        axes, place = Axes.towards(np.array(light.direction)), np.zeros(3, np.int64)
-    else:
-        place = grid.whole(np.array(light.position))
-        # From the lamp to the middle of everything.
-        ahead = Axes.towards(np.where(place.any(), -place, 1).astype(np.float64))
-        axes = Axes(ahead.axis, ahead.sign, np.zeros(2, np.int64))
-    occluders = []
+    shown = np.flatnonzero(~geometry.is_empty[: geometry.solid_count])
+    axes, place = axes_of(light, grid)
+    occluders: list[Occluder] = []
+    if not len(shown):
+        return (axes, place), ()
     eye = grid.middle if light.position is None else np.array(light.position)
     spans = _spans(geometry, found, grid, axes, eye, light.position is not None)
     for ix in shown[_neighbours(spans[..., shown])].tolist():
-        one = geometry, grid, ix, found[..., ix], spans[..., ix]
-        if light.position is None:
-            occluders.append(_before_far_light(*one, axes))
-        else:
-            occluders.append(_before_lamp(*one, eye, place))
+        one = geometry, grid, ix, spans[..., ix]
+        occluders.append(_before(*one, Approach.of(found[..., ix], grid, light, axes)))
     return (axes, place), tuple(occluders)
+
+
+def axes_of(light: Light, grid: Grid) -> tuple[Axes, Ints]:
+    """The axes along the rays to a light, and where on the grid a lamp is."""
+    if light.position is None:
+        assert light.direction is not None
+        return Axes.towards(np.array(light.direction)), np.zeros(3, np.int64)
+    place = grid.whole(np.array(light.position))
+    # From the lamp to the middle of everything.
+    ahead = Axes.towards(np.where(place.any(), -place, 1).astype(np.float64))
+    return Axes(ahead.axis, ahead.sign, np.zeros(2, np.int64)), place
 
 
 def _spans(
@@ -159,7 +193,17 @@ def _spans(
 
     Not all that end look so from the light; ``found`` (2, 3, K) are world boxes around them.
     """
-    view = View(
+    view = view_of_light(grid, axes, eye, is_lamp)
+    seen = bounds(geometry, view)
+    spans = np.concatenate([seen.tangent, seen.depth[None]]).transpose(1, 0, 2)
+    around = _spans_of_boxes(found, view)
+    spans[0], spans[1] = np.maximum(spans[0], around[0]), np.minimum(spans[1], around[1])
+    return from_behind(spans, is_lamp)
+
+
+def view_of_light(grid: Grid, axes: Axes, eye: Floats, is_lamp: bool) -> View:
+    """A light as the eye of a picture."""
+    return View(
         eye=eye,
         camera_from_world=np.asarray(np.linalg.inv(axes.basis) / grid.unit, np.float64),
         width=1,
@@ -169,10 +213,10 @@ def _spans(
         y_first=0.0,
         parallel=not is_lamp,
     )
-    seen = bounds(geometry, view)
-    spans = np.concatenate([seen.tangent, seen.depth[None]]).transpose(1, 0, 2)
-    around = _spans_of_boxes(found, view)
-    spans[0], spans[1] = np.maximum(spans[0], around[0]), np.minimum(spans[1], around[1])
+
+
+def from_behind(spans: Floats, is_lamp: bool) -> Floats:
+    """Boxes (2, 3, K) with all from where what is in them hides the light; changes ``spans``."""
     if is_lamp:
         room = TANGENT_MARGIN * (1 + np.abs(spans[:, :2]).max(axis=0))
         spans[0, :2] -= room
@@ -186,9 +230,13 @@ def _spans(
 
 def _spans_of_boxes(found: Floats, view: View) -> Floats:
     """The same of world boxes (2, 3, K), infinite where they are not ahead of the eye."""
-    ends = found - view.eye[:, None]
-    corners = np.array([[ends[k >> axis & 1, axis] for axis in range(3)] for k in range(8)])
-    x, y, depth = np.einsum("rc,nck->rnk", view.camera_from_world, corners)
+    corners = [[found[k >> axis & 1, axis] for axis in range(3)] for k in range(8)]
+    return spans_of_points(np.array(corners), view)
+
+
+def spans_of_points(points: Floats, view: View) -> Floats:
+    """Boxes (2, 3, K) of world points (N, 3, K), likewise."""
+    x, y, depth = np.einsum("rc,nck->rnk", view.camera_from_world, points - view.eye[:, None])
     spans = np.stack([[end(axis=0) for end in (part.min, part.max)] for part in (x, y, depth)], 1)
     if view.parallel:
         return spans
@@ -219,105 +267,35 @@ def _level(box: Floats, grid: Grid) -> int:
     return math.ceil(math.log2(max(half * (1 + 2.0**-20), 1.0)))
 
 
-def _before_far_light(
-    geometry: Geometry,
-    grid: Grid,
-    ix: int,
-    box: Floats,
-    spans: Floats,
-    axes: Axes,
-) -> Occluder:
-    level = _level(box, grid)
-    center = grid.whole(box.mean(axis=0))
+def _before(geometry: Geometry, grid: Grid, ix: int, spans: Floats, approach: Approach) -> Occluder:
+    axes, level, center = approach.axes, approach.level, approach.center
     forms = _Forms.of(geometry, grid, ix, axes.basis, center.astype(np.float64), level)
+    is_patch, encloses = bool(geometry.is_patch[ix]), False
+    if approach.at_lamp:
+        light = np.array([0.0, 0.0, 0.0, 1.0])
+        quadrics, sides = quadratics_at_lamp(forms.quadric), linears_at_lamp(forms.slabs[:, 0])
+        outside = (forms.slabs[..., 3] > 0) & (forms.numbers > 0)
+        encloses = not outside.any() and float(forms.quadric[3, 3]) <= 0 and not is_patch
+    else:
+        end = 0.0 if approach.reach == 0 else approach.end
+        light = np.array([0.0, 0.0, 1.0, end])
+        quadrics, sides = quadratics(forms.quadric, end), linears(forms.slabs[:, 0], end)
     return Occluder(
         solid=ix,
-        is_patch=bool(geometry.is_patch[ix]),
+        is_patch=is_patch,
         has_quadric=bool(geometry.has_quadric[ix]),
         axes=axes,
         level=level,
         center=center,
-        reach=0,
-        at_lamp=False,
-        encloses=False,
-        end=FAR_END,
-        forms=_quadratics(forms.quadric, 0.0),
-        slabs=_linears(forms.slabs[:, 0], 0.0),
-        widths=forms.widths,
-        numbers=forms.numbers,
-        lit=forms.slabs[..., 2] > 0,
-        box=spans,
-    )
-
-
-def _before_lamp(
-    geometry: Geometry,
-    grid: Grid,
-    ix: int,
-    box: Floats,
-    spans: Floats,
-    position: Floats,
-    place: Ints,
-) -> Occluder:
-    level = _level(box, grid)
-    is_patch, has_quadric = bool(geometry.is_patch[ix]), bool(geometry.has_quadric[ix])
-    radius = 2.0**level
-    center = grid.whole(box.mean(axis=0))
-    to = (position - grid.middle) / grid.unit - center
-    if np.abs(to).max() >= NEAR * radius:
-        axes = Axes.towards(to)
-        reach = int(np.rint(np.abs(to).max()))
-        # The lamp is where the rounded axes say, along the axis as far as the rounded reach.
-        forms = _Forms.of(geometry, grid, ix, axes.basis, center.astype(np.float64), level)
-        end = radius / reach
-        light = np.array([0.0, 0.0, 1.0, end])
-        return Occluder(
-            solid=ix,
-            is_patch=is_patch,
-            has_quadric=has_quadric,
-            axes=axes,
-            level=level,
-            center=center,
-            reach=reach,
-            at_lamp=False,
-            encloses=False,
-            end=end,
-            forms=_quadratics(forms.quadric, end),
-            slabs=_linears(forms.slabs[:, 0], end),
-            widths=forms.widths,
-            numbers=forms.numbers,
-            lit=forms.slabs @ light > 0,
-            box=spans,
-        )
-    axes = Axes(2, 1, np.zeros(2, np.int64))
-    forms = _Forms.of(geometry, grid, ix, axes.basis, place.astype(np.float64), level)
-    quadric, sides = forms.quadric, forms.slabs[:, 0]
-    outside = (forms.slabs[..., 3] > 0) & (forms.numbers > 0)
-    encloses = not outside.any() and float(quadric[3, 3]) <= 0
-    encloses = encloses and not is_patch
-    a, b, v, one = range(4)
-    second = [quadric[v, v], 2 * quadric[a, v], 2 * quadric[b, v]]
-    second += [quadric[a, a], 2 * quadric[a, b], quadric[b, b]]
-    first = [-2 * quadric[one, each] for each in (v, a, b)]
-    c_b = np.zeros((len(sides), 2, 3))
-    c_b[:, 0, 0] = sides[:, one]
-    c_b[:, 1] = -sides[:, [v, a, b]]
-    return Occluder(
-        solid=ix,
-        is_patch=is_patch,
-        has_quadric=has_quadric,
-        axes=axes,
-        level=level,
-        center=place,
-        reach=0,
-        at_lamp=True,
+        reach=approach.reach,
+        at_lamp=approach.at_lamp,
         encloses=encloses,
-        end=1.0,
-        forms=np.array([second, [*first, 0, 0, 0], [quadric[one, one], 0, 0, 0, 0, 0]]),
-        slabs=c_b,
+        end=approach.end,
+        forms=quadrics,
+        slabs=sides,
         widths=forms.widths,
         numbers=forms.numbers,
-        lit=forms.slabs[..., one] > 0,
+        lit=forms.slabs @ light > 0,
         box=spans,
     )
 
@@ -372,8 +350,8 @@ def _pairs(rows: Floats) -> Ints:
     return np.array(found, np.int64).reshape(-1, 2)
 
 
-def _quadratics(q: Floats, k: float) -> Floats:
-    """A, G, C (3, 6) of a matrix (4, 4) as coefficients of hh, ah, bh, aa, ab, bb."""
+def quadratics(q: Floats, k: float) -> Floats:
+    """A, G, C (3, 6, …) of matrices (4, 4, …) as coefficients of hh, ah, bh, aa, ab, bb."""
     a, b, v, one = range(4)
     return np.array(
         [
@@ -398,7 +376,29 @@ def _quadratics(q: Floats, k: float) -> Floats:
     )
 
 
-def _linears(sides: Floats, k: float) -> Floats:
+def linears(sides: Floats, k: float) -> Floats:
     """c and b (M, 2, 3) of half-spaces (M, 4) as coefficients of h, a, b."""
     a, b, v, one = sides.T
     return np.stack([np.stack([one, a, b]), np.stack([v, -k * a, -k * b])]).transpose(2, 0, 1)
+
+
+def quadratics_at_lamp(q: Floats) -> Floats:
+    """The same where rays count from the lamp, as coefficients of vv, av, bv, aa, ab, bb."""
+    a, b, v, one = range(4)
+    none = np.zeros_like(q[v, v])
+    return np.array(
+        [
+            [q[v, v], 2 * q[a, v], 2 * q[b, v], q[a, a], 2 * q[a, b], q[b, b]],
+            [*(-2 * q[one, each] for each in (v, a, b)), none, none, none],
+            [q[one, one], none, none, none, none, none],
+        ]
+    )
+
+
+def linears_at_lamp(sides: Floats) -> Floats:
+    """And c (M, 2, 3) and b of half-spaces (M, 4) as coefficients of v, a, b."""
+    a, b, v, one = range(4)
+    found = np.zeros((len(sides), 2, 3))
+    found[:, 0, 0] = sides[:, one]
+    found[:, 1] = -sides[:, [v, a, b]]
+    return found

@@ -19,6 +19,7 @@ from halfstep.contract.mirrors import PackedMirrors
 from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.contract.regions import PackedRegions
 from halfstep.contract.shadows import PackedShadows
+from halfstep.contract.veils import PackedVeils
 from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, fixed_point_scale
 from halfstep.host.geometry import Geometry
@@ -118,6 +119,7 @@ class Packed:
     locations: Records | None = None  # (V,), of the points of solids, if these are needed
     shadows: PackedShadows | None = None  # what hides lights, if any have shadows
     mirrors: PackedMirrors | None = None  # what mirrors show, if there are any
+    veils: PackedVeils | None = None  # what copies of groups hide of lights, if they hide any
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -187,6 +189,8 @@ def pack(
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
     polynomials = pack_polynomials(setup, half_spaces)
     solids = solids.take(order)  # a fancy index copies member by member
+    veils = None if lit is None else lit.veils
+    words = np.zeros(0, np.uint32) if veils is None else veils.words
     return Packed(
         setup=setup,
         surfaces=tables,
@@ -206,7 +210,7 @@ def pack(
         regions=None
         if tables.appearances is None
         else _with_higher(
-            pack_regions(setup, tables.appearances, count, number_format),
+            pack_regions(setup, tables.appearances, count, number_format, words),
             pack_higher(setup, count),
             polynomials,
         ),
@@ -215,6 +219,7 @@ def pack(
         locations=None if lit is None else locations(lit, setup, solids, number_format),
         shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
         mirrors=None if lit is None or lit.mirrors is None else lit.mirrors.packed(setup.view),
+        veils=veils,
     )
 
 

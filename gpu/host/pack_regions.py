@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats, Ints, Records
+from halfstep.contract.arrays import U32, Floats, Ints, Records
 from halfstep.contract.formats import Format
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.copies import Batch, Copies, Places, evenly
@@ -60,9 +60,12 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
 
 
 def pack_regions(
-    setup: Setup, looks: Appearances, steps: Ints, number_format: Format
+    setup: Setup, looks: Appearances, steps: Ints, number_format: Format, words: U32
 ) -> PackedRegions:
-    """Records of the copies in ``setup`` with ``steps`` (V,) halvings for each solid."""
+    """Records of the copies in ``setup`` with ``steps`` (V,) halvings for each solid.
+
+    ``words`` are those of programs that do not depend on the frame.
+    """
     copies = setup.copies
     assert copies is not None
     regions = copies.regions
@@ -102,7 +105,7 @@ def pack_regions(
         records=records,
         flat=flat,
         curved=curved,
-        words=np.zeros(0, np.uint32),
+        words=words,
         appearances=looks.records,
         most_surfaces=0,
         levels=max(one.formula.whole.levels for one in programs),

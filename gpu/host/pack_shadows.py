@@ -78,7 +78,7 @@ class ShadowTables:
         boxes["low"], boxes["high"] = NOWHERE, -NOWHERE
         for place, one in zip(places, every, strict=True):
             record = occluders[place]
-            _fill(record, one, shadows, integer)
+            fill(record, one, shadows, integer=integer)
             own = slabs[record["slab_start"] :][: len(one.slabs)]
             scale = _scales(one, integer)
             scaled = one.slabs * scale[:, None, None], one.widths * scale
@@ -107,7 +107,7 @@ class ShadowTables:
         return views, occluders, slabs, boxes
 
 
-def _fill(record: np.void, one: Occluder, shadows: Shadows, integer: bool) -> None:
+def fill(record: np.void, one: Occluder, shadows: Shadows, *, integer: bool) -> None:
     """Write what a record says of an occluder."""
     forms = _scaled_forms(one.forms, integer)
     record["a"], record["g"], record["c"] = forms

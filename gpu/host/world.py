@@ -48,25 +48,30 @@ class World:
 
     @classmethod
     def of(cls, scene: Scene, geometry: Geometry, what: str) -> World:
-        """The grid of ``scene``, without cells.
+        """The grid of ``scene``.
 
         Raises:
-            SceneError: a solid has no end, so that no grid holds it, and ``what`` is not drawn.
+            SceneError: a solid or a copy of a group has no end, so that no grid holds it, and
+                ``what`` is not drawn.
         """
         found = _solid_boxes(geometry)
         is_endless = ~geometry.is_empty & ~np.isfinite(found).all(axis=(0, 1))
         if is_endless.any():
             text = f"has no end, so {what}"
-            raise SceneError(
-                *(
-                    f"{scene.name}: solid[{ix}]: {text}"
-                    for ix in np.flatnonzero(is_endless).tolist()
-                )
-            )
+            own = geometry.solid_count
+            faults = [
+                f"{scene.name}: solid[{ix}]: {text}"
+                for ix in np.flatnonzero(is_endless[:own]).tolist()
+            ]
+            if is_endless[own:].any():
+                faults.append(f"{scene.name}: what cells show {text}")
+            raise SceneError(*faults)
         shown = found[..., ~geometry.is_empty]
         lights = [light for light in scene.lights if light.shadows]
         grid = _grid(shown.transpose(2, 0, 1).reshape(-1, 3), lights)
         per_solid = geometry.plane_count + 1
+        if geometry.regions is not None:
+            per_solid[geometry.solid_count :] = geometry.regions.faces[geometry.regions.of]
         units = (found[1] - found[0]).max(axis=0) / grid.unit
         return cls(
             grid=grid,

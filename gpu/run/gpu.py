@@ -45,6 +45,7 @@ from halfstep.shader.source import (
     LOCATIONS,
     MIRROR_BINDINGS,
     SHADOW_BINDINGS,
+    VEIL_BINDINGS,
 )
 
 # The largest frame buffer of a band, in bytes: large pictures must not take more memory.
@@ -85,6 +86,12 @@ _NAMES = {
     23: "balls around bodies",
     24: "formulas",
     25: "surfaces of regions of an order above two",
+    26: "veils of lights",
+    27: "veils",
+    28: "boxes of veils",
+    29: "copies before lights",
+    30: "planes of copies before lights",
+    31: "quadrics of copies before lights",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes.
 _Binding = tuple[GpuBuffer, int, int]
@@ -441,6 +448,8 @@ def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
         found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
     if packed.shadows is not None:
         found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
+    if packed.veils is not None:
+        found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
     return found
 
 

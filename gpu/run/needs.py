@@ -26,7 +26,8 @@ def needs_of(
         broadcast: see `Needs`.
         uniform: put solids and half-spaces in uniform memory if they fit.
     """
-    shadows, regions = packed.shadows, lists.regions
+    shadows, veils, regions = packed.shadows, packed.veils, lists.regions
+    before_lights = 0 if veils is None else veils.most_surfaces
     return Needs(
         classes=packed.present,
         outputs=outputs,
@@ -37,8 +38,8 @@ def needs_of(
         shininess_bits=packed.shininess_bits,
         broadcast=broadcast,
         uniform=uniform and _fits_uniform(packed),
-        surfaces=0 if regions is None else _enough(regions.most_surfaces),
-        levels=0 if regions is None else regions.levels,
+        surfaces=0 if regions is None else _enough(max(regions.most_surfaces, before_lights)),
+        levels=0 if regions is None else max(regions.levels, 0 if veils is None else veils.levels),
         hidden=regions is not None and regions.has_hidden,
         pairs=0 if regions is None else regions.pairs,
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
@@ -46,8 +47,10 @@ def needs_of(
         bounces=0 if packed.mirrors is None else packed.mirrors.bounces,
         far_lights=0 if shadows is None else shadows.far_lights,
         curves=shadows is not None and shadows.curves,
-        encloses=shadows is not None and shadows.encloses,
+        encloses=(shadows is not None and shadows.encloses)
+        or (veils is not None and veils.encloses),
         many=shadows is not None and shadows.many,
+        veils=veils is not None,
         parallel=packed.setup.view.parallel,
         programs=() if packed.expressions is None else packed.expressions.programs,
         numbers=0 if packed.expressions is None else packed.expressions.numbers,

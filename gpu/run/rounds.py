@@ -14,6 +14,7 @@ from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.contract.regions import PackedRegions
+from halfstep.contract.veils import VEIL_ROUNDS, PackedVeils
 from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import Needs
@@ -92,11 +93,21 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
         # The box of an occluder, of its group and of that group's group take a round each.
         slabs = packed.shadows.occluders["slab_count"].astype(np.int64)
         of_shadows = int((slabs + 5).sum()) + 2 * len(packed.shadows.views)
+    if packed.veils is not None and "veils" in needs.facts:
+        of_shadows += _rounds_of_veils(packed.veils, needs.broadcast)
     if packed.mirrors is not None and "mirrors" in needs.facts:
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
         of_mirrors = int((faces + MIRROR_STEPS + 5).sum())
     bounces = needs.bounces if of_mirrors else 0
     return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
+
+
+def _rounds_of_veils(veils: PackedVeils, together: int) -> int:
+    """The most rounds that an invocation takes for shadows of copies.
+
+    It looks at all boxes, ``together`` at once, in two loops.
+    """
+    return VEIL_ROUNDS + 2 * (len(veils.records) // together) + 4 * len(veils.views)
 
 
 def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from halfstep.twin.place import Point
 from halfstep.twin.region import NO_REGION, NOTHING_MET
 from halfstep.twin.shade import Light
 from halfstep.twin.sight import Seen
+from halfstep.twin.veils import try_veils
 
 
 class Band:
@@ -123,7 +125,19 @@ class Band:
         if hidden is None or "shadows" not in self._facts:
             return nearest
         beams = module(self._packed.format.beam)
-        dark = shadows.find_shadows(hidden, nearest, points, beams, self._facts)
+        veils = self._packed.veils
+        of_copies = None
+        if veils is not None and self._lists.regions is not None:
+            of_copies = partial(
+                try_veils,
+                veils=veils,
+                words=self._lists.regions.words,
+                nearest=nearest,
+                points=points,
+                beams=beams,
+                facts=self._facts,
+            )
+        dark = shadows.find_shadows(hidden, nearest, points, beams, self._facts, of_copies)
         return nearest._replace(dark=dark)
 
     def _lights(self) -> list[Light]:

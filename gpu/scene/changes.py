@@ -11,7 +11,12 @@ from halfstep.scene.bases import BaseSolid
 from halfstep.scene.faults import Fault, Loc, line, show
 from halfstep.scene.groups import Fragment, Place
 from halfstep.scene.keys import Animation, SolidKey
-from halfstep.scene.limits import algebraic_faults, mirror_faults, shadow_faults
+from halfstep.scene.limits import (
+    algebraic_faults,
+    cell_shadow_faults,
+    mirror_faults,
+    shadow_faults,
+)
 from halfstep.scene.model import Scene
 from halfstep.scene.solids import NO_PATCH, Implicit, PlanePatch, box_cuts_area
 from halfstep.scene.tables import ACCURACY_KEYS, VIEW_KEYS, Camera, Light
@@ -100,6 +105,8 @@ def with_overrides(
 def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
     """What the solids of a scene cannot have, by the options that are ``given``."""
     found = algebraic_faults(scene, scene.solids, scene.accuracy)
+    lights = [each.shadows for each in scene.lights]
+    found += cell_shadow_faults(scene, lights, scene.accuracy)
     found += mirror_faults(scene, scene.materials, scene.image, scene.accuracy, scene.solids)
     return [(loc[1:] if loc[1] in given else loc, text) for loc, text in found]
 

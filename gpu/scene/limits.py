@@ -97,13 +97,25 @@ def shadow_faults(
     faults: list[Fault] = []
     if len(lights) > MAX_SHADOWS:
         faults.append((("light",), f"{len(lights)} with shadows is not <= {MAX_SHADOWS}"))
-    if lights and (scene.cells or scene.places or scene.lattices):
-        text = "true: shadows are drawn of solids alone, and the scene has cells"
-        faults += [(("light", index, "shadows"), text) for index in lights]
     if lights and has_algebraic(scene, solids):
         text = "true: shadows are not drawn of tori and formulas yet, and the scene has some"
         faults += [(("light", index, "shadows"), text) for index in lights]
     return [*faults, *_of_parts(scene, ())]
+
+
+def cell_shadow_faults(
+    scene: Fragment, has_shadows: Sequence[bool], accuracy: Accuracy
+) -> list[Fault]:
+    """What of ``[accuracy]`` shadows of cells cannot have; ``has_shadows`` of the lights."""
+    if not any(has_shadows) or not has_cells(scene) or accuracy.number_format == "float32":
+        return []
+    text = f"{show(accuracy.number_format)} cannot draw shadows of cells yet; use float32"
+    return [(("accuracy", "number_format"), text)]
+
+
+def has_cells(scene: Fragment) -> bool:
+    """Whether a scene shows cells, of its own or of groups."""
+    return bool(scene.cells or scene.places or scene.lattices)
 
 
 def mirror_faults(
@@ -122,7 +134,7 @@ def mirror_faults(
         shown = show(material.reflection)
         if image.bounces == 0:
             faults.append((loc, f"{shown}: image.bounces is 0, and a mirror needs 1 or more"))
-        if scene.cells or scene.places or scene.lattices:
+        if has_cells(scene):
             text = f"{shown}: mirrors are drawn of solids alone, and the scene has cells"
             faults.append((loc, text))
         if has_algebraic(scene, solids):

@@ -34,6 +34,7 @@ from halfstep.scene.groups import Cell, Fragment
 from halfstep.scene.keys import Animation
 from halfstep.scene.limits import (
     algebraic_faults,
+    cell_shadow_faults,
     has_algebraic,
     limit_faults,
     mirror_faults,
@@ -143,6 +144,7 @@ class Scene(Fragment, _Tables):
         return [
             *limit_faults(self),
             *shadow_faults(self, [each.shadows for each in self.lights], self.solids),
+            *cell_shadow_faults(self, [each.shadows for each in self.lights], self.accuracy),
             *algebraic_faults(self, self.solids, self.accuracy),
             *mirror_faults(self, self.materials, self.image, self.accuracy, self.solids),
         ]

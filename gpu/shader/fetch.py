@@ -32,6 +32,10 @@ from halfstep.contract.layout import (
     SLAB,
     SOLID,
     TILE_WORDS,
+    VEIL,
+    VEIL_CURVED,
+    VEIL_FLAT,
+    VEIL_VIEW,
     Record,
 )
 from halfstep.contract.powers import term_count
@@ -80,13 +84,21 @@ SHADOW_RECORDS = {
     "slabs": SLAB,
     "boxes": BOX,
 }
+VEIL_RECORDS = {
+    "veil_views": VEIL_VIEW,
+    "veils": VEIL,
+    "veil_boxes": BOX,
+    "veiled": OCCLUDER,
+    "veil_flats": VEIL_FLAT,
+    "veil_curves": VEIL_CURVED,
+}
 MIRROR_RECORDS = {
     "mirrors": MIRRORS,
     "bodies": BODY,
     "faces": FACE,
     "balls": BALL,
 }
-_NAMES = {"light_views": "light_view", "bodies": "body", "boxes": "box", "mirrors": "mirrors"}
+_NAMES = {"bodies": "body", "boxes": "box", "veil_boxes": "veil_box", "mirrors": "mirrors"}
 
 
 def fetches(needs: Needs) -> str:
@@ -108,6 +120,8 @@ def fetches(needs: Needs) -> str:
             _record_at(needs, APPEARANCE, "appearances", "appearance"),
         ]
         functions += [_words_at(needs), _anywhere(needs), _least_number(needs)]
+    elif "mirrors" in needs.facts:
+        functions.append(_anywhere(needs))
     if "higher" in needs.facts:
         functions.append(_record_at(needs, HIGHER, "highers", "higher"))
     if needs.has_polynomials:
@@ -119,6 +133,7 @@ def fetches(needs: Needs) -> str:
     placed: dict[str, Record] = {}
     placed |= PLACE_RECORDS if "places" in needs.facts else {}
     placed |= SHADOW_RECORDS if "shadows" in needs.facts else {}
+    placed |= VEIL_RECORDS if "veils" in needs.facts else {}
     placed |= MIRROR_RECORDS if "mirrors" in needs.facts else {}
     for array, record in placed.items():
         name = _NAMES.get(array, array.removesuffix("s"))

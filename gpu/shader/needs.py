@@ -64,6 +64,7 @@ class Needs:
     curves: bool = False  # an occluder has a quadric
     encloses: bool = False  # a light may be inside an occluder
     many: bool = False  # a light has so many occluders that groups of boxes pay
+    veils: bool = False  # a copy of a group of cells may hide a light
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -87,6 +88,7 @@ class Needs:
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
             wanted |= {"curves"} if self.curves else set()
+            wanted |= {"veils"} if self.veils else set()
             wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
         if self.bounces and self.outputs & {"image", "color"}:
             wanted.add("mirrors")
@@ -107,12 +109,13 @@ class Needs:
 
     @property
     def has_regions(self) -> bool:
-        """Whether the shader tries copies of groups."""
-        return not REGIONS.isdisjoint(self.classes)
+        """Whether the shader tries copies of groups, or finds what lights these hide."""
+        shaded = not self.outputs.isdisjoint(("image", "color", "shadow"))
+        return not REGIONS.isdisjoint(self.classes) or (self.veils and shaded)
 
     @property
     def has_polynomials(self) -> bool:
-        """Whether it reads records of polynomials."""
+        """Whether the shader reads records of polynomials."""
         return Class.POLYNOMIAL in self.classes or "higher" in self.facts
 
     @property

@@ -34,6 +34,7 @@ from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
+from halfstep.contract.veils import VEIL_ROUNDS, VEIL_STEPS
 from halfstep.shader.expand import expand
 from halfstep.shader.fetch import (
     FETCHED,
@@ -41,6 +42,7 @@ from halfstep.shader.fetch import (
     PLACE_RECORDS,
     REGION_RECORDS,
     SHADOW_RECORDS,
+    VEIL_RECORDS,
     fetches,
 )
 from halfstep.shader.formulas import formulas
@@ -57,9 +59,10 @@ SHADOW_BINDINGS = range(16, 16 + len(SHADOW_RECORDS))
 MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_RECORDS))
 # The binding for formulas of solids.
 EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
-
 # The binding for surfaces of regions of an order above two.
 HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
+# The bindings for what copies of groups hide of lights.
+VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
 
 # The constants of `contract.program` that shaders need.
 WORD = (
@@ -162,12 +165,14 @@ def constants(needs: Needs) -> str:
         "GROUPED": GROUP,
         "BOUNCES": needs.bounces,
         "MIRROR_STEPS": MIRROR_STEPS,
+        "VEIL_STEPS": VEIL_STEPS,
         **{name: getattr(program, name) for name in WORD},
     }
     numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
     numbers |= {f"PLANE_{name.upper()}": n for name, n in plane_offsets(needs.outputs).items()}
     numbers |= {f"BYTES_{name.upper()}": n for name, n in byte_offsets(needs.outputs).items()}
     lines = [f"const {name}: u32 = {number}u;" for name, number in numbers.items()]
+    lines.append(f"const VEIL_ROUNDS: i32 = {VEIL_ROUNDS};")
     lines.append(f"const HALVINGS: Run = {halvings};")
     lines.append(f"const SEARCHES: Run = {needs.format.run};")
     return "".join(f"{line}\n" for line in lines)
@@ -205,6 +210,7 @@ def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
         ("places", LOCATIONS, PLACE_RECORDS),
         ("shadows", SHADOW_BINDINGS.start, SHADOW_RECORDS),
         ("mirrors", MIRROR_BINDINGS.start, MIRROR_RECORDS),
+        ("veils", VEIL_BINDINGS.start, VEIL_RECORDS),
     ):
         if fact in needs.facts:
             found += enumerate(records.items(), start=first)

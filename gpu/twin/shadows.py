@@ -5,7 +5,7 @@ All occluders are tried: what is left out of a list hides nothing, and their ord
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from halfstep.contract.arrays import Records
 from halfstep.contract.shadows import PackedShadows
 from halfstep.twin.hide import hide
 from halfstep.twin.keep import Nearest
-from halfstep.twin.lanes import F32, I32, U32
+from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.place import (
     NO_POINT,
     Point,
@@ -61,6 +61,7 @@ def find_shadows(
     points: Point,
     beams: Any,
     facts: Collection[str],
+    veils: Callable[[int], Bools] | None = None,
 ) -> U32:
     """The bits of lights that are hidden from the points, or that they are turned away from.
 
@@ -70,15 +71,18 @@ def find_shadows(
         points: the same on the grid.
         beams: the module of rays of the number format.
         facts: of the frame.
+        veils: the pixels from which copies of groups hide a light, by its number.
     """
     some = nearest.surface > 0
     dark = np.zeros(some.shape, np.uint32)
     ray_of = beams.light_ray if "lamps" in facts else beams.far_ray
-    for view in shadows.views:
+    for number, view in enumerate(shadows.views):
         for occluder in shadows.occluders[view["first"] : view["end"]]:
             axes = (occluder[name] for name in ("sign", "shear_x", "shear_y"))
             from_center = point_from(points, *occluder["center"])
             ray = ray_of(beam_of(from_center, int(occluder["axis"]), *axes), occluder)
             hidden = hide(occluder, shadows.slabs, ray, nearest, facts)
             dark |= np.where(some & hidden, view["bit"], np.uint32(0))
+        if veils is not None:
+            dark |= np.where(some & veils(number), view["bit"], np.uint32(0))
     return dark

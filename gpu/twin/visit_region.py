@@ -24,7 +24,7 @@ from halfstep.twin.lanes import I32
 from halfstep.twin.normal import NO_VECTOR
 from halfstep.twin.region import is_within, position_before, shows_surface
 from halfstep.twin.sight import Claims, Met, Seen, Sight
-from halfstep.twin.solid import eye_sure, starts_at_eye
+from halfstep.twin.solid import eye_sure, other_side, starts_at_eye
 from halfstep.twin.walk import ANY_CELL, Place
 from halfstep.twin.walks import (
     Crossed,
@@ -174,7 +174,8 @@ def visit_region(
     if "gap" in facts:
         ends = within & (places[Walk.AGAIN].q <= region["last"])
         gap = np.where(ends, places[Walk.NONE].q, gap)
-    return Seen(sight, NO_VECTOR, certificate, met, Claims(overlap, gap))
+    turned = other_side(solid, inside)
+    return Seen(sight, NO_VECTOR, certificate, met, Claims(overlap, gap), turned)
 
 
 # Walks that begin where another one ends.

@@ -1,0 +1,116 @@
+"""What copies of groups hide of lights as the records that the shaders and the twin read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from halfstep.contract import layout
+from halfstep.contract.arrays import U32, Floats, Ints
+from halfstep.contract.program import GROUP
+from halfstep.contract.veils import PackedVeils
+from halfstep.host.formulas import Excerpt
+from halfstep.host.occluders import Shadows
+from halfstep.host.pack_shadows import BOX_MARGIN, NOWHERE, SPARE_BOXES, fill
+from halfstep.host.veils import Veiled
+
+# Members of records that tell where an excerpt is.
+_WRITTEN = ("first_group", "end_group", "list_start", "flat_count", "curved_count")
+
+
+def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> PackedVeils | None:
+    """The records of copies before the lights of ``shadows``; None where there are no copies."""
+    every = [one for before in veiled for one in before]
+    if not every:
+        return None
+    views = np.zeros(len(veiled), layout.VEIL_VIEW.dtype())
+    counts = [sum(len(one.veils) for one in before) for before in veiled]
+    views["end"] = np.cumsum(counts)
+    views["first"] = views["end"] - counts
+    flat, flat_start = _joined([one.planes for one in every])
+    curved, curved_start = _joined([one.quadrics for one in every])
+    flats = np.zeros(len(flat), layout.VEIL_FLAT.dtype())
+    flats["c"], flats["b"] = flat[:, 0], flat[:, 1]
+    curves = np.zeros(len(curved), layout.VEIL_CURVED.dtype())
+    for place, name in enumerate("agc"):
+        curves[name] = curved[:, place]
+
+    veils = [(row, veil) for row, one in enumerate(every) for veil in one.veils]
+    owner = np.array([row for row, _ in veils], np.int64)
+    records = np.zeros(len(veils), layout.VEIL.dtype())
+    records["low"] = [veil.low for _, veil in veils]
+    records["high"] = [veil.high for _, veil in veils]
+    records["first"] = [veil.first for _, veil in veils]
+    records["last"] = [veil.last for _, veil in veils]
+    records["copy"] = owner
+    records["flat_start"], records["curved_start"] = flat_start[owner], curved_start[owner]
+    records["planes"] = np.array([len(one.planes) for one in every])[owner]
+    programs = _Programs()
+    written = [programs.add(veil.excerpt, len(every[row].planes)) for row, veil in veils]
+    for name, column in zip(_WRITTEN, np.array(written, np.uint32).T, strict=True):
+        records[name] = column
+
+    # Of lamps, across over along has a margin already.
+    margins = np.array([[0.0, 0.0, BOX_MARGIN], [BOX_MARGIN] * 3])
+    far = sum(len(before) for before in veiled[: shadows.far_lights])
+    margin = margins[(owner < far).astype(np.int64)]
+    spans = np.array([veil.box for _, veil in veils])
+    spans = np.clip(spans + np.stack([-margin, margin], axis=1), -NOWHERE, NOWHERE)
+    boxes = np.zeros(len(veils) + SPARE_BOXES, layout.BOX.dtype())
+    boxes["low"], boxes["high"] = NOWHERE, -NOWHERE
+    boxes["low"][: len(veils)], boxes["high"][: len(veils)] = spans[:, 0], spans[:, 1]
+
+    copies = np.zeros(len(every), layout.OCCLUDER.dtype())
+    for record, one in zip(copies, every, strict=True):
+        fill(record, one.occluder, shadows, integer=False)
+    excerpts = [veil.excerpt for _, veil in veils]
+    return PackedVeils(
+        views=views,
+        records=records,
+        boxes=boxes,
+        copies=copies,
+        flat=flats,
+        curved=curves,
+        words=programs.words,
+        most_surfaces=max(len(one.surfaces) for one in excerpts),
+        levels=max(one.levels for one in excerpts),
+        encloses=any(one.occluder.encloses for one in every),
+    )
+
+
+def _joined(parts: Sequence[Floats]) -> tuple[Floats, Ints]:
+    """Arrays one after another, and where each begins."""
+    counts = np.array([len(part) for part in parts], np.int64)
+    return np.concatenate(parts), np.cumsum(counts) - counts
+
+
+class _Programs:
+    """Excerpts of formulas as words, each of them once."""
+
+    def __init__(self) -> None:
+        self._parts: list[U32] = [np.zeros(0, np.uint32)]
+        self._length = 0
+        self._known: dict[tuple[bytes, bytes, int], tuple[int, ...]] = {}
+
+    def add(self, excerpt: Excerpt, planes: int) -> tuple[int, ...]:
+        """Where an excerpt of a program with so many planes is: its members of ``_WRITTEN``."""
+        key = excerpt.words.tobytes(), excerpt.surfaces.tobytes(), planes
+        if key not in self._known:
+            begin, words = self._length, len(excerpt.words)
+            end = -(-(begin + words) // GROUP) * GROUP
+            flat = int(np.searchsorted(excerpt.surfaces, planes))
+            counts = flat, len(excerpt.surfaces) - flat
+            self._known[key] = begin // GROUP, end // GROUP, end, *counts
+            parts = [excerpt.words, np.zeros(end - begin - words, np.uint32)]
+            parts.append(excerpt.surfaces.astype(np.uint32))
+            length = sum(map(len, parts))
+            parts.append(np.zeros(-length % GROUP, np.uint32))
+            self._parts += parts
+            self._length += length + len(parts[-1])
+        return self._known[key]
+
+    @property
+    def words(self) -> U32:
+        """All that was added."""
+        return np.concatenate(self._parts)

@@ -1,0 +1,249 @@
+"""What lights do not reach where there are cells, in extended precision.
+
+It knows no grids, programs, merged surfaces, veils or boxes. Along a ray every function is a
+quadratic; between two of all its roots no cell begins or ends. Of the surface that a point lies on
+the root at the point is known, and left out. Solids are those of `tests.shadow_oracle`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.host.camera import view
+from halfstep.host.prepare import Solids
+from halfstep.scene import Light, Scene, with_overrides
+from halfstep.scene.copies import Layout
+from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
+from tests.judge import Judge
+from tests.region_oracle import holds
+from tests.shadow_oracle import ShadowOracle, hides
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Wide = NDArray[np.longdouble]
+LD = np.longdouble
+# Rays at once: more take much memory.
+CHUNK = 512
+
+
+class Lit(NamedTuple):
+    """What pixels (N,) show."""
+
+    owner: Ints  # solid, or behind the solids the copy; -1 for none
+    surface: Ints  # of the solid or of the functions of the group
+    depth: NDArray[np.float64]
+    inside: Bools  # rays start in a cell
+    dark: NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class Group:
+    """A copy of a group: functions (S, 4, 4) in world coordinates, and what of them is seen."""
+
+    matrices: Wide
+    region: Region
+
+    def widened(self, by: float, size: float) -> Group:
+        """With all sides of functions so much further out, in sizes of what is seen."""
+        slopes = np.abs(self.matrices[:, :3, :3]).sum(axis=(1, 2)) * size
+        slopes += np.abs(self.matrices[:, 3, :3]).sum(axis=1)
+        room = np.zeros_like(self.matrices)
+        room[:, 3, 3] = 2 * slopes * size * by
+        both = np.concatenate([self.matrices - room, self.matrices + room])
+        return Group(both, _sided(self.region, len(self.matrices)))
+
+
+class VeilOracle:
+    """Shadows of a scene with cells at one picture size, which nothing but cells is before."""
+
+    def __init__(self, scene: Scene, size: tuple[int, int], widened: float = 0.0) -> None:
+        scene = with_overrides(scene, size=size)
+        self.scene, self._view = scene, view(scene.camera, size)
+        self.groups = list(_groups(scene))
+        if widened:
+            lit = Solids.of(scene).lit
+            assert lit is not None
+            extent = float(np.ptp(lit.world.boxes, axis=0).max())
+            self.groups = [each.widened(widened, extent) for each in self.groups]
+        self._solids = None
+        if scene.solids:
+            none: dict[str, Any] = dict.fromkeys(
+                ("cells", "groups", "places", "lattices", "surfaces", "parts"), ()
+            )
+            alone = scene.model_copy(update=none)
+            self._solids = ShadowOracle(alone, Judge(alone, size).oracle)
+
+    def at(self, i: Any, j: Any) -> Lit:
+        """What pixels (N,) show, which may have fractions."""
+        firsts = range(0, max(len(i), 1), CHUNK)
+        parts = [self._some(i[k : k + CHUNK], j[k : k + CHUNK]) for k in firsts]
+        return Lit(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+    def _some(self, i: Any, j: Any) -> Lit:
+        count, own = len(i), len(self.scene.solids)
+        directions = self._view.directions(i, j).astype(LD)
+        starts = self._view.eye.astype(LD) + self._view.starts(i, j).astype(LD)
+        owner, surface = np.full(count, -1), np.full(count, -1)
+        depth, inside = np.full(count, np.inf, LD), np.zeros(count, bool)
+        dark = np.zeros(count, np.uint32)
+        if self._solids is not None:
+            found = self._solids.at(i, j)
+            owner, surface, dark = found[0].astype(np.int64), found[1].astype(np.int64), found[2]
+            there = self._solids.oracle.trace((i, j)).depth
+            depth = np.where(owner >= 0, there, np.inf).astype(LD)
+        normal = np.zeros((count, 3), LD)
+        for number, group in enumerate(self.groups):
+            t, face, begins = _entry(group, starts, directions)
+            inside |= begins
+            nearer = t < depth
+            depth = np.where(nearer, t, depth)
+            owner, surface = np.where(nearer, own + number, owner), np.where(nearer, face, surface)
+            point = np.column_stack([starts + _far(t)[:, None] * directions, np.ones(count, LD)])
+            slope = np.einsum("nab,nb->na", group.matrices[face], point)[:, :3]
+            back = (slope * directions).sum(axis=1) > 0
+            slope = np.where(back[:, None], -slope, slope)
+            normal = np.where(nearer[:, None], slope, normal)
+        points = starts + _far(depth)[:, None] * directions
+        on_cell, hit = owner >= own, owner >= 0
+        dark = np.where(on_cell | ~hit, np.uint32(0), dark)
+        for bit, light in enumerate(each for each in self.scene.lights if each.shadows):
+            hidden = np.zeros(count, bool)
+            to = _way(points, light)
+            hidden[on_cell] |= (normal * to).sum(axis=1)[on_cell] <= 0
+            for solid in self.scene.solids:
+                if solid.casts_shadow:
+                    hidden[on_cell] |= hides(solid, points[on_cell], light)
+            for number, group in enumerate(self.groups):
+                mine = owner == own + number
+                hidden[hit] |= _hides(
+                    group, points[hit], to[hit], light, np.where(mine, surface, -1)[hit]
+                )
+            dark |= np.where(hidden & hit, np.uint32(1 << bit), np.uint32(0))
+        return Lit(owner, surface, depth.astype(np.float64), inside, dark)
+
+
+def _groups(scene: Scene) -> Iterator[Group]:
+    for copies in Layout(scene).copies():
+        group = copies.group
+        shown = [
+            region
+            for cell, region in zip(group.cells, group.names().regions, strict=True)
+            if cell.is_shown
+        ]
+        if not shown:
+            continue
+        own = np.array([each.matrix for each in group.functions()]).reshape(-1, 4, 4)
+        for ix, one in enumerate(copies.maps):
+            to_world = np.eye(4)
+            to_world[:3] = one
+            back = np.linalg.inv(to_world).astype(LD)
+            matrices = [back.T @ m.astype(LD) @ back for m in own]
+            region: Region = Union(tuple(shown))
+            for cut in copies.within:
+                around = np.eye(4)
+                around[:3] = cut.maps[ix]
+                moved = (around @ np.linalg.inv(to_world)).astype(LD)
+                first = len(matrices)
+                functions = [np.asarray(each.matrix).astype(LD) for each in cut.group.functions()]
+                matrices += [moved.T @ m @ moved for m in functions]
+                region = Intersection((region, _renamed(cut.region, first)))
+            yield Group(np.array(matrices), region)
+
+
+def _renamed(region: Region, first: int) -> Region:
+    """A region over functions that come behind so many others."""
+    if isinstance(region, Literal):
+        return Literal(region.surface + first, region.positive)
+    if isinstance(region, Complement):
+        return Complement(_renamed(region.of, first))
+    return type(region)(tuple(_renamed(part, first) for part in region.of))
+
+
+def _sided(region: Region, count: int, turned: bool = False) -> Region:
+    """A region whose sides F > 0 are of functions of their own, which come behind so many."""
+    if isinstance(region, Literal):
+        positive = region.positive != turned
+        return Literal(region.surface + count * positive, positive)
+    if isinstance(region, Complement):
+        return _sided(region.of, count, not turned)
+    kind = Intersection if isinstance(region, Intersection) != turned else Union
+    return kind(tuple(_sided(part, count, turned) for part in region.of))
+
+
+def _far(t: Wide) -> Wide:
+    return np.where(np.isfinite(t), t, 0)
+
+
+def _way(points: Wide, light: Light) -> Wide:
+    if light.position is None:
+        to = np.array(light.direction, LD)
+        return np.broadcast_to(to / np.sqrt((to**2).sum()), points.shape)
+    return np.array(light.position, LD) - points
+
+
+class _Along(NamedTuple):
+    """Functions along rays, a t² + b t + c (S, N); where they change, sorted (E, N)."""
+
+    a: Wide
+    b: Wide
+    c: Wide
+    times: Wide
+    holds: Bools  # (E - 1, N), between two of these
+    some: Bools  # there is anything between them
+
+
+def _along(group: Group, starts: Wide, ways: Wide, end: float, on: Ints | None) -> _Along:
+    x = np.column_stack([starts, np.ones(len(starts), LD)])
+    d = np.column_stack([ways, np.zeros(len(ways), LD)])
+    m = group.matrices
+    md, mx = np.einsum("sab,nb->sna", m, d), np.einsum("sab,nb->sna", m, x)
+    a, b, c = (md * d).sum(axis=2), 2 * (mx * d).sum(axis=2), (mx * x).sum(axis=2)
+    if on is not None and (on >= 0).any():
+        # All functions that vanish there: one surface may be given twice.
+        rays = np.flatnonzero(on >= 0)
+        slope = np.sqrt((mx[:, rays, :3] ** 2).sum(axis=2))
+        own = mx[on[rays], rays, :3]
+        near = np.abs(c[:, rays]) <= 1e-11 * slope * (1 + np.abs(x[rays, :3]).max())
+        cosine = (mx[:, rays, :3] * own).sum(axis=2) / (slope * np.sqrt((own**2).sum(axis=1)))
+        near &= np.abs(cosine) > 1 - 1e-9
+        near[on[rays], np.arange(len(rays))] = True
+        c[:, rays] = np.where(near, 0, c[:, rays])
+    with np.errstate(all="ignore"):
+        root = np.sqrt(b * b - 4 * a * c)
+        q = -(b + np.where(b >= 0, root, -root)) / 2
+        events = np.concatenate([q / a, np.where(q == 0, 0, c / q)])
+    events = np.where(np.isfinite(events) & (events > 0) & (events < end), events, 0)
+    last = 2 * events.max(axis=0) + 1 if np.isinf(end) else np.full(len(x), end, LD)
+    times = np.sort(np.concatenate([events, last[None], np.zeros((1, len(x)), LD)]), axis=0)
+    middle = (times[1:] + times[:-1]) / 2
+    values = (a[:, None] * middle + b[:, None]) * middle + c[:, None]
+    # Between the roots of one surface that is given twice there is nothing.
+    some = times[1:] - times[:-1] > 1e-12 * last
+    return _Along(a, b, c, times, holds(group.region, values), some)
+
+
+def _entry(group: Group, starts: Wide, ways: Wide) -> tuple[Wide, Ints, Bools]:
+    """Where rays come into a copy, infinite where they do not; through which function; or begin."""
+    along = _along(group, starts, ways, np.inf, None)
+    there = along.holds & along.some
+    first, rays = there.argmax(axis=0), np.arange(len(starts))
+    t = np.where(there.any(axis=0), along.times[first, rays], np.inf)
+    begins = there.any(axis=0) & (along.holds[along.some.argmax(axis=0), rays])
+    value = (along.a * _far(t) + along.b) * _far(t) + along.c
+    slope = np.abs(2 * along.a * _far(t) + along.b)
+    with np.errstate(all="ignore"):
+        off = np.where(slope > 0, np.abs(value) / slope, np.inf)
+    return t, off.argmin(axis=0), begins
+
+
+def _hides(group: Group, points: Wide, ways: Wide, light: Light, on: Ints) -> Bools:
+    """Whether a copy hides a light from points, some of which are on its functions."""
+    along = _along(group, points, ways, np.inf if light.position is None else 1.0, on)
+    meets = (along.holds & along.some).any(axis=0)
+    leaves = (~along.holds & along.some).any(axis=0)
+    return np.asarray(meets & leaves)

@@ -1,0 +1,161 @@
+// Copies of groups before a light -> the pixels from which they hide the light.
+
+// Rounds of loops that are left for shadows of copies.
+var<private> rounds_left: i32 = VEIL_ROUNDS;
+
+// Whether a region holds, or does not, as wanted, at a grid point from one on to another one.
+fn holds_ahead(path: Path, want: bool, begin: i4, last: i32) -> b4 {
+  var q = begin;
+  var found = b4(false);
+  loop {
+    let seen = look(path, q, i4(ANY_CELL));
+    let holds = seen.held.until >= i4(0);
+    let asked = q <= i4(last);
+    found = found | ((holds == b4(want)) & asked);
+    let goes = (holds != b4(want)) & asked;
+    q = select(q, select(~seen.held.until, seen.held.until, holds), goes);
+    rounds_left -= i32(path.end_group - path.first_group) + 2;
+    if !anywhere(goes) || rounds_left < 0 {
+      break;
+    }
+  }
+  return found;
+}
+
+// A copy before a light, of which all pixels side by side are behind one veil or none.
+fn draw_veil(veil: Veil, bit: u32) {
+  let copy = veiled_at(veil.copy);
+  var at_lamp = false;
+  at_lamp = (copy.flags & SHADE_AT_LAMP) != 0u;  //? lamps
+  let casts = (copy.flags & SHADE_CASTS) != 0u;
+  let c = copy.center;
+  // each quad
+  var ray_0: Ray;
+  // each quad
+  var begin_0: i4;
+  // each quad
+  var behind_0: b4;
+  // each quad
+  {
+    let from_center = point_from(point_0, c[0], c[1], c[2]);
+    let beam = beam_of(from_center, copy.axis, copy.sign, copy.shear_x, copy.shear_y);
+    ray_0 = far_ray(beam, copy);
+    ray_0 = light_ray(beam, copy);  //? lamps
+    ray_0 = brought_near(ray_0, at_lamp);  //? lamps
+    behind_0 = is_behind(veil, ray_0) & (nearest_0.surface > u4(0u));
+    var first = point_ahead(beam.v, copy.level);
+    first = select(first, i4(1), b4(at_lamp));  //? lamps
+    begin_0 = select(i4((1i << VEIL_STEPS) + 1), max(first, i4(veil.first)), behind_0);
+  }
+  // each quad
+  let own_0 = is_own(nearest_0.surface, copy.first, copy.count);
+  // each quad
+  var found_0 = b4(false);
+  // each quad
+  var faces_0 = b4(false);
+  for (var k = 0u; k < veil.flat_count; k++) {
+    let number = programs[veil.list_start + k];
+    let plane = veil_flat_at(veil.flat_start + number);
+    // each quad
+    {
+      let line = veil_line(plane, ray_0);
+      let on_line = own_0 & shows_surface(nearest_0.met, number);
+      let ahead = line_ahead(line, on_line);
+      let faced = is_faced(ahead, nearest_0.met.side, whole_ray(ray_0));
+      found_0 = found_0 | on_line;
+      faces_0 = faces_0 | (on_line & faced);
+      let further = points_to_surface(line.b * ray_0.c_in + line.c, line.b);
+      begin_0 = begin_0 + select(i4(0), further, on_line);
+      keep_crossing(k, flat_crossed(ahead));
+    }
+  }
+  for (var k = 0u; k < veil.curved_count; k++) {
+    let number = programs[veil.list_start + veil.flat_count + k];
+    let curve = veil_curve_at(veil.curved_start + (number - veil.planes));
+    // each quad
+    {
+      let form = veil_curve(curve, ray_0);
+      let on_curve = own_0 & shows_surface(nearest_0.met, number);
+      let rest = rest_of(form, ray_0, at_lamp);
+      let faced = is_faced(rest, nearest_0.met.side, whole_ray(ray_0));
+      found_0 = found_0 | on_curve;
+      faces_0 = faces_0 | (on_curve & faced);
+      let slope = rest.b * ray_0.c_in + rest.c;
+      let further = points_to_surface(value_at_start(form, ray_0), slope);
+      begin_0 = begin_0 + select(i4(0), further, on_curve);
+      let ahead = form_ahead(form, rest, on_curve);
+      keep_crossing(veil.flat_count + k, curve_crossed(ahead));
+    }
+  }
+  let path = Path(
+    veil.first_group,
+    veil.end_group,
+    CROSSED,
+    CROSSED,
+    (1i << VEIL_STEPS) + 1,
+    false,
+    false,
+    false,  //? hidden
+    false,  //? overlap
+  );
+  rounds_left -= i32(veil.flat_count + veil.curved_count) + 6;
+  let encloses = b4((copy.flags & SHADE_ENCLOSES) != 0u);  //? encloses
+  // each quad
+  {
+    let met = holds_ahead(path, true, begin_0, veil.last);
+    var leaves = b4(true);
+    leaves = !encloses | holds_ahead(path, false, begin_0, veil.last);  //? encloses
+    let own = own_shadow(faces_0, nearest_0.turned, met, leaves, casts);
+    let dark = select(met & leaves & b4(casts), own, found_0) & behind_0;
+    nearest_0.dark |= select(u4(0u), u4(bit), dark);
+  }
+}
+
+// Whether boxes of veils touch, of this invocation's and of the others that look together.
+fn touching_veils(number: u32, end: u32, around: Around, other: Around) -> u32 {
+  let box = veil_box_alone(number + lane);
+  var near = touches(box, around);
+  near = near | touches(box, other);  //? many_shadows
+  return subgroupBallot(near & (number + lane < end)).x & ((1u << BROADCAST) - 1u);
+}
+
+// Tries the veils of a light with points around which there are two boxes behind them.
+fn try_veils(number: u32, bit: u32, around: Around, other: Around) {
+  let light = veil_view_at(number);
+  for (var t = light.first; t < light.end; t++) {  //? !broadcast
+    if touches(veil_box_at(t), around) && rounds_left >= 0 {
+      draw_veil(veil_at(t), bit);
+    }
+  }
+  {  //? broadcast
+    var next = light.first;
+    var base = next;
+    var found = 0u;
+    loop {
+      loop {
+        let seen = touching_veils(next, light.end, around, other);
+        let asked = (found == 0u) & (next < light.end);
+        base = select(base, next, asked);
+        found = select(found, seen, asked);
+        next = select(next, next + BROADCAST, asked);
+        if (found != 0u) | (next >= light.end) {
+          break;
+        }
+      }
+      if found == 0u {
+        break;
+      }
+      let t = base + countTrailingZeros(found);
+      found &= found - 1u;
+      draw_veil(veil_at(t), bit);
+      if ((found == 0u) & (next >= light.end)) || rounds_left < 0 {
+        break;
+      }
+    }
+  }
+  // Where there were too many, nothing is certain.
+  if rounds_left < 0 {  //? error
+    // each quad
+    nearest_0.doubt = Key(u4(0u), u4(0u));
+  }
+}
