@@ -180,12 +180,14 @@ def formed_scenes(rng: np.random.Generator) -> Iterator[Scene]:
 @pytest.mark.parametrize("scenes", [lit_scenes, shaped_scenes, formed_scenes])
 @pytest.mark.slow
 def test_faint_numbers_in_a_scene(scenes: Any, rng: np.random.Generator) -> None:
-    hits = 0
+    hits = count = 0
     for number, scene in enumerate(scenes(rng)):
+        count += 1
         for method in METHODS[:1] if scenes is formed_scenes else METHODS:
             assert flushed(scene, method=method) == {}, f"scene {number}"
         hits += int((render(scene).solid >= 0).sum())
-    assert hits > SCENES * SIZE[0] * SIZE[1] / 10
+    assert count >= SCENES // 2
+    assert hits > count * SIZE[0] * SIZE[1] / 10
 
 
 @pytest.mark.parametrize("scenes", [lit_scenes, shaped_scenes, formed_scenes])
