@@ -107,6 +107,13 @@ def composed(monkeypatch: pytest.MonkeyPatch) -> list[Needs]:
     return found
 
 
+GUARDED_LOOP = """loop {
+  planted_rounds += 1u;
+  if planted_rounds > 60000u {
+    break;
+  }"""
+
+
 @pytest.fixture
 def plant(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], list[str]]:
     """Plants a slip, ``old`` to ``new``, in all shaders; the list gets their texts without it."""
@@ -116,7 +123,9 @@ def plant(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], list[str]]:
 
         def faulty(needs: Needs) -> str:
             texts.append(compose(needs))
-            return texts[-1].replace(old, new)
+            # A slip may leave a loop without an end, which not every driver ends by itself.
+            guarded = texts[-1].replace(old, new).replace("loop {", GUARDED_LOOP)
+            return f"{guarded}\nvar<private> planted_rounds: u32;\n"
 
         monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
         return texts
