@@ -289,7 +289,7 @@ FORMULAS = [
     ("", "the formula is empty"),
     ("1e20*sin(x) + y", "1e+20 is not within 1e-30 to 4e+12, the range of numbers in a formula"),
     ("sin(x)*1e-40 + y", "1e-40 is not within 1e-30 to 4e+12, the range of numbers in a formula"),
-    ("+".join(f"sin({k}*x)" for k in range(1, 100)), "is not <= 256 operations, which is the most"),
+    ("+".join(f"sin({k}*x)" for k in range(1, 100)), "is not <= 256 operations, the most"),
     ("(" * 65 + "x" + ")" * 65, "column 65: more than 64 nested levels"),
     ("x" + "+x" * 2048, "4097 characters is not <= 4096"),
     ("+".join(["x"] * 1026), "more than 1024 operations"),
