@@ -226,7 +226,7 @@ class ImplicitKey(SolidKey):
 
 
 class ImplicitShape(Algebraic):
-    """formula <= 0 within the bounds, which cut it; with ``sheet`` the surface formula = 0.
+    """formula <= 0 within the bounds, which cut it; as a sheet the surface formula = 0.
 
     Attributes:
         parameters: values of names in the formula.

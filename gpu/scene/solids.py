@@ -253,7 +253,7 @@ class Torus(TorusShape, Algebraic, Part):
 
 
 class Implicit(ImplicitShape, Part):
-    """formula <= 0 within the bounds, which cut it; with ``sheet`` the surface formula = 0."""
+    """formula <= 0 within the bounds, which cut it; as a sheet the surface formula = 0."""
 
 
 class Bounds(Table):
