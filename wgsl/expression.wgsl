@@ -144,7 +144,8 @@ struct Surety {
 }
 
 // The surety of F, or -F where turned; ends of pieces are known to a slack. BOUNDS bounds are
-// tried, each four times the one before. One loop does it all, because a formula takes long to compile.
+// tried, each four times the one before. One loop does it all, because a formula takes long to
+// compile.
 fn surety_of(
   form: Expression,
   trace: Trace,

@@ -1,8 +1,8 @@
 """Twin of ``halve_fixed.wgsl``: exactly n halvings in integers, by shifts, sums and comparisons.
 
 ``value`` is 2^k F, so it keeps its bits while F vanishes.  |C| and |G| + 3 |A| are at most 2^29,
-and so is the slope.  Once |2^k F| reaches 2^29, its sign can no longer change, because a step then adds
-at most as much as doubling does.  So the value stops there, and nothing exceeds 2^31.
+and so is the slope.  Once |2^k F| reaches 2^29, its sign can no longer change, because a step then
+adds at most as much as doubling does.  So the value stops there, and nothing exceeds 2^31.
 """
 
 from __future__ import annotations
