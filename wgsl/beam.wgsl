@@ -7,7 +7,7 @@ alias Length = f32;
 // The least slope of a half-space.
 const LEAST_SLOPE: Value = 0x1p-60f;
 
-// A ray to a light about an occluder: what forms are polynomials in, and its two ends.
+// A ray to a light, relative to an occluder: the variables of forms, and its two ends.
 struct Ray {
   x: v4,
   y: v4,
@@ -17,7 +17,7 @@ struct Ray {
   b_in: v4,
   c_out: v4,
   b_out: v4,
-  near: b4,  // it may meet the occluder
+  near: b4,  // it may hit the occluder
 }
 
 // The product of two values in radii.

@@ -10,7 +10,7 @@ alias Length = i64;
 // The least slope of a half-space.
 const LEAST_SLOPE: Value = 1;
 
-// A ray to a light about an occluder: what forms are polynomials in, and its two ends.
+// A ray to a light, relative to an occluder: the variables of forms, and its two ends.
 struct Ray {
   x: v4,
   y: v4,
@@ -20,7 +20,7 @@ struct Ray {
   b_in: v4,
   c_out: v4,
   b_out: v4,
-  near: b4,  // it may meet the occluder
+  near: b4,  // it may hit the occluder
 }
 
 const RADIUS_BITS: u32 = 28u;
