@@ -1,8 +1,8 @@
 // A region -> its pixels, and the points that it shows.
 
 // A point of a region: the region's record, the side of the surface there, and the index of the
-// cell in the record's list. Their numbers are looked up once, at the end; until then the point has the
-// number of the region's first surface.
+// cell in the record's list. Their numbers are looked up once, at the end; until then the point has
+// the number of the region's first surface.
 struct Met {
   region: u4,
   side: i4,
