@@ -27,6 +27,7 @@ class PackedVeils:
     most_surfaces: int  # of a veil
     levels: int  # that a program opens at once
     encloses: bool  # a light may be inside a copy
+    has_hidden: bool  # some cells hide no light
 
     @property
     def arrays(self) -> tuple[Records, ...]:

@@ -223,7 +223,7 @@ class Scene(Fragment, _Tables):
         if not any(light.shadows for light in self.lights):
             new["lights"] = {"__all__": _NEW_LIGHT_KEYS}
         content = self.model_dump(by_alias=True, exclude=new)
-        _forget_shadows_of_parts(content)
+        _forget_shadows(content)
         content = {key: each for key, each in content.items() if each or key not in _NEW_KEYS}
         for material in content["material"]:
             if material["id"] is None:
@@ -260,12 +260,15 @@ class Scene(Fragment, _Tables):
         return text_of(self)
 
 
-def _forget_shadows_of_parts(content: dict[str, Any]) -> None:
-    """Take out of a dump of a scene or group what no part may say."""
+def _forget_shadows(content: dict[str, Any]) -> None:
+    """Take out of a dump of a scene or group what no part may say, and cells seldom do."""
     for part in content["part"]:
         del part["casts_shadow"]
+    for cell in content["cell"]:
+        if cell["casts_shadow"]:
+            del cell["casts_shadow"]
     for group in content["group"]:
-        _forget_shadows_of_parts(group)
+        _forget_shadows(group)
 
 
 def _digest(content: dict[str, Any]) -> str:
