@@ -31,6 +31,7 @@ class PackedVeils:
     most_surfaces: int  # the most surfaces of a veil
     levels: int  # the most levels that a program opens at once
     encloses: bool  # whether a light may be inside a copy
+    has_hidden: bool  # whether some cells hide no light
 
     @property
     def arrays(self) -> tuple[Records, ...]:

@@ -6,6 +6,7 @@ no OR, no literal stands twice in one of them, and none stands beside its own co
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -255,6 +256,12 @@ class Formula:
             members = tuple(self._added(part) for part in region.of)
             self.nodes.append(Node(type(region), members))
         return len(self.nodes) - 1
+
+    def hiding(self, more: Bools) -> Formula:
+        """The same formula with ``more`` of its cells (C,) not shown."""
+        found = copy.copy(self)
+        found.hidden = self.hidden | more
+        return found
 
     @property
     def literal_count(self) -> int:

@@ -30,6 +30,7 @@ class Cell(Named, Operand):
         region: a formula over the surfaces, the parts and the earlier cells of its group; by
             default everywhere. Where two visible cells overlap, the earlier one is seen.
         visible: whether it is shown; an invisible cell hides nothing.
+        casts_shadow: whether it hides lights that have shadows.
         fill: the group that is seen inside the region.
     """
 
@@ -46,11 +47,17 @@ class Cell(Named, Operand):
     material: Name | None = None
     color: Color | None = None
     visible: bool = True
+    casts_shadow: bool = True
     fill: GroupName | None = None
 
     @field_validator("fill")
     @classmethod
     def _one_content(cls, fill: str | None, info: ValidationInfo) -> str | None:
+        if fill is not None and not info.data.get("casts_shadow", True):
+            raise fault(
+                "casts_shadow = false stands beside fill; the cells of that group have their own",
+                TABLE_FAULT,
+            )
         if {"material", "color", "visible"} <= info.data.keys():
             finish = {key: info.data[key] for key in ("material", "color")}
             check_at_most_one(**finish, fill=fill)

@@ -223,7 +223,7 @@ class Scene(Fragment, _Tables):
         if not any(light.shadows for light in self.lights):
             new["lights"] = {"__all__": _NEW_LIGHT_KEYS}
         content = self.model_dump(by_alias=True, exclude=new)
-        _forget_shadows_of_parts(content)
+        _forget_shadows(content)
         content = {key: each for key, each in content.items() if each or key not in _NEW_KEYS}
         for material in content["material"]:
             if material["id"] is None:
@@ -260,12 +260,15 @@ class Scene(Fragment, _Tables):
         return text_of(self)
 
 
-def _forget_shadows_of_parts(content: dict[str, Any]) -> None:
-    """Remove ``casts_shadow``, which no part may have, from the dump of a scene or group."""
+def _forget_shadows(content: dict[str, Any]) -> None:
+    """Remove ``casts_shadow`` from a dump: all of parts, which may not have it, true ones of cells."""
     for part in content["part"]:
         del part["casts_shadow"]
+    for cell in content["cell"]:
+        if cell["casts_shadow"]:
+            del cell["casts_shadow"]
     for group in content["group"]:
-        _forget_shadows_of_parts(group)
+        _forget_shadows(group)
 
 
 def _digest(content: dict[str, Any]) -> str:
