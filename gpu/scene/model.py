@@ -261,7 +261,7 @@ class Scene(Fragment, _Tables):
 
 
 def _forget_shadows(content: dict[str, Any]) -> None:
-    """Remove ``casts_shadow`` from a dump: all of parts, which may not have it, true ones of cells."""
+    """Remove ``casts_shadow`` from a dump: that of parts, and that of cells if it is true."""
     for part in content["part"]:
         del part["casts_shadow"]
     for cell in content["cell"]:
