@@ -1,4 +1,4 @@
-"""Surfaces of groups of an order above two: where they are, what they enclose, which coincide."""
+"""Surfaces of groups of an order above two: their positions, boxes, and which coincide."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from halfstep.host.polynomials import LEAST_DEGREE, Polynomials, restricted, sta
 from halfstep.scene import Function, HigherShape, TorusShape
 from halfstep.scene.region import Intersection, Literal, Region, Union
 
-# A sign is known where F exceeds what it may change by this much more.
+# A sign is known if |F| exceeds this factor times its largest change.
 MARGIN = 1 + 2.0**-20
-# What is enclosed is taken a little larger, against rounding.
+# Enclosing shapes are made larger by this factor, against rounding.
 ROOM = 1 + 2.0**-30
-# Tori whose axes and middles agree to this, next to their size, are side by side.
+# Tori are side by side if their axes and middles agree to this part of their size.
 ALIKE = 2.0**-30
 
 
 @dataclass(frozen=True, eq=False)
 class Higher:
-    """A surface where F = 0, in coordinates of some group.
+    """A surface F = 0, in coordinates of some group.
 
     Attributes:
-        shape: F, in its own coordinates.
-        own_from_group: (3, 4), rigid, its own coordinates from those of the group.
+        shape: gives F, in its own coordinates.
+        own_from_group: (3, 4), rigid, takes coordinates of the group to its own.
     """
 
     shape: HigherShape
@@ -38,27 +38,27 @@ class Higher:
 
     @classmethod
     def of(cls, shape: HigherShape) -> Self:
-        """A shape where it is placed."""
+        """The surface of a shape at its own origin and axes."""
         rotation = shape.world_from_local()
         return cls(shape, np.column_stack([rotation.T, -rotation.T @ np.array(shape.origin)]))
 
     def moved(self, group_from_other: Floats) -> Higher:
-        """The same surface in other coordinates, from which those of the group come (3, 4)."""
+        """The same surface in other coordinates; ``group_from_other`` is (3, 4)."""
         return Higher(self.shape, _joined(self.own_from_group, group_from_other))
 
     @property
     def pairs(self) -> int:
-        """Stretches of a ray at most in which F <= 0."""
+        """The most stretches of a ray in which F <= 0."""
         return 2 if isinstance(self.shape, TorusShape) else self.shape.degree() // 2 + 1
 
     @property
     def rotation(self) -> Floats:
-        """Group coordinates of directions from its own, (3, 3)."""
+        """Rotation (3, 3) taking its own directions to the group's."""
         return np.asarray(self.own_from_group[:, :3].T)
 
     @property
     def origin(self) -> Floats:
-        """Where its own coordinates have their origin, (3,)."""
+        """The origin of its own coordinates, in the group's, (3,)."""
         return np.asarray(-self.rotation @ self.own_from_group[:, 3])
 
     @cached_property
@@ -70,9 +70,9 @@ class Higher:
 
     @cached_property
     def enclosing(self) -> list[Floats]:
-        """Matrices (4, 4) of functions that are <= 0 where F is, in the group's coordinates."""
+        """Matrices (4, 4) of functions that are <= 0 wherever F <= 0, in group coordinates."""
         if not isinstance(self.shape, TorusShape):
-            return []  # half-spaces of its own enclose a part
+            return []  # a part's own half-spaces enclose it
         across, along = self.shape.minor
         far, high = ROOM * (self.shape.major + across), ROOM * along
         matrices = [np.diag([1.0, 1.0, 0.0, -(far**2)])]
@@ -88,11 +88,11 @@ class Higher:
         return _expanded(self, self.own_from_group[None], middle, np.full(3, half))[..., 0]
 
     def signs(self, maps: Floats, box: Floats) -> NDArray[np.int8]:
-        """The sign of F all over a box (2, 3) in copies, 0 where it is not known, (N,).
+        """The sign of F everywhere in a box (2, 3) of copies, 0 if it is not known, (N,).
 
         Args:
             maps: (N, 3, 4), from the coordinates of the box to the group's.
-            box: where a side is infinite nothing is known.
+            box: the box; if a side is infinite, no sign is known.
         """
         if not np.isfinite(box).all():
             return np.zeros(len(maps), np.int8)
@@ -105,13 +105,13 @@ class Higher:
 
 
 def _joined(second: Floats, first: Floats) -> Floats:
-    """The map (3, 4) that is one after another."""
+    """The map (3, 4) that does ``first``, then ``second``."""
     linear = second[:, :3] @ first[:, :3]
     return np.column_stack([linear, second[:, :3] @ first[:, 3] + second[:, 3]])
 
 
 def _expanded(higher: Higher, own: Floats, middle: Floats, half: Floats) -> Floats:
-    """F on boxes as coefficients (d + 1, d + 1, d + 1, N); ``own`` (N, 3, 4) leads to its own."""
+    """Coefficients (d + 1, d + 1, d + 1, N) of F on boxes; ``own`` (N, 3, 4) maps to its own."""
     known = higher.polynomial
     center, size = known.center[:, 0], known.size[:, 0]
     linear = own[:, :, :3] * half
@@ -125,7 +125,7 @@ def _expanded(higher: Higher, own: Floats, middle: Floats, half: Floats) -> Floa
 
 
 def higher_of(functions: Sequence[Function]) -> dict[int, Higher]:
-    """Those of a group's functions that are of an order above two, by their index."""
+    """A group's functions of an order above two, by their index."""
     return {
         index: Higher.of(function.shape)
         for index, function in enumerate(functions)
@@ -134,7 +134,7 @@ def higher_of(functions: Sequence[Function]) -> dict[int, Higher]:
 
 
 def box_with(region: Region, matrices: Floats, higher: Mapping[int, Higher]) -> Floats | None:
-    """A box that contains a region in normal form, as `box_of` finds it of quadrics."""
+    """A box that contains a region in normal form, found as by `box_of`."""
     if not higher:
         return box_of(region, matrices)
     rows, places = [*matrices], {}
@@ -145,7 +145,7 @@ def box_with(region: Region, matrices: Floats, higher: Mapping[int, Higher]) -> 
 
 
 def _around(region: Region, places: Mapping[int, Sequence[int]]) -> Region:
-    """A region in normal form, and more: what encloses some functions in place of these."""
+    """A region that contains a region in normal form, with enclosing quadrics for functions."""
     if isinstance(region, Literal):
         if region.surface not in places:
             return region
@@ -154,7 +154,7 @@ def _around(region: Region, places: Mapping[int, Sequence[int]]) -> Region:
     assert isinstance(region, Intersection | Union)
     parts = [_around(part, places) for part in region.of]
     if isinstance(region, Union):
-        # All of space is in it.
+        # An OR with all of space is all of space.
         whole = Intersection(())
         return whole if whole in parts else Union(tuple(parts))
     flat: list[Region] = []
@@ -166,7 +166,7 @@ def _around(region: Region, places: Mapping[int, Sequence[int]]) -> Region:
 def merged(
     higher: Mapping[int, Higher], middle: Floats, half: float, coincident: float
 ) -> tuple[dict[int, int], set[int]]:
-    """Of each the first that coincides with it, and which of them have the other sign."""
+    """For each, the first that coincides with it, and whether it has the other sign."""
     rows: dict[int, Floats] = {}
     first: dict[int, int] = {}
     opposite: set[int] = set()
@@ -189,7 +189,7 @@ def merged(
 
 
 def _same_extent(one: Higher, other: Higher, coincident: float) -> bool:
-    """Whether F of both is asked in the same places: that of a part within its bounds alone."""
+    """Whether both F are used in the same places: F of a part only within its bounds."""
     if isinstance(one.shape, TorusShape) and isinstance(other.shape, TorusShape):
         return True
     if type(one.shape) is not type(other.shape) or one.shape.box() != other.shape.box():
@@ -200,7 +200,7 @@ def _same_extent(one: Higher, other: Higher, coincident: float) -> bool:
 
 
 def least_distance_of(higher: Sequence[Higher], size: float) -> float:
-    """The least distance of tori side by side, infinite where there are none."""
+    """The least distance of tori side by side, infinite if there are none."""
     found = np.inf
     tori = [(each, each.shape) for each in higher if isinstance(each.shape, TorusShape)]
     for ix, (one, first) in enumerate(tori):
@@ -218,14 +218,14 @@ def least_distance_of(higher: Sequence[Higher], size: float) -> float:
 def signed(
     signs: NDArray[np.int8], higher: Mapping[int, Higher], maps: Floats, box: Floats
 ) -> NDArray[np.int8]:
-    """Signs (S, N) of functions all over a box, with those of an order above two put in."""
+    """Signs (S, N) of functions everywhere in a box, with those of an order above two filled in."""
     for index, each in higher.items():
         signs[index] = each.signs(maps, box)
     return signs
 
 
 def stacked_of(higher: Sequence[Higher]) -> Polynomials | None:
-    """The polynomials of all, of one degree; None where there are none."""
+    """The polynomials of all surfaces, in one degree; None if there are none."""
     if not higher:
         return None
     degree = max(each.polynomial.degree for each in higher)

@@ -1,8 +1,8 @@
 """Surfaces of groups of an order above two along the rays of a frame, float64.
 
-Each has a rectangle, a middle and a stretch of depth of its own, those of its box: what it is next
-to the rest of its group does not matter to how exactly it is known. Outside of them F is taken to
-keep its sign. That of a torus does, and that of a part is not asked for where its bounds end.
+Each surface has its own rectangle, middle and stretch of depth, those of its box. So its accuracy
+does not depend on the rest of its group. Outside of the box F is assumed to keep its sign. F of a
+torus does so, and F of a part is not used outside of the part's bounds.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from halfstep.host.forms import HOST_ROUNDINGS, Sight, length, rays_of
 from halfstep.host.polynomials import AtEye, OnRays, on_rays
 from halfstep.host.regions import Regions
 
-# A stretch ends at multiples of a power of two, of which it has so many at least, or 2^-FINEST.
+# A stretch ends at multiples of a power of two: of 2^-FINEST, or it has at least PARTS of them.
 PARTS = 4
 FINEST = 20
-# It is longer than the box by this part, against rounding.
+# A stretch is longer than the box by this part, against rounding.
 PADDING = 2.0**-16
 
 
@@ -29,31 +29,31 @@ PADDING = 2.0**-16
 class HigherOnRays:
     """M surfaces of visible copies, in the order of these and of their programs."""
 
-    owner: Ints  # (M,), which copy
-    slot: Ints  # (M,), the surface within its program
-    pairs: Ints  # (M,), stretches of a ray at most in which F <= 0
+    owner: Ints  # (M,), the copy of each
+    slot: Ints  # (M,), index of the surface within its program
+    pairs: Ints  # (M,), the most stretches of a ray in which F <= 0
     forms: OnRays  # (M,)
     rectangle: Ints  # (M, 4), first and last pixel: i0, i1, j0, j1
     center: Ints  # (M, 2), pixel where x = y = 0
-    edges: Ints  # (4, M), the rectangle from the middle of its copy
-    stretch: Floats  # (2, M), u between which it may be crossed
+    edges: Ints  # (4, M), the rectangle, counted from the middle of its copy
+    stretch: Floats  # (2, M), the interval of u in which a ray may cross it
     outside: Bools  # (M,), F > 0 at the eye
-    eye_sure: Bools  # (M,), rounding cannot have decided that
-    nearest: Floats  # (M,), it is not seen at a smaller depth
+    eye_sure: Bools  # (M,), rounding cannot have decided ``outside``
+    nearest: Floats  # (M,), least depth at which it may be seen
 
 
 def higher_on_rays(
     regions: Regions, copy: Ints, middle: Ints, sight: Sight, view: View, degree: int
 ) -> HigherOnRays | None:
-    """Surfaces of visible copies (R,), seen by ``sight`` (R,); None where the scene has none.
+    """The surfaces of visible copies (R,); None if the scene has none.
 
     Args:
-        regions: of the scene.
-        copy: (R,), in ``regions``.
+        regions: the regions of the scene.
+        copy: (R,), indices in ``regions``.
         middle: (2, R), pixel in the middle of each copy.
-        sight: how they are seen.
-        view: of the frame.
-        degree: of the scene's polynomials.
+        sight: the rays through each copy.
+        view: the view of the frame.
+        degree: the highest degree of the scene's polynomials.
     """
     if regions.higher is None:
         return None
@@ -115,11 +115,11 @@ def higher_on_rays(
 
 
 def _stretch(ends: Floats) -> Floats:
-    """Places (2, M) of -1 to 1 with few bits, around others."""
+    """Intervals (2, M) in -1 to 1 around others, with ends of few bits."""
     low, high = ends
     room = PADDING * (high - low)
     low, high = np.clip(low - room, -1.0, 1.0), np.clip(high + room, -1.0, 1.0)
     unit = np.exp2(np.ceil(np.log2(np.maximum((high - low) / PARTS, 2.0**-FINEST))))
     low, high = np.floor(low / unit) * unit, np.ceil(high / unit) * unit
-    # What the interval lacks keeps a part of it, of which nothing is asked.
+    # A stretch outside of the interval becomes a part of it, in which no root is found.
     return np.stack([np.minimum(low, 1.0 - unit), np.maximum(high, low + unit)])

@@ -10,12 +10,12 @@ from halfstep.contract.expressions import PackedExpressions
 from halfstep.host.forms import FAINT
 from halfstep.host.setup import Setup
 
-# Places beyond this are not known to shaders in any case.
+# Shaders know nothing of points with larger coordinates.
 LARGEST = 2.0**42
 
 
 def pack_expressions(setup: Setup, half_spaces: Records) -> PackedExpressions | None:
-    """Records of the formulas of a frame; None where the scene has none."""
+    """Records of the formulas of a frame; None if the scene has none."""
     seen = setup.formulas
     if seen is None:
         return None
@@ -27,7 +27,7 @@ def pack_expressions(setup: Setup, half_spaces: Records) -> PackedExpressions | 
         records[name] = edge
     records["sheet"] = known.is_sheet[seen.of]
     records["ball"] = np.where(known.is_in_ball[seen.of], setup.plane_count[seen.row] + 1, 0)
-    # Where points are too far away, nothing is known of them.
+    # Nothing is known of points that are too far away.
     size = np.abs(seen.level).sum(axis=(0, 1)) + np.abs(seen.along).sum(axis=(0, 1))
     near = size < LARGEST / 2
     records["host_error"][~near] = 2 * LARGEST

@@ -18,9 +18,9 @@ ROOM = 1.03
 
 
 def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | None:
-    """Records of the polynomials of a frame; None where the scene has none.
+    """Records of the polynomials of a frame; None if the scene has none.
 
-    Those of copies of groups come behind those of solids.
+    Polynomials of copies of groups come behind those of solids.
     """
     higher = None if setup.copies is None else setup.copies.higher
     parts: list[Records] = []
@@ -37,7 +37,7 @@ def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | 
     forms = (of_solids, None if higher is None else higher.forms)
     degree = max(one.degree for one in forms if one is not None)
     has_balls = of_solids is not None and of_solids.has_balls
-    # NumPy joins records without the room between them.
+    # NumPy would join records without their padding.
     ends = np.cumsum([0, *map(len, parts)]).tolist()
     records = np.zeros(ends[-1], parts[0].dtype)
     for first, part in zip(ends, parts, strict=False):
@@ -46,7 +46,7 @@ def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | 
 
 
 def pack_higher(setup: Setup, steps: Ints) -> Records | None:
-    """Records of surfaces of copies of an order above two, with ``steps`` (V,) halvings."""
+    """Records of the copies' surfaces of an order above two, with ``steps`` (V,) halvings."""
     copies = setup.copies
     if copies is None or copies.higher is None:
         return None
