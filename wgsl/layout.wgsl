@@ -17,13 +17,13 @@ const SLAB_LIT: u32 = 1073741824u;
 // Values that all pixels of a band share.
 struct Frame {
   @align(32) first_ray: vec4<f32>,  // world direction through pixel (0, 0), or its start
-  right: vec4<f32>,  // its change from one pixel to the next on the right
-  down: vec4<f32>,  // its change from one row to the next
+  right: vec4<f32>,  // change of first_ray to the next pixel on the right
+  down: vec4<f32>,  // change of first_ray to the next row
   ambient: vec4<f32>,  // linear RGB
   background: vec4<f32>,  // linear RGB
   first_row: i32,  // first picture row of the band
   row_quads: u32,  // groups of four pixels in a row of the band
-  plane_quads: u32,  // the same in the whole band
+  plane_quads: u32,  // groups of four pixels in the whole band
   forward: vec4<f32>,  // direction of all rays, if they are parallel
 }
 
@@ -45,12 +45,12 @@ struct Solid {
   key_high: u32,  // depth key at u = -1, high word
   key_low: u32,  // low word
   key_shift: u32,  // a last step is 2^key_shift units of the key
-  spare: u32,  // the key has so many bits below a last step
+  spare: u32,  // bits of the key below a last step
   flags: u32,  // FLAG_… bits
   surface: u32,  // number of its first surface in the scene, from 1
   plane_start: u32,  // its first half-space
-  plane_count: u32,  // how many it has
-  color: array<f32, 3>,  // of its material, linear RGB
+  plane_count: u32,  // number of its half-spaces
+  color: array<f32, 3>,  // color of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
   polynomial: u32,  // its row among the polynomials, if it has one
@@ -294,7 +294,7 @@ struct Body {
   count: u32,  // how many surfaces it has
   face_start: u32,  // its first half-space
   face_count: u32,  // how many it has; a bounded plane has two
-  color: array<f32, 3>,  // of its material, linear RGB
+  color: array<f32, 3>,  // color of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
   reflection: f32,  // weight of the mirror image

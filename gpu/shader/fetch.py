@@ -180,8 +180,8 @@ def _tile_at(needs: Needs) -> str:
     return (
         f"// A tile of the picture.\nstruct Tile {{\n"
         "  place: u32,  // column, and row times 2^16, among the tiles\n"
-        f"  starts: array<u32, {count}>,  // of the lists, and where the last one ends\n}}\n\n"
-        f"fn tile_at(number: u32) -> Tile {{\n{body}"
+        f"  starts: array<u32, {count}>,  // starts of the lists, and the end of the last\n}}\n\n"
+        f"// The record of a tile.\nfn tile_at(number: u32) -> Tile {{\n{body}"
         f"  return Tile(\n    {words[0]},\n    array<u32, {count}>(\n{starts}    ),\n  );\n}}\n"
     )
 
