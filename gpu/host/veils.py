@@ -1,13 +1,13 @@
-"""What copies of groups of cells hide of lights, float64, once for a scene.
+"""Veils: copies of groups of cells that hide lights, float64, once for a scene.
 
-Rays to a light about a copy are those about any solid (`occluders`): F = A v^2 + G v + C and
-half-spaces c + b v. The interval of v from -1 to 1, in which the whole copy is, is a grid of 2^n
-cells, on which all its surfaces are crossed. A walk asks if the region holds anywhere ahead of a
-point.
+Rays to a light about a copy have the coordinates of `occluders`: F = A v^2 + G v + C and
+half-spaces c + b v. The interval of v from -1 to 1 contains the whole copy. It is a grid of 2^n
+cells, on which the crossings of all surfaces are found. A walk finds whether the region holds
+anywhere ahead of a point.
 
-As of the picture, rays that are close together are in one tile, a *veil*, which knows what of the
-group's formula matters to them: an excerpt. Rays may begin anywhere in it, so what is behind the
-first piece that is in a cell counts, too.
+A *veil* is for a bundle of rays to a light what a tile is for rays of the picture. It has an
+excerpt of the group's formula, the part that matters to the bundle. Rays may begin anywhere in the
+copy, so pieces behind the first one that is in a cell matter, too.
 """
 
 from __future__ import annotations
@@ -38,50 +38,52 @@ from halfstep.host.regions import COINCIDENT, Regions
 from halfstep.host.world import World
 from halfstep.scene import Light, Scene
 
-# Pieces of the rays of a veil, a bit of a byte each.
+# Pieces of the rays of a veil; each has a bit of a byte.
 PIECES = 8
-# A veil is made for rays so far beside it, too, in radii: a point is that near its surface.
+# A veil also serves rays that pass it at this distance, in radii, because a point lies near its
+# surface only to this distance.
 ASIDE = 2.0**-12
-# Veils across a copy whose formula has more literals than this; of fewer one is enough.
+# (literals, veils): if a copy's formula has more literals, so many veils lie across it; else one.
 ACROSS = ((6, 4), (16, 12))
-# Where copies are many, veils across each are fewer: about so many are before a light.
+# With many copies, fewer veils lie across each: about so many in all for a light.
 ENOUGH = 1 << 11
-# Surfaces of a group that a ray crosses in one veil: it holds where it crosses each.
+# Limit of the surfaces of a group that rays may cross in one veil, because shaders keep the
+# crossings of each.
 MOST_CROSSED = 255
-# Of how many copies each of how many lights is hidden.
+# Limit of copies times lights.
 MOST_VEILED = 1 << 12
-# How far veils reach where a lamp is amid them.
+# The extent of a veil of a copy that surrounds a lamp.
 EVERYWHERE = 3e38
 
 
 @dataclass(frozen=True)
 class Veil:
-    """What rays that are close together meet of a copy."""
+    """The part of a copy that a bundle of rays to a light may hit."""
 
     low: Floats  # (2,), least a and b over h, in radii
     high: Floats  # (2,)
-    first: int  # grid point before which is nothing of it
-    last: int  # and behind which
+    first: int  # grid point before which it has nothing
+    last: int  # grid point behind which it has nothing
     excerpt: Excerpt
-    box: Floats  # (2, 3), as of `Occluder`
+    box: Floats  # (2, 3), as in `Occluder`
 
 
 @dataclass(frozen=True)
 class Veiled:
-    """A copy before a light."""
+    """A copy that may hide a light."""
 
     occluder: Occluder  # without F and half-spaces
-    planes: Floats  # (P, 2, 3), of c and b of its planes
-    quadrics: Floats  # (Q, 3, 6), of A, G, C of its quadrics
+    planes: Floats  # (P, 2, 3), c and b of its planes
+    quadrics: Floats  # (Q, 3, 6), A, G, C of its quadrics
     veils: tuple[Veil, ...]
     has_hidden: bool  # some cells hide no light
 
 
 def veils_of(scene: Scene, geometry: Geometry, world: World) -> tuple[tuple[Veiled, ...], ...]:
-    """What copies of groups hide of each light with shadows; lights far away first.
+    """The copies that may hide each light with shadows, with their veils; far lights first.
 
     Raises:
-        SceneError: there are too many copies, or too many surfaces on one way to a light.
+        SceneError: there are too many copies, or too many surfaces in one veil.
     """
     lights = [light for light in scene.lights if light.shadows]
     lights.sort(key=lambda light: light.position is not None)
@@ -115,7 +117,7 @@ def _before_light(
 
 
 def _casting(regions: Regions) -> list[Formula]:
-    """Of each program the formula, in which cells that hide no light count as not shown."""
+    """The formula of each program, in which cells that hide no light count as not shown."""
     spared = np.array([not cell.casts_shadow for cell in regions.all_cells])
     cells = np.split(spared[regions.cells], regions.first_program_cell[1:])
     formulas = [program.formula for program in regions.programs]
@@ -183,7 +185,7 @@ def _before(
 
 
 def _amid(formula: Formula) -> tuple[Veil, ...]:
-    """All that a lamp sees of a copy that is around it, or near."""
+    """The veil of a copy that is around a lamp, or near it."""
     everywhere = np.array([[-EVERYWHERE] * 3, [EVERYWHERE] * 3])
     ends = everywhere[:, :2]
     # The lamp is the middle of the grid.
@@ -203,9 +205,9 @@ def _across(
     light: Light,
     axes: Axes,
 ) -> tuple[Veil, ...]:
-    """Of rays to a light that is not near, the veils in which something may hide it.
+    """The veils of a copy in which something may hide a light that is not near.
 
-    There are ``most`` veils across the copy at most.
+    At most ``most`` veils lie across the copy.
     """
     corners = box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]]
     a, b, v, _ = np.linalg.solve(to_local, np.concatenate([corners, np.ones((1, 8))]))
@@ -239,9 +241,9 @@ def _across(
 def _signs(
     matrices: Floats, lows: Floats, highs: Floats, cuts: Floats, end: float, room: float
 ) -> tuple[Bytes, Bytes]:
-    """Of surfaces (4, 4, S) and veils (T,) the pieces where F <= 0 all over, and F > 0: (S, T).
+    """Pieces (S, T) of veils (T,) in which surfaces (4, 4, S) have F <= 0 everywhere, and F > 0.
 
-    ``room`` is how much larger than they are the veils are taken.
+    Veils are made larger by ``room``.
     """
     shrinks = 1 - end * np.stack([cuts[:-1], cuts[1:]])  # (2, P)
     ends = np.stack([lows - room, highs + room])[:, None, :, :, None] * shrinks[:, None, None]
@@ -275,7 +277,7 @@ def _boxes(
     light: Light,
     axes: Axes,
 ) -> Floats:
-    """Where veils (T,) hide the light at most, (2, 3, T), as of `Occluder`."""
+    """Boxes (2, 3, T) of all points that veils (T,) may hide from the light, as in `Occluder`."""
     grid, is_lamp = world.grid, light.position is not None
     ends = np.stack([lows, highs])
     corners = []
