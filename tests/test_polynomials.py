@@ -18,7 +18,7 @@ from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from tests.algebraic_surfaces import SURFACES, solid_of, torus_of
 from tests.polynomial_oracle import CLAIMED, FALSE, Count, PolynomialOracle, with_fault
-from tests.polynomial_soundness import PLACES, judged, random_scene
+from tests.polynomial_soundness import PLACES, drawn, judged, random_scene
 
 # Surfaces of degree 2 to 10, with and without singular points and caps.
 FEW = (
@@ -58,7 +58,8 @@ def torus(**keys: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", FEW)
 def test_what_is_certain_is_true(name: str, rng: np.random.Generator) -> None:
-    counts = judged(rng, [name], pairs=3 * len(PLACES) * 48 * 36, say=False)
+    counts = {(name, place): Count() for place in PLACES}
+    judged(drawn, counts, rng, pairs=3 * len(PLACES) * 48 * 36)
     assert [count.wrong for count in counts.values() if count.wrong] == []
     outside = counts[name, "outside"]
     assert outside.certain_hits > 50
