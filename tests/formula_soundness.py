@@ -1,4 +1,4 @@
-"""What ``error`` promises of formulas that are no polynomials, over many rays: a program.
+"""A program that tests the promise of ``error`` for other formulas over many rays.
 
     python -m tests.formula_soundness --pairs 1000000
 

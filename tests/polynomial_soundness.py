@@ -1,4 +1,4 @@
-"""What ``error`` promises of tori and formulas, over many rays: a program of its own.
+"""A program that tests the promise of ``error`` for tori and polynomials over many rays.
 
     python -m tests.polynomial_soundness --pairs 10000000
 
