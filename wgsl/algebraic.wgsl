@@ -1,4 +1,4 @@
-// Where a solid that a polynomial bounds is cut, and its outline.
+// A solid that a polynomial bounds -> its cuts by planes and a ball, and its outline.
 
 // A distance from any u to beyond both ends of every interval.
 const BEYOND: f32 = 2.0;

@@ -55,7 +55,7 @@ fn blocked_out(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> 
   return blocked;
 }
 
-// Of the planes that the ray enters and that exclude u, the one entered last.
+// The last entered of the planes that the ray enters and that exclude u.
 fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -> Blocker {
   var found = Blocker(i4(0), max(v4(near_u) - u, v4(0)), v4(ONE));
   for (var j = 0u; j < count; j++) {
@@ -72,7 +72,7 @@ fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -
   return found;
 }
 
-// Of the planes that the ray leaves and that exclude u, the one left first.
+// The first left of the planes that the ray leaves and that exclude u.
 fn first_left(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> Blocker {
   var found = Blocker(i4(0), max(u - v4(far_u), v4(0)), v4(ONE));
   for (var j = 0u; j < count; j++) {

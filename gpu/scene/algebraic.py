@@ -205,7 +205,7 @@ class FormulaBounds(Table):
 
 
 class ImplicitKey(SolidKey):
-    """Where an implicit solid is at a time of the animation, and the values of its parameters.
+    """Position and rotation of an implicit solid at a time, and the values of its parameters.
 
     Parameters stand beside the other keys: ``{ at = 0.5, a = 2.0 }``.
     """
@@ -291,7 +291,7 @@ class ImplicitShape(Algebraic):
         return sheet
 
     def at_rest(self, state: Mapping[str, Any]) -> dict[str, Any]:
-        """What keys say; values of parameters join the solid's other parameters."""
+        """The values of keys; values of parameters join the solid's other parameters."""
         parameters = {**self.parameters}
         parameters |= {name: value for name, value in state.items() if name in parameters}
         others = {name: value for name, value in state.items() if name not in parameters}

@@ -90,7 +90,7 @@ def _orbit(camera: Camera, degrees: float) -> dict[str, Any]:
 
 
 def _state(keys: _Keys, time: float) -> dict[str, Any]:
-    """What the keys say at a time, by name."""
+    """The values of the keys at a time, by name."""
     state: dict[str, Any] = {}
     for name, times, values in _tracks(keys):
         whole = times[0] == 0.0 and times[-1] == 1.0

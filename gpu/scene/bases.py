@@ -1,4 +1,4 @@
-"""What kinds of solids have in common."""
+"""The base classes of the kinds of solids."""
 
 import math
 from collections.abc import Iterable
@@ -25,7 +25,7 @@ from halfstep.scene.values import (
 
 
 class BaseSolid(Placed, Named):
-    """What all solids have: a coordinate frame and a colour.
+    """The base of all solids: a coordinate frame and a colour.
 
     Attributes:
         is_flat: whether planes alone bound the kind.

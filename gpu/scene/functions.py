@@ -67,7 +67,7 @@ def _shape_of(owner: object) -> HigherShape | None:
 
 
 def function_count(part: Part) -> int:
-    """How many functions a part has."""
+    """The number of functions of a part."""
     return (not part.is_flat) + _is_in_ball(part) + len(part.half_spaces())
 
 

@@ -1,4 +1,4 @@
-"""Where solids are, and which way they are turned."""
+"""Positions and rotations of solids."""
 
 import math
 

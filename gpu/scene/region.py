@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """Where one function has one sign.
+    """The points where one function has one sign.
 
     Attributes:
         surface: index of the function F in the group.

@@ -1,4 +1,4 @@
-"""What solids and surfaces share: their coordinate frames, and the second-order functions F."""
+"""The common base of solids and surfaces: coordinate frames, and second-order functions F."""
 
 from __future__ import annotations
 

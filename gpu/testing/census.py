@@ -338,7 +338,7 @@ class _Count:
 
 
 class Distance:
-    """How far numbers are apart.
+    """The distances of pairs of numbers.
 
     Attributes:
         kind: NumPy's kind "f", "i", "u" or "b".
@@ -404,7 +404,7 @@ def _unequal(found: Array, expected: Array) -> Bools:
 
 
 def _tolerated(found: Array, expected: Array, distance: Distance, tolerance: Tolerance) -> Bools:
-    """Where numbers that are not equal are close enough; infinities and NaNs never are."""
+    """Whether unequal numbers are close enough; infinities and NaNs never are."""
     if distance.kind == "b":
         return np.zeros(found.shape, bool)
     if distance.kind != "f":

@@ -81,7 +81,7 @@ def blocked_out(lines: Sequence[Line], far_u: Value, u: Values) -> Bools:
 
 
 def last_entered(lines: Sequence[Line], near_u: Value, u: Values) -> Blocker:
-    """Of the planes that the ray enters and that exclude u, the one entered last."""
+    """The last entered of the planes that the ray enters and that exclude u."""
     number = np.zeros(u.shape, np.int32)
     value = np.maximum(near_u - u, np.zeros_like(u))
     slope = np.full(u.shape, one_of(u))
@@ -97,7 +97,7 @@ def last_entered(lines: Sequence[Line], near_u: Value, u: Values) -> Blocker:
 
 
 def first_left(lines: Sequence[Line], far_u: Value, u: Values) -> Blocker:
-    """Of the planes that the ray leaves and that exclude u, the one left first."""
+    """The first left of the planes that the ray leaves and that exclude u."""
     number = np.zeros(u.shape, np.int32)
     value = np.maximum(u - far_u, np.zeros_like(u))
     slope = np.full(u.shape, one_of(u))

@@ -19,7 +19,7 @@ LARGEST_ERROR = np.float32(2.0**40)
 
 
 def excess_bits(size: I64) -> U32:
-    """How far a number of such size is shifted down to have ``VALUE_BITS`` bits."""
+    """The bits to shift a number of a size down, so that it has ``VALUE_BITS`` bits."""
     # No float has the bits of all 64-bit integers, but their high and low words.
     high = np.frexp((size >> np.int64(32)).astype(np.float64))[1]
     low = np.frexp((size & np.int64(0xFFFFFFFF)).astype(np.float64))[1]

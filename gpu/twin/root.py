@@ -58,7 +58,7 @@ def turns_within(form: Form, piece: Piece) -> Bools:
 
 
 def quadric_entry(form: Form, piece: Piece, outside: Bools) -> Root:
-    """Where a ray that starts outside the solid enters it, (18); ``outside``: F > 0 at entry."""
+    """The entry of a ray that starts outside the solid, (18); ``outside``: F > 0 at entry."""
     crosses = outside & (~outside_at_exit(form, piece) | turns_within(form, piece))
     on_plane = ~outside & (piece.id_in > 0)
     flipped = crosses & (form.a < 0)
@@ -73,7 +73,7 @@ def quadric_entry(form: Form, piece: Piece, outside: Bools) -> Root:
 
 
 def quadric_exit(form: Form, piece: Piece, inside: Bools) -> Root:
-    """Where a ray that is in the solid leaves it, (19); ``inside``: F <= 0 at entry."""
+    """The exit of a ray that is in the solid, (19); ``inside``: F <= 0 at entry."""
     within = inside & turns_within(Form(-form.a, -form.g, -form.c), piece)
     crosses = outside_at_exit(form, piece) | within
     on_plane = ~crosses & (piece.id_out > 0)
@@ -89,21 +89,21 @@ def quadric_exit(form: Form, piece: Piece, inside: Bools) -> Root:
 
 
 def ellipsoid_entry(form: Form) -> Root:
-    """Where a ray enters an uncut ellipsoid from outside: only the discriminant decides."""
+    """The entry of a ray into an uncut ellipsoid from outside: only the discriminant decides."""
     shape = np.shape(form.a)
     never = np.zeros(shape, bool)
     return Root(has_root(form), np.zeros(shape, np.int32), form.a, form.g, form.c, never)
 
 
 def ellipsoid_exit(form: Form) -> Root:
-    """Where a ray leaves an uncut ellipsoid it entered from outside."""
+    """The exit of a ray from an uncut ellipsoid that it entered from outside."""
     shape = np.shape(form.a)
     always = np.ones(shape, bool)
     return Root(has_root(form), np.zeros(shape, np.int32), form.a, -form.g, form.c, always)
 
 
 def polyhedron_entry(piece: Piece) -> Root:
-    """Where a ray that starts outside a polyhedron enters it: the plane entered last."""
+    """The entry of a ray that starts outside a polyhedron: the plane entered last."""
     return Root(
         remains(piece) & (piece.id_in > 0),
         piece.id_in,
@@ -115,7 +115,7 @@ def polyhedron_entry(piece: Piece) -> Root:
 
 
 def polyhedron_exit(piece: Piece) -> Root:
-    """Where a ray leaves a polyhedron: the plane left first."""
+    """The exit of a ray from a polyhedron: the plane left first."""
     return Root(
         remains(piece) & (piece.id_out > 0),
         piece.id_out,
