@@ -258,17 +258,20 @@ def _solids(
 ) -> Records:
     """Records of the solids in the order of ``setup``; ``offsets`` are largest monomials (V, 6)."""
     solids = np.zeros(setup.count, _types(number_format)[0])
-    quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
-    host_error = setup.host_error
+    # Copies of groups come last, and have no quadric themselves.
+    alone = setup.count if setup.copies is None else setup.count - len(setup.copies.row)
+    own = solids[:alone]
+    quadratic = {"a": setup.a[:alone], "g": setup.g[:alone], "c": setup.c[:alone]}
+    host_error = setup.host_error[:alone]
     if number_format.integer:
-        sums = [(np.abs(form) * offsets).sum(axis=1) for form in quadratic.values()]
+        sums = [(np.abs(form) * offsets[:alone]).sum(axis=1) for form in quadratic.values()]
         unit = fixed_point_scale(np.max(sums, axis=0))
         quadratic = {name: np.rint(form * unit) for name, form in quadratic.items()}
         host_error = host_error * unit[:, 0]
     for name, form in quadratic.items():
-        solids[name] = form
-    solids["host_error"] = host_error
-    solids["gradient"] = setup.gradient.reshape(-1, 18)
+        own[name] = form
+    own["host_error"] = host_error
+    own["gradient"] = setup.gradient[:alone].reshape(-1, 18)
     solids["center_x"], solids["center_y"] = setup.center.T
     solids["near_u"] = _value(setup.near_u, number_format)
     solids["far_u"] = _value(setup.far_u, number_format)
