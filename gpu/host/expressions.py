@@ -14,7 +14,7 @@ import numpy as np
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.expressions import Program
 from halfstep.host.forms import Sight, power_of_two
-from halfstep.host.polynomials import MOST_HALVINGS
+from halfstep.host.polynomials import furthest
 from halfstep.scene import Algebraic, Solid
 from halfstep.scene.programs import Compiled, compiled
 from halfstep.scene.ranges import Range, range_of
@@ -131,20 +131,20 @@ class FormulaAtEye:
 
     def nearest(self, far: float) -> Floats:
         """A lower bound (E,) of the depth, up to ``far``, at which any ray meets F = 0."""
-        low, high = np.zeros(len(self._of)), np.full(len(self._of), far)
-        for _ in range(MOST_HALVINGS):
-            middle = (low + high) / 2
-            found = self._ranges(middle * self._steepest)
-            before = (found.low > 0) | (found.high < 0)
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        return low
+
+        def passes(depth: Floats) -> Bools:
+            found = self._ranges(depth * self._steepest[:, None])
+            return np.asarray((found.low > 0) | (found.high < 0))
+
+        return furthest(passes, len(self._of), far)
 
     def _ranges(self, reach: Floats) -> Range:
-        """Ranges of F within ``reach`` (3, E) of the eye."""
-        low, high = self._eye - reach - self._error, self._eye + reach + self._error
-        ends = np.empty((2, len(self._of)))
+        """Ranges of F within ``reach`` (3, …, E) of the eye."""
+        low, high = (np.empty(reach.shape[1:]) for _ in range(2))
         for k, place in enumerate(self._of.tolist()):
             formula = self._known.formulas[place]
-            box = [Range(low[axis, k], high[axis, k]) for axis in range(3)]
-            ends[:, k] = range_of(formula.program, formula.numbers, box)
-        return Range(*ends)
+            away = zip(self._eye[:, k], reach[..., k], strict=True)
+            off = self._error[k]
+            box = [Range(at - size - off, at + size + off) for at, size in away]
+            low[..., k], high[..., k] = range_of(formula.program, formula.numbers, box)
+        return Range(low, high)
