@@ -142,9 +142,9 @@ struct Polynomial {
   terms: array<f32, TERMS>,  // as gpu/contract/powers.py orders them
 }
 
-// What a surface of a region of an order above two has besides its polynomial.
+// What a surface of a region of an order above two has besides its polynomial or formula.
 struct Higher {
-  @align(32) polynomial: u32,  // its row among the polynomials
+  @align(32) form: u32,  // its row among the polynomials, or among the formulas
   pairs: u32,  // of grid points between which F <= 0 holds, at most
   center_x: i32,  // pixel where its x = 0
   center_y: i32,  // pixel where its y = 0
@@ -152,9 +152,12 @@ struct Higher {
   start: f32,  // u where that begins
   stop: f32,  // u behind which it is not crossed
   eye: u32,  // EYE_…: what is known of F at the eye
+  is_formula: u32,  // 1 if it has a formula that is no polynomial, else 0
+  low: array<f32, 3>,  // of such a formula: least local coordinates that are asked for
+  high: array<f32, 3>,  // and greatest
 }
 
-// What a solid that a formula bounds has besides: points of rays are level + u along.
+// What a solid or surface of a formula has besides: points of rays are level + u along.
 struct Expression {
   @align(32) host_error: f32,  // error of points from the set-up
   scale: f32,  // of pixel offsets: x and y, which are at most 1

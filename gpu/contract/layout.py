@@ -289,9 +289,9 @@ POLYNOMIAL = Record(
 
 HIGHER = Record(
     "Higher",
-    "What a surface of a region of an order above two has besides its polynomial.",
+    "What a surface of a region of an order above two has besides its polynomial or formula.",
     (
-        Field("polynomial", "u32", 1, "its row among the polynomials"),
+        Field("form", "u32", 1, "its row among the polynomials, or among the formulas"),
         Field("pairs", "u32", 1, "of grid points between which F <= 0 holds, at most"),
         Field("center_x", "i32", 1, "pixel where its x = 0"),
         Field("center_y", "i32", 1, "pixel where its y = 0"),
@@ -299,12 +299,15 @@ HIGHER = Record(
         Field("start", "f32", 1, "u where that begins"),
         Field("stop", "f32", 1, "u behind which it is not crossed"),
         Field("eye", "u32", 1, "EYE_…: what is known of F at the eye"),
+        Field("is_formula", "u32", 1, "1 if it has a formula that is no polynomial, else 0"),
+        Field("low", "f32", 3, "of such a formula: least local coordinates that are asked for"),
+        Field("high", "f32", 3, "and greatest"),
     ),
 )
 
 EXPRESSION = Record(
     "Expression",
-    "What a solid that a formula bounds has besides: points of rays are level + u along.",
+    "What a solid or surface of a formula has besides: points of rays are level + u along.",
     (
         Field("host_error", "f32", 1, "error of points from the set-up"),
         Field("scale", "f32", 1, "of pixel offsets: x and y, which are at most 1"),
