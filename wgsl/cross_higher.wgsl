@@ -1,22 +1,22 @@
-// The crossings of a region's surfaces of an order above two: each has some, one after another.
+// The crossings of a region's surfaces of an order above two. Each surface has several in a row.
 
-// Where the list of those that count begins: how many they are, how many surfaces of the group come
-// before all of an order above two, and their numbers.
+// The start of the list of these surfaces: their number, the number of the group's surfaces before
+// the first one of an order above two, and the numbers of the surfaces.
 fn higher_list(region: Region) -> u32 {
   return region.list_start + counted(region) + region.cell_count;
 }
 
-// How many count.
+// The number of surfaces in the list.
 fn higher_count(region: Region) -> u32 {
   return programs[higher_list(region)];
 }
 
-// The number within its group of one of them.
+// The number of a surface of the list, in its group.
 fn higher_number(region: Region, place: u32) -> u32 {
   return programs[higher_list(region) + 2u + place];
 }
 
-// One of them.
+// A surface of the list.
 fn higher_in(region: Region, solid: Solid, place: u32) -> Higher {
   let lower = programs[higher_list(region) + 1u];
   return higher_at(solid.polynomial + (higher_number(region, place) - lower));
@@ -55,7 +55,7 @@ fn higher_slope(higher: Higher, x: i4, y: i32, u: f4) -> Vector {
   return slope;
 }
 
-// Keeps the pairs of ends of a surface from a place on.
+// Keeps the pairs of ends of a surface as crossings, from the index `first` on.
 fn keep_ends(first: u32, ends: Ends, pairs: u32, steps: u32, reopens: bool) {
   let never = (1i << steps) + 1;
   for (var k = 0u; k < pairs; k++) {

@@ -1,21 +1,21 @@
-// A surface of a region of an order above two -> where it is crossed: all its roots, in order.
+// A surface of a region, of an order above two -> its crossings: all its roots, in order.
 //
-// F <= 0 holds between pairs of grid points, for which there is room for PAIRS. How they are found,
-// and what is certain of them, is told in gpu/twin/higher.py.
+// F <= 0 holds between pairs of grid points. There is room for PAIRS pairs. How they are found, and
+// what is certain about them, gpu/twin/higher.py tells.
 
 const ENDS: u32 = PAIRS + PAIRS;
-// The last sure grid point where no stretch is open.
+// The value of `since` if no stretch is open.
 const SETTLED: i32 = -2;
 
-// Grid points where F <= 0 begins and ends in turn, and how many there were.
+// Grid points where F <= 0 begins and ends in turn, and their number.
 struct Ends {
   points: array<i4, ENDS>,
   total: i4,
 }
 
-// What is known of F up to a cell.
+// The signs of F from the start of a ray up to a cell.
 struct Trail {
-  inside: b4,  // F <= 0 is taken to hold
+  inside: b4,  // F <= 0 at the end
   found: Ends,
   surely: Ends,  //? error
   perhaps: Ends,  //? error
@@ -24,7 +24,7 @@ struct Trail {
   undefined: b4,  // F may have no value somewhere before  //? error & higher_formula
 }
 
-// The ends and another one in some pixels.
+// The ends with one more in some pixels.
 fn ended(ends: Ends, point: i4, some: b4) -> Ends {
   var more = ends;
   // written out
@@ -35,7 +35,7 @@ fn ended(ends: Ends, point: i4, some: b4) -> Ends {
   return more;
 }
 
-// A pair of ends, of so many; one for which there is no room reopens the last, or is left out.
+// A pair of ends; a pair beyond `pairs` reopens the last one, or is left out.
 fn pair_of(ends: Ends, number: u32, pairs: u32, never: i32, reopens: bool) -> Crossing {
   var low = i4(never);
   var high = i4(never);
@@ -51,7 +51,7 @@ fn pair_of(ends: Ends, number: u32, pairs: u32, never: i32, reopens: bool) -> Cr
   return Crossing(low, high);
 }
 
-// What is known where, after `last`, the sign is sure again from a grid point on.
+// The trail if, after `last`, the sign is certain again from a grid point on.
 fn closed_trail(old: Trail, last: i4, point: i4, now: b4, some: b4) -> Trail {
   var trail = old;
   var closes = some;
@@ -64,7 +64,7 @@ fn closed_trail(old: Trail, last: i4, point: i4, now: b4, some: b4) -> Trail {
   return trail;
 }
 
-// What is known where behind the grid point `last` nothing is; an open stretch goes on.
+// The trail if nothing is certain behind the grid point `last`; an open stretch goes on.
 fn opened_trail(old: Trail, last: i4, some: b4) -> Trail {
   var trail = old;
   let here = some & (trail.since == i4(SETTLED));  //? error
@@ -73,7 +73,7 @@ fn opened_trail(old: Trail, last: i4, some: b4) -> Trail {
   return trail;
 }
 
-// F on the rays of pixels, x and y from its own middle.
+// F on the rays of pixels; its x and y count from its own middle.
 fn higher_curve(form: Polynomial, x: i4, y: i32) -> Curve {
   let right = f4(x) * form.scale;
   let down = f32(y) * form.scale;
@@ -92,7 +92,7 @@ fn is_about(form: Polynomial, x: i4, y: i32) -> b4 {
   return column & b4((y >= form.top) & (y <= form.bottom));
 }
 
-// What is known where rays start, in some pixels; in the others F > 0. F is `value` there, which is
+// The trail where rays start, in some pixels; in the others F > 0. F is `value` there, which is
 // off by at most `error`. Whether rays start where the surface does, not later, is `at_start`, and
 // `first` is a grid point before that.
 fn begun_trail(
@@ -116,7 +116,7 @@ fn begun_trail(
   return trail;
 }
 
-// So many leaves about a leaf, on each side, hold the root of a cell; a negative number if unknown.
+// Leaves on each side of a leaf that surely hold the root of a cell; negative if unknown.
 fn room_about(curve: Curve, leaf: i4, whole: Span, last_step: f32) -> i4 {
   let u = f4(leaf + leaf + i4(1)) * last_step - 1.0;
   let off = abs(u - curve.middle);
@@ -151,9 +151,9 @@ fn cell_behind(old: Cell, following: i4, stop: f4, steps: u32, last_step: f32) -
 struct Quest {
   trail: Trail,
   cell: Cell,
-  clocks: i4,  // cells that may be tried yet
-  single: b4,  // the cell that was tried last has one root, surely  //? error
-  proven: b4,  // or is a leaf with F < 0 at its end, surely  //? error
+  clocks: i4,  // number of cells that may still be tried
+  single: b4,  // the last cell that was tried surely has one root  //? error
+  proven: b4,  // or is a leaf, surely with F < 0 at its end  //? error
 }
 
 // A search that has tried one more cell, `span`, for a root of what `judged` is of.

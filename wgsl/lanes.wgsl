@@ -1,4 +1,4 @@
-// Four neighbouring pixels of a row travel together, one in each lane of a vec4.
+// A vec4 holds the values of four neighbouring pixels of a row.
 
 alias f4 = vec4<f32>;
 alias i4 = vec4<i32>;

@@ -126,10 +126,10 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
     );
     into.cell = select(into.cell, out_of.cell, inside);  //? error & opened
     into.point = select(into.point, out_of.point, inside);  //? error & opened
-    // Where the near base plane cuts, rays start somewhere in these cells.
+    // If the near base plane cuts the region, rays start somewhere in these cells.
     let near = Between(i4(max(region.first - 1, 0)), i4(region.start_end + 1));  //? error
     var certain = b4(true);  //? error
-    // What is not sure at the eye does not matter to rays that start beyond it.
+    // Doubts about the eye do not matter to rays that start beyond it.
     let is_away = !starts_at_eye(solid) | (region.first > 0);  //? error
     var begun_surely = b4(eye_sure(solid) | is_away);  //? error
     for (var k = 0u; k < count; k++) {  //? error

@@ -1,7 +1,7 @@
 """Formulas that are no polynomials on the rays of a frame, float64, on the host.
 
-The point of a ray is affine in (1, x, y), and both parts of that in u: shaders take the coordinates
-of points so, in the solid's own frame, and evaluate the formula there.
+The point of a ray is level + u along, both affine in (1, x, y). Shaders compute its coordinates so,
+in the solid's own frame, and evaluate the formula there.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from halfstep.scene import Algebraic, Solid
 from halfstep.scene.programs import Compiled, compiled
 from halfstep.scene.ranges import Range, range_of
 
-# Points are asked for as far beyond the interval as it is long, in all directions.
+# Points may lie as far beyond the interval as it is long, in all directions.
 BEYOND = 4.0
-# Records have room for so many numbers, or twice as many, and so on.
+# Records have room for this number of constants, or twice as many, and so on.
 FEWEST_NUMBERS = 4
 
 
 @dataclass(frozen=True)
 class Expressions:
-    """The Q solids of a scene that formulas bound, and surfaces of groups that formulas are."""
+    """The Q solids of a scene that formulas bound, and the formulas of surfaces of groups."""
 
     solid: Ints  # (Q,), rows in ``Geometry``
-    formulas: tuple[Compiled, ...]  # of each, and then of surfaces of groups
-    programs: tuple[Program, ...]  # of all, each once
-    numbers: int  # room of a record for them
+    formulas: tuple[Compiled, ...]  # formula of each solid, then of each surface
+    programs: tuple[Program, ...]  # the programs of all formulas, each once
+    numbers: int  # constants that a record has room for
     is_sheet: Bools  # (Q,)
-    is_in_ball: Bools  # (Q,), their quadric in ``Geometry`` is that of a ball that bounds them
+    is_in_ball: Bools  # (Q,), a ball bounds the solid; ``Geometry.quadric`` has its matrix
 
     def places(self, solid: Ints) -> Ints:
-        """Those of solids that are among them."""
+        """Indices here of those ``solid`` that are among these."""
         return np.searchsorted(self.solid, solid)
 
 
@@ -50,13 +50,13 @@ class FormulasOnRays:
     known: Expressions
     level: Floats  # (3, 3, E), points at u = 0: [axis][1, x, y], local
     along: Floats  # (3, 3, E), their change to u = 1
-    error: Floats  # (E,), of points
-    scale: Floats  # (E,), of pixel offsets: with it they are at most 1
+    error: Floats  # (E,), error of points
+    scale: Floats  # (E,), scale that brings pixel offsets to at most 1
     rotation: Floats  # (3, 3, E), world from local
 
 
 def expressions(solids: Sequence[Solid]) -> Expressions | None:
-    """The formulas of ``solids`` that are no polynomials; None where there is none."""
+    """The formulas of ``solids`` that are no polynomials; None if there are none."""
     found = [
         (ix, solid)
         for ix, solid in enumerate(solids)
@@ -101,10 +101,10 @@ def formulas_on_rays(
     """Formulas along rays.
 
     Args:
-        known: of the scene.
-        row: (E,), of each in ``Setup``, or which copy has it.
-        of: (E,), places among the formulas of ``known``.
-        sight: how they are seen, (E,).
+        known: the formulas of the scene.
+        row: (E,), row of each in ``Setup``, or which copy has it.
+        of: (E,), indices of ``known.formulas``.
+        sight: the view of each, (E,).
         rotation: (3, 3, E), world from local.
     """
     rays = sight.rays
@@ -129,15 +129,15 @@ def formulas_on_rays(
 
 
 class FormulaAtEye:
-    """What is known of formulas at the centre of projection, (E,)."""
+    """Values of formulas at the centre of projection, (E,)."""
 
     def __init__(self, known: Expressions, of: Ints, sight: Sight) -> None:
-        """``of``: places in ``known``; ``sight``: how they are seen, (E,)."""
+        """``of`` has indices in ``known``; ``sight`` is the view of each, (E,)."""
         self._known, self._of = known, of
         self._eye = sight.rays[0]
         self._error = sight.error
         found = self._ranges(np.zeros_like(self._eye))
-        # Where it has no value, the eye is outside.
+        # If a formula has no value there, the eye is outside.
         self.outside: Bools = ~((found.high <= -found.low) & np.isfinite(found.high))
         self.sure: Bools = (found.low > 0) | (found.high < 0)
         reach = np.concatenate([np.ones((1, *sight.offsets.shape[1:])), sight.offsets])
@@ -154,7 +154,7 @@ class FormulaAtEye:
         return low
 
     def _ranges(self, reach: Floats) -> Range:
-        """Of F as far from the eye as ``reach`` (3, E)."""
+        """Ranges of F within ``reach`` (3, E) of the eye."""
         low, high = self._eye - reach - self._error, self._eye + reach + self._error
         ends = np.empty((2, len(self._of)))
         for k, place in enumerate(self._of.tolist()):

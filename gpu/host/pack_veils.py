@@ -76,6 +76,7 @@ def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> Pack
         most_surfaces=max(len(one.surfaces) for one in excerpts),
         levels=max(one.levels for one in excerpts),
         encloses=any(one.occluder.encloses for one in every),
+        has_hidden=any(one.has_hidden for one in every),
     )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from halfstep.contract.arrays import Bytes, Floats
 from halfstep.contract.veils import VEIL_STEPS
 from halfstep.errors import SceneError
-from halfstep.host.formulas import Excerpt
+from halfstep.host.formulas import Excerpt, Formula
 from halfstep.host.geometry import Geometry
 from halfstep.host.occluders import (
     Approach,
@@ -34,7 +34,7 @@ from halfstep.host.occluders import (
     spans_of_points,
     view_of_light,
 )
-from halfstep.host.regions import COINCIDENT, Program, Regions
+from halfstep.host.regions import COINCIDENT, Regions
 from halfstep.host.world import World
 from halfstep.scene import Light, Scene
 
@@ -74,6 +74,7 @@ class Veiled:
     planes: Floats  # (P, 2, 3), of c and b of its planes
     quadrics: Floats  # (Q, 3, 6), of A, G, C of its quadrics
     veils: tuple[Veil, ...]
+    has_hidden: bool  # some cells hide no light
 
 
 def veils_of(scene: Scene, geometry: Geometry, world: World) -> tuple[tuple[Veiled, ...], ...]:
@@ -99,8 +100,10 @@ def _before_light(
     scene: Scene, geometry: Geometry, regions: Regions, world: World, light: Light
 ) -> tuple[Veiled, ...]:
     axes, _ = axes_of(light, world.grid)
+    formulas = _casting(regions)
     found = tuple(
-        _before(geometry, regions, world, copy, light, axes) for copy in range(regions.count)
+        _before(geometry, regions, formulas[program], world, copy, light, axes)
+        for copy, program in enumerate(regions.of.tolist())
     )
     most = max(len(veil.excerpt.surfaces) for one in found for veil in one.veils)
     if most > MOST_CROSSED:
@@ -111,8 +114,22 @@ def _before_light(
     return found
 
 
+def _casting(regions: Regions) -> list[Formula]:
+    """Of each program the formula, in which cells that hide no light count as not shown."""
+    spared = np.array([not cell.casts_shadow for cell in regions.all_cells])
+    cells = np.split(spared[regions.cells], regions.first_program_cell[1:])
+    formulas = [program.formula for program in regions.programs]
+    return [formula.hiding(those) for formula, those in zip(formulas, cells, strict=True)]
+
+
 def _before(
-    geometry: Geometry, regions: Regions, world: World, copy: int, light: Light, axes: Axes
+    geometry: Geometry,
+    regions: Regions,
+    formula: Formula,
+    world: World,
+    copy: int,
+    light: Light,
+    axes: Axes,
 ) -> Veiled:
     grid, ix = world.grid, geometry.solid_count + copy
     program = regions.programs[regions.of[copy]]
@@ -130,14 +147,15 @@ def _before(
     encloses = False
     if approach.at_lamp:
         planes, quadrics = linears_at_lamp(sides), quadratics_at_lamp(bent)
-        holds = program.formula.holds_at(matrices[3, 3, :, None] > 0)
-        encloses = bool(holds[~program.formula.hidden].any())
-        veils = _amid(program)
+        holds = formula.holds_at(matrices[3, 3, :, None] > 0)
+        encloses = bool(holds[~formula.hidden].any())
+        veils = _amid(formula)
     else:
         end = 0.0 if approach.reach == 0 else approach.end
         planes, quadrics = linears(sides, end), quadratics(bent, end)
         most = max(1, int((ENOUGH / regions.count) ** 0.5))
-        veils = _across(program, most, matrices, to_local, world, approach, end, light, axes)
+        box = program.box
+        veils = _across(formula, box, most, matrices, to_local, world, approach, end, light, axes)
     return Veiled(
         occluder=Occluder(
             solid=ix,
@@ -160,20 +178,22 @@ def _before(
         planes=planes,
         quadrics=quadrics.transpose(2, 0, 1),
         veils=veils,
+        has_hidden=bool(formula.hidden.any()),
     )
 
 
-def _amid(program: Program) -> tuple[Veil, ...]:
+def _amid(formula: Formula) -> tuple[Veil, ...]:
     """All that a lamp sees of a copy that is around it, or near."""
     everywhere = np.array([[-EVERYWHERE] * 3, [EVERYWHERE] * 3])
     ends = everywhere[:, :2]
     # The lamp is the middle of the grid.
     last = 1 << (VEIL_STEPS - 1)
-    return (Veil(ends[0], ends[1], 0, last, program.formula.whole, everywhere),)
+    return (Veil(ends[0], ends[1], 0, last, formula.whole, everywhere),)
 
 
 def _across(
-    program: Program,
+    formula: Formula,
+    box: Floats,
     most: int,
     matrices: Floats,
     to_local: Floats,
@@ -187,13 +207,13 @@ def _across(
 
     There are ``most`` veils across the copy at most.
     """
-    corners = program.box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]]
+    corners = box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]]
     a, b, v, _ = np.linalg.solve(to_local, np.concatenate([corners, np.ones((1, 8))]))
     least = min(1.0, float((1 - end * v).min()))
     seen = np.array([a, b]) / (1 - end * v)
     low, high = seen.min(axis=1) - ASIDE, seen.max(axis=1) + ASIDE
     from_v, to_v = max(float(v.min()) - ASIDE, -1.0), min(float(v.max()) + ASIDE, 1.0)
-    count = program.formula.literal_count
+    count = formula.literal_count
     across = min(most, max([1, *(tiles for literals, tiles in ACROSS if count > literals)]))
     edges = low[:, None] + (high - low)[:, None] * np.arange(across + 1) / across
     edges[:, -1] = high
@@ -202,7 +222,6 @@ def _across(
     highs = np.stack([edges[0, x + 1], edges[1, y + 1]])
     cuts = from_v + (to_v - from_v) * np.arange(PIECES + 1) / PIECES
     inside, outside = _signs(matrices, lows, highs, cuts, end, ASIDE / least)
-    formula = program.formula
     never, always = np.zeros(across * across, bool), np.ones(across * across, bool)
     known = formula.decided(inside, outside, None, never, always)
     live, holds = formula.live(known), formula.holds(known)

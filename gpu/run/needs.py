@@ -45,7 +45,8 @@ def needs_of(
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(max(regions.most_surfaces, before_lights)),
         levels=0 if regions is None else max(regions.levels, 0 if veils is None else veils.levels),
-        hidden=regions is not None and regions.has_hidden,
+        hidden=(regions is not None and regions.has_hidden)
+        or (veils is not None and veils.has_hidden),
         pairs=0 if regions is None else regions.pairs,
         curved=bool((is_formula == 0).any()),
         other=bool((is_formula == 1).any()),

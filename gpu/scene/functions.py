@@ -23,11 +23,11 @@ class Function:
     """One function F of a group, F(p) = [p 1] M [p 1]ᵀ.
 
     Attributes:
-        matrix: M (4, 4), symmetric, coordinates of the group. F of a plane is n·x - d, and has half
-            of n and of -d, once above and once below the diagonal, n as the file gives it.
+        matrix: M (4, 4), symmetric, coordinates of the group. A plane has F = n·x - d with n as the
+            file gives it: n/2 in the last row and in the last column, -d in the corner.
         name: for people: ``surface 3``, or ``part bore, surface 2``.
-        owner: the surface or part that it is of; where it is seen, a part shows its own colour.
-        shape: of an order above two, in coordinates of the owner; its matrix is 0.
+        owner: the surface or part that the function bounds; a part shows its colour there.
+        shape: a function of an order above two, coordinates of the owner; the matrix is then 0.
     """
 
     matrix: Array
@@ -37,9 +37,9 @@ class Function:
 
 
 def functions_of(surfaces: Sequence[Surface], parts: Sequence[Part]) -> tuple[Function, ...]:
-    """All functions of a group: of its surfaces, then of its parts, in the order of the file.
+    """All functions of a group: those of its surfaces, then of its parts, in the file's order.
 
-    A part gives its quadric, if it has one, then its half-spaces in the order of their numbers.
+    A part has its quadric first, if any, then its half-spaces in the order of their numbers.
     """
     of_surfaces = [
         _function(matrix, f"surface {surface.id}" + (f", side {number}" if number else ""), surface)
@@ -55,7 +55,7 @@ def functions_of(surfaces: Sequence[Surface], parts: Sequence[Part]) -> tuple[Fu
 
 
 def _function(matrix: Array | None, name: str, owner: Surface | Part) -> Function:
-    """A function of an owner; without a matrix it is of an order above two."""
+    """The function of an owner; without a matrix its order is above two."""
     if matrix is not None:
         return Function(_moved(matrix, owner), name, owner)
     return Function(np.zeros((4, 4)), name, owner, _shape_of(owner))
@@ -89,7 +89,7 @@ def _half_spaces(owner: Surface | Part) -> Array:
 
 
 def _matrices(owner: Surface | Part) -> Iterator[tuple[int, Array | None]]:
-    """Numbers and matrices of what bounds an owner, its own coordinates; none of a higher order."""
+    """Surface numbers of an owner and their matrices, local coordinates; None above order two."""
     if not _is_flat(owner):
         yield 0, None if _shape_of(owner) else owner.quadric()
     if _is_in_ball(owner):
@@ -102,7 +102,7 @@ def _matrices(owner: Surface | Part) -> Iterator[tuple[int, Array | None]]:
 
 
 def _moved(matrix: Array, placed: Placed) -> Array:
-    """A matrix (4, 4) of local coordinates in those of the group."""
+    """A matrix (4, 4) of local coordinates, converted to coordinates of the group."""
     rotation, origin = placed.world_from_local(), np.array(placed.origin)
     moved = np.zeros((4, 4))
     second = rotation @ matrix[:3, :3] @ rotation.T
@@ -114,10 +114,10 @@ def _moved(matrix: Array, placed: Placed) -> Array:
 
 
 class Names:
-    """What the numbers and words of a group's formulas stand for.
+    """The meaning of the numbers and words in a group's formulas.
 
     Attributes:
-        regions: where its cells are, in their order; what a name stands for is one object in all.
+        regions: one region for each cell, in order; cells that use a name share its object.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class Names:
         """The region that a formula of the group describes.
 
         Raises:
-            KeyError: it has a number or a word that the group lacks.
+            KeyError: the formula has a number or a word that the group lacks.
         """
         match formula:
             case Sense(surface, positive):

@@ -304,10 +304,10 @@ def _shared(needs: Needs, record: Record, array: str, wanted: Collection[str]) -
 
 
 def _words_each(pieces: int, lanes: int) -> int:
-    """How many words of 64 bits each of some invocations loads, which together load pieces.
+    """The number of 64-bit words that each of ``lanes`` invocations loads of ``pieces`` pieces.
 
-    A load serves one invocation after another: the fewer words each loads, the better, and no
-    branch is needed around a load that some would leave out.
+    A load serves one invocation after another, so each should load few words. All invocations load
+    the same number, so that no branch is needed around a load.
     """
     return next((count for count in (1, 2) if count * lanes >= WIDE * pieces), WIDE)
 

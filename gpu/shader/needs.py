@@ -113,7 +113,7 @@ class Needs:
 
     @property
     def has_regions(self) -> bool:
-        """Whether the shader tries copies of groups, or finds what lights these hide."""
+        """Whether the shader tries copies of groups, as solids to see or as veils of lights."""
         shaded = not self.outputs.isdisjoint(("image", "color", "shadow"))
         return not REGIONS.isdisjoint(self.classes) or (self.veils and shaded)
 

@@ -61,7 +61,7 @@ MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_
 EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 # The binding for surfaces of regions of an order above two.
 HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
-# The bindings for what copies of groups hide of lights.
+# The bindings for veils.
 VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
 
 # The constants of `contract.program` that shaders need.

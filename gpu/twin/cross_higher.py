@@ -20,7 +20,7 @@ from halfstep.twin.taylor import slopes_on_rays
 
 
 class Listed(NamedTuple):
-    """A surface that counts."""
+    """A surface of the list."""
 
     number: int  # within its group
     higher: np.void
@@ -28,12 +28,12 @@ class Listed(NamedTuple):
 
     @property
     def pairs(self) -> int:
-        """Of grid points between which F <= 0 holds, at most."""
+        """The most intervals of grid points in which F <= 0."""
         return int(self.higher["pairs"])
 
 
 def higher_surfaces(region: np.void, solid: np.void, regions: PackedRegions) -> list[Listed]:
-    """Those of a region's surfaces of an order above two that count."""
+    """The surfaces of an order above two in the list of a region."""
     if regions.higher is None:
         return []
     counts = ("flat_count", "curved_count", "cell_count")
@@ -80,7 +80,7 @@ def higher_slope(one: Listed, x: I32, y: I32, u: F32) -> Vector:
 
 
 def kept_ends(ends: Ends, pairs: int, steps: int, *, reopens: bool) -> list[Crossing]:
-    """The pairs of ends of a surface as crossings."""
+    """The pairs of ends of a surface, as crossings."""
     never = np.int32((1 << steps) + 1)
     return [pair_of(ends, k, pairs, never, reopens) for k in range(pairs)]
 

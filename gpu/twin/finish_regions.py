@@ -1,4 +1,4 @@
-"""Twin of ``finish_regions.wgsl``: the numbers, normals and looks of what regions show."""
+"""Twin of ``finish_regions.wgsl``: numbers, normals and appearances of points that regions show."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from halfstep.twin.region import outward, plane_normal, shows_surface
 
 
 def painted(old: Nearest, look: np.void, here: Bools, facts: Collection[str]) -> Nearest:
-    """A point with the look of a cell or a surface where it is what is met."""
+    """A point, with the appearance of a cell or a surface in the pixels `here`."""
     new = old._replace(color=either(here, Vector(*look["color"]), old.color))
     if "gloss" in facts:
         new = new._replace(
@@ -34,7 +34,7 @@ def finish_region(
     j: I32,
     facts: Collection[str],
 ) -> Nearest:
-    """Points that a region, a record, shows all of; i and j are their pixels."""
+    """The points that a region shows; ``i`` and ``j`` are their pixels."""
     start, *counts = (
         int(region[name]) for name in ("list_start", "flat_count", "curved_count", "cell_count")
     )

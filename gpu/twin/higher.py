@@ -1,30 +1,30 @@
-"""Twin of ``higher.wgsl``: a surface of a region of an order above two, and where it is crossed.
+"""Twin of ``higher.wgsl``: the crossings of a region's surfaces of an order above two.
 
-``cells`` finds the first root of a polynomial and leaves the rest. A region asks for all of them,
-so here the search goes on: behind a cell that holds one root F has the other sign, and -F is
-searched from there. F <= 0 then holds between pairs of grid points, in order. Each pair is a
-`Crossing`: a program takes F <= 0 for the OR of them, and F > 0 for the AND of their complements.
+``cells`` finds the first root of a polynomial. A region needs all roots, so here the search goes
+on. Behind a cell that holds one root F has the other sign, and -F is searched from there. F <= 0
+then holds between pairs of grid points, in order. Each pair is a `Crossing`. For a program, F <= 0
+is the OR of the pairs, and F > 0 the AND of their complements.
 
-*What is certain.* A cell that was passed has no root, and F has there the sign it is taken for; a
-cell that is single has one. Between these lie stretches in which nothing is known: leaves and cells
-that are neither, what is left when no more cells may be tried, and the beginning of a ray where |F|
-is less than its error. Let a be the last grid point where the sign is sure before such a stretch,
-or before a root, and b the first one behind it. F <= 0 may hold from a + 1 on where F > 0 at a, and
-up to b where F > 0 at b. It surely holds up to a, and from b on, where F < 0 there. These ends are
-those of the pairs `perhaps` and `surely`: walks for certificates take them as those of F - E and
-F + E.
+*What is certain.* A cell that was passed has no root, and F has the assumed sign there. A single
+cell has one root. Between these lie stretches in which nothing is certain: leaves and cells that
+are neither, the rest of the ray if no more cells may be tried, and the beginning of a ray if |F| is
+less than its error there. Let a be the last grid point with a certain sign before a stretch or a
+root, and b the first one behind it. F <= 0 may hold from a + 1 on if F > 0 at a, and up to b if
+F > 0 at b. It surely holds up to a if F < 0 at a, and from b on if F < 0 at b. These are the ends
+of the pairs `perhaps` and `surely`. Walks for certificates take them as those of F - E and F + E.
 
-The root of a single cell lies in the leaf that the halvings end in, or near to it: so near as F,
-at the places that `room_about` tries, exceeds its error with either sign. Where the stretch before
-such a cell is not closed, F may have no root in it, or two: then the stretch ends behind it.
+The root of a single cell lies in the leaf where the halvings end, or in the leaves around it that
+`room_about` finds: at both ends of these F exceeds its error, with either sign. If the stretch
+before a single cell is not closed, F may have no root in the cell, or two. The stretch then ends
+behind the cell.
 
-*How many pairs.* A polynomial of degree d has d roots at most, so that d // 2 + 1 pairs suffice,
-and for a torus two: F > 0 before and behind it. Another formula has any number, of which the host
-says how many to keep. Where there are more of them, the last pair of those that may hold does not
-end, and of those that surely hold some are left out.
+*How many pairs.* A polynomial of degree d has at most d roots, so d // 2 + 1 pairs suffice. For a
+torus two suffice, because F > 0 before and behind it. Another formula may have any number, and the
+host decides how many are kept. If there are more pairs, the last pair of `perhaps` does not end,
+and pairs of `surely` are left out.
 
-*Where F has no value.* A cell in which it may have none opens a stretch that nothing closes: behind
-it nothing is certain of this surface.
+*Where F has no value.* A cell in which F may have no value opens a stretch that nothing closes.
+Behind it nothing is certain of this surface.
 """
 
 from __future__ import annotations
@@ -57,21 +57,21 @@ from halfstep.twin.taylor import (
     sizes_on_rays,
 )
 
-# The last sure grid point where no stretch is open.
+# The value of `since` if no stretch is open.
 SETTLED = np.int32(-2)
 
 
 class Ends(NamedTuple):
-    """Grid points where F <= 0 begins and ends in turn, and how many there were."""
+    """Grid points where F <= 0 begins and ends in turn, and their number."""
 
     points: list[I32]  # room for so many
     total: I32
 
 
 class Trail(NamedTuple):
-    """What is known of F up to a cell."""
+    """The signs of F from the start of a ray up to a cell."""
 
-    inside: Bools  # F <= 0 is taken to hold
+    inside: Bools  # F <= 0 at the end
     found: Ends
     surely: Ends
     perhaps: Ends
@@ -81,13 +81,13 @@ class Trail(NamedTuple):
 
 
 def ended(ends: Ends, point: I32, some: Bools) -> Ends:
-    """The ends and another one in some pixels."""
+    """The ends with one more in some pixels."""
     points = [np.where(some & (ends.total == k), point, old) for k, old in enumerate(ends.points)]
     return Ends(points, ends.total + some.astype(np.int32))
 
 
 def pair_of(ends: Ends, number: int, pairs: int, never: np.int32, reopens: bool) -> Crossing:
-    """A pair of ends, of so many; one without room reopens the last, or is left out."""
+    """A pair of ends; a pair beyond ``pairs`` reopens the last one, or is left out."""
     low = np.where(ends.total > 2 * number, ends.points[2 * number], never)
     high = np.where(ends.total > 2 * number + 1, ends.points[2 * number + 1], never)
     if reopens and number + 1 == pairs:
@@ -96,7 +96,7 @@ def pair_of(ends: Ends, number: int, pairs: int, never: np.int32, reopens: bool)
 
 
 def closed_trail(old: Trail, last: I32, point: I32, now: Bools, some: Bools) -> Trail:
-    """What is known where, after ``last``, the sign is sure again from a grid point on."""
+    """The trail if, after ``last``, the sign is certain again from a grid point on."""
     some = some & ~old.undefined
     perhaps = ended(old.perhaps, last + 1, some & ~old.was)
     perhaps = ended(perhaps, point, some & ~now)
@@ -107,7 +107,7 @@ def closed_trail(old: Trail, last: I32, point: I32, now: Bools, some: Bools) -> 
 
 
 def opened_trail(old: Trail, last: I32, some: Bools) -> Trail:
-    """What is known where behind the grid point ``last`` nothing is; an open stretch goes on."""
+    """The trail if nothing is certain behind the grid point ``last``; an open stretch goes on."""
     here = some & (old.since == SETTLED)
     return old._replace(
         since=np.where(here, last, old.since), was=np.where(here, old.inside, old.was)
@@ -129,7 +129,7 @@ def begun_trail(
     room: int,
     facts: Collection[str],
 ) -> Trail:
-    """What is known where rays start, in some pixels; in the others F > 0.
+    """The trail where rays start, in some pixels; in the others F > 0.
 
     Args:
         value: F there.
@@ -166,7 +166,7 @@ def begun_trail(
 
 
 def room_about(curve: Curve, leaf: I32, whole: Span, last_step: np.float32) -> I32:
-    """So many leaves about a leaf, on each side, hold the root of a cell; negative if unknown."""
+    """Leaves on each side of a leaf that surely hold the root of a cell; negative if unknown."""
     u = (leaf + leaf + 1).astype(np.float32) * last_step - np.float32(1)
     off = np.abs(u - curve.middle)
     reach = last_step
@@ -190,7 +190,7 @@ def cell_behind(old: Cell, following: I32, stop: F32, steps: int, last_step: np.
 
 
 def higher_curve(form: np.void, x: I32, y: I32) -> Curve:
-    """F on the rays of pixels, x and y from its own middle."""
+    """F on the rays of pixels; its x and y count from its own middle."""
     right, down = x.astype(np.float32) * form["scale"], y.astype(np.float32) * form["scale"]
     return Curve(
         on_rays(form["terms"], right, down),
@@ -212,9 +212,9 @@ class Quest(NamedTuple):
 
     trail: Trail
     cell: Cell
-    clocks: I32  # cells that may be tried yet
-    single: Bools  # the cell that was tried last has one root, surely
-    proven: Bools  # or is a leaf with F < 0 at its end, surely
+    clocks: I32  # number of cells that may still be tried
+    single: Bools  # the last cell that was tried surely has one root
+    proven: Bools  # or is a leaf, surely with F < 0 at its end
 
 
 def tried_search(
@@ -308,16 +308,16 @@ def all_crossed(
     room: int,
     facts: Collection[str],
 ) -> Trail:
-    """Where F changes its sign, in some pixels.
+    """The grid points where F changes its sign, in some pixels.
 
     Args:
         curve: F.
         higher: record of the surface.
-        some: in the others F > 0.
+        some: the pixels to search; in the others F > 0.
         steps: n.
         last_step: 2^-n.
-        room: for so many ends.
-        facts: whether certificates are asked for.
+        room: the most ends that are kept.
+        facts: tells whether certificates are asked for.
     """
     start = np.full(some.shape, higher["start"])
     stop = np.full(some.shape, higher["stop"])

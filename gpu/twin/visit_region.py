@@ -48,7 +48,7 @@ def visit_region(
     chosen: Chosen,
     facts: Collection[str],
 ) -> Seen:
-    """What rays see of a copy of a group, of which ``region``, a record, lists what counts."""
+    """What rays see of a copy of a group; ``region`` is the record of its excerpt."""
     steps = int(solid["steps"])
     at = chosen.offset(x, y)
     counts = [int(region[f"{of}_count"]) for of in ("flat", "curved")]
@@ -136,11 +136,11 @@ def visit_region(
                 np.where(inside, places[Walk.PERHAPS_OUT].q, into.cell),
                 np.where(inside, places[Walk.SURELY_OUT].q, into.point),
             )
-        # Where the near base plane cuts, rays start somewhere in these cells.
+        # If the near base plane cuts the region, rays start somewhere in these cells.
         start = place_at(first_of(Walk.PERHAPS_IN, region), shape).q
         near = Between(start, place_at(int(region["start_end"]) + 1, shape).q)
         certain = np.ones(shape, bool)
-        # What is not sure at the eye does not matter to rays that start beyond it.
+        # Doubts about the eye do not matter to rays that start beyond it.
         is_away = not starts_at_eye(solid) or int(region["first"]) > 0
         begun = np.full(shape, eye_sure(solid) or is_away)
         for place, slot in enumerate(np.concatenate(listed).tolist()):
@@ -177,12 +177,12 @@ def visit_region(
     return Seen(sight, NO_VECTOR, certificate, met, Claims(overlap, gap), turned)
 
 
-# Walks that begin where another one ends.
+# Walks that begin where another walk ends.
 _AFTER = {Walk.BEYOND: Walk.ENTRY, Walk.NONE: Walk.ANY, Walk.AGAIN: Walk.NONE}
 
 
 def _walks(facts: Collection[str]) -> list[Walk]:
-    """The walks that are asked for, in order."""
+    """The walks that the facts ask for, in order."""
     last = Walk.BEYOND if "leaving" in facts else Walk.ENTRY
     found = list(Walk)[: last + 1]
     if "overlap" in facts:
