@@ -188,6 +188,7 @@ def pack(
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
     polynomials = pack_polynomials(setup, half_spaces)
+    expressions = pack_expressions(setup, half_spaces)
     solids = solids.take(order)  # a fancy index copies member by member
     veils = None if lit is None else lit.veils
     words = np.zeros(0, np.uint32) if veils is None else veils.words
@@ -213,9 +214,10 @@ def pack(
             pack_regions(setup, tables.appearances, count, number_format, words),
             pack_higher(setup, count),
             polynomials,
+            expressions,
         ),
         polynomials=polynomials,
-        expressions=pack_expressions(setup, half_spaces),
+        expressions=expressions,
         locations=None if lit is None else locations(lit, setup, solids, number_format),
         shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
         mirrors=None if lit is None or lit.mirrors is None else lit.mirrors.packed(setup.view),
@@ -224,13 +226,18 @@ def pack(
 
 
 def _with_higher(
-    regions: PackedRegions, higher: Records | None, polynomials: PackedPolynomials | None
+    regions: PackedRegions,
+    higher: Records | None,
+    polynomials: PackedPolynomials | None,
+    expressions: PackedExpressions | None,
 ) -> PackedRegions:
     """Copies of groups with their surfaces of an order above two."""
-    if higher is None or polynomials is None:
+    if higher is None:
         return regions
     pairs = int(higher["pairs"].max(initial=0))
-    return replace(regions, higher=higher, polynomials=polynomials.records, pairs=pairs)
+    return replace(
+        regions, higher=higher, polynomials=polynomials, expressions=expressions, pairs=pairs
+    )
 
 
 class _Keys(NamedTuple):

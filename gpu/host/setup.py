@@ -359,7 +359,8 @@ def _copies(
     """The visible copies of groups, in rows of solids ``ix``; the other arguments are theirs."""
     assert geometry.regions is not None
     copy = ix[row] - geometry.solid_count
-    higher = higher_on_rays(geometry.regions, copy, middle, sight, view, geometry.degree)
+    known = geometry.degree, geometry.expressions, at_eye
+    higher = higher_on_rays(geometry.regions, copy, middle, sight, view, *known)
     return copies(geometry.regions, row, copy, sight, span, at_eye, higher)
 
 
@@ -407,6 +408,8 @@ def _formulas(geometry: Geometry, ix: Ints, sight: Sight) -> FormulasOnRays | No
     if known is None:
         return None
     row = np.flatnonzero(np.isin(ix, known.solid))
+    if not len(row) and not len(known.solid):
+        return None
     rotation = geometry.world_from_local.take(ix[row], axis=-1)
     return formulas_on_rays(known, row, known.places(ix[row]), sight.at(row), rotation)
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from halfstep.contract.classes import SHORT, Class
+from halfstep.contract.classes import SHORT
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import (
     APPEARANCE,
@@ -141,7 +141,7 @@ def fetches(needs: Needs) -> str:
     if needs.has_polynomials:
         record = POLYNOMIAL.counted(TERMS=term_count(needs.degree))
         functions.append(_record_at(needs, record, "polynomials", "polynomial"))
-    if Class.FORMULA in needs.classes:
+    if needs.has_formulas:
         record = EXPRESSION.counted(NUMBERS=needs.numbers)
         functions.append(_record_at(needs, record, "expressions", "expression"))
     placed: dict[str, Record] = {}

@@ -27,7 +27,7 @@ import functools
 from collections.abc import Iterator
 
 from halfstep.contract import program
-from halfstep.contract.classes import SHORT, Class
+from halfstep.contract.classes import SHORT
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
@@ -275,7 +275,7 @@ def bindings(needs: Needs) -> str:
         polynomial = "Polynomial" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
-    if Class.FORMULA in needs.classes:
+    if needs.has_formulas:
         expression = "Expression" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({EXPRESSIONS_BINDING})"
         lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
