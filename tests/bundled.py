@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+
 from halfstep.scene import bundled_scenes, load
 
 
-def drawn_by_all() -> list[str]:
+@functools.cache
+def drawn_by_all() -> tuple[str, ...]:
     """Bundled scenes that every number format and method can draw: no torus, no formula."""
-    return [name for name in bundled_scenes() if not load(name).has_algebraic]
+    return tuple(name for name in bundled_scenes() if not load(name).has_algebraic)
 
 
 def drawn_by_the_article() -> list[str]:

@@ -12,6 +12,7 @@ import pytest
 import halfstep
 from halfstep.device.adapters import Adapter
 from halfstep.errors import SceneError
+from halfstep.frames.renderer import WARM_UP
 from halfstep.host.prepare import prepare
 from halfstep.host.veils import MOST_VEILED
 from halfstep.run.needs import needs_of_frame
@@ -163,6 +164,18 @@ def differing(scene: Scene, **options: Any) -> list[str]:
 @pytest.mark.usefixtures("adapter")
 def test_the_device_gives_the_bits_of_the_twin() -> None:
     assert differing(lit_room()) == []
+
+
+@pytest.mark.usefixtures("adapter")
+def test_later_frames_have_the_shadows_of_the_first() -> None:
+    """From the second frame on, tiles have shaders for what they see of cells."""
+    scene = with_overrides(halfstep.load("assembly_17x17"), shadows=True, size=SMALL)
+    with halfstep.Renderer(scene, outputs=("image", "shadow"), backend="gpu") as renderer:
+        first, *later = [renderer.render() for _ in range(WARM_UP + 1)]
+    assert (first.shadow > 0).any()
+    for frame in later:
+        np.testing.assert_array_equal(frame.shadow, first.shadow)
+        np.testing.assert_array_equal(frame.image, first.image)
 
 
 def test_a_room_has_the_shadows_of_the_oracle() -> None:

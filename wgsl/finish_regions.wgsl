@@ -78,15 +78,11 @@ fn finish_region(number: u32, j: i32) {
   }
   for (var k = 0u; k < higher_count(region); k++) {  //? normal & higher
     let higher = higher_in(region, solid, k);
-    let form = polynomial_at(higher.polynomial);
     let surface = higher_number(region, k);
     // each quad
     {
-      let right = f4(i_0 - i4(higher.center_x)) * form.scale;
-      let down = f32(j - higher.center_y) * form.scale;
-      let v = f4(nearest_0.position) * solid.last_step - form.middle;
-      let slopes = slopes_on_rays(form.terms, right, down, v);
-      let normal = world_slope(form, right, down, v, slopes);
+      let u = f4(nearest_0.position) * solid.last_step;
+      let normal = higher_slope(higher, i_0 - i4(higher.center_x), j - higher.center_y, u);
       let here = (nearest_0.met.region == u4(number)) & shows_surface(nearest_0.met, surface);
       nearest_0.slope = either(here, outward(normal, nearest_0.met), nearest_0.slope);
     }

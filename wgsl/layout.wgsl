@@ -142,9 +142,9 @@ struct Polynomial {
   terms: array<f32, TERMS>,  // as gpu/contract/powers.py orders them
 }
 
-// A surface of a region whose order is above two; its polynomial has a record of its own.
+// A surface of a region whose order is above two; its form has a record of its own.
 struct Higher {
-  @align(32) polynomial: u32,  // its row among the polynomials
+  @align(32) form: u32,  // its row among the polynomials, or among the formulas
   pairs: u32,  // the most intervals of grid points in which F <= 0
   center_x: i32,  // pixel where its x = 0
   center_y: i32,  // pixel where its y = 0
@@ -152,9 +152,12 @@ struct Higher {
   start: f32,  // u where that leaf begins
   stop: f32,  // u behind which it is not crossed
   eye: u32,  // EYE_…: what is known of F at the eye
+  is_formula: u32,  // 1 if its form is a formula that is no polynomial, else 0
+  low: array<f32, 3>,  // least local coordinates within the bounds of such a formula
+  high: array<f32, 3>,  // greatest local coordinates
 }
 
-// The formula of a solid. A ray's points are level + u along, in local coordinates.
+// The formula of a solid or surface. A ray's points are level + u along, in local coordinates.
 struct Expression {
   @align(32) host_error: f32,  // error of points from the set-up
   scale: f32,  // scale of pixel offsets, so that |x| and |y| are at most 1

@@ -54,6 +54,16 @@ fn row_of(tile: Tile, entry: u32) -> u32 {
     let end = tile.starts[LIST_REGION_INSIDE + 1u];
     is_region = is_region | ((entry >= first) & (entry < end));
   }
+  {  //? list_region_4
+    let first = tile.starts[LIST_REGION_4];
+    let end = tile.starts[LIST_REGION_4 + 1u];
+    is_region = is_region | ((entry >= first) & (entry < end));
+  }
+  {  //? list_region_8
+    let first = tile.starts[LIST_REGION_8];
+    let end = tile.starts[LIST_REGION_8 + 1u];
+    is_region = is_region | ((entry >= first) & (entry < end));
+  }
   return select(member, region_at(select(0u, member, is_region)).solid, is_region);
 }
 

@@ -289,9 +289,9 @@ POLYNOMIAL = Record(
 
 HIGHER = Record(
     "Higher",
-    "A surface of a region whose order is above two; its polynomial has a record of its own.",
+    "A surface of a region whose order is above two; its form has a record of its own.",
     (
-        Field("polynomial", "u32", 1, "its row among the polynomials"),
+        Field("form", "u32", 1, "its row among the polynomials, or among the formulas"),
         Field("pairs", "u32", 1, "the most intervals of grid points in which F <= 0"),
         Field("center_x", "i32", 1, "pixel where its x = 0"),
         Field("center_y", "i32", 1, "pixel where its y = 0"),
@@ -299,12 +299,15 @@ HIGHER = Record(
         Field("start", "f32", 1, "u where that leaf begins"),
         Field("stop", "f32", 1, "u behind which it is not crossed"),
         Field("eye", "u32", 1, "EYE_…: what is known of F at the eye"),
+        Field("is_formula", "u32", 1, "1 if its form is a formula that is no polynomial, else 0"),
+        Field("low", "f32", 3, "least local coordinates within the bounds of such a formula"),
+        Field("high", "f32", 3, "greatest local coordinates"),
     ),
 )
 
 EXPRESSION = Record(
     "Expression",
-    "The formula of a solid. A ray's points are level + u along, in local coordinates.",
+    "The formula of a solid or surface. A ray's points are level + u along, in local coordinates.",
     (
         Field("host_error", "f32", 1, "error of points from the set-up"),
         Field("scale", "f32", 1, "scale of pixel offsets, so that |x| and |y| are at most 1"),

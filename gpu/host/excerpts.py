@@ -358,15 +358,16 @@ class _Written:
         rows = np.empty(self._packed.setup.count, np.int64)
         rows[order] = np.arange(len(order))
         solid = rows[self._copies.row[copy]]
-        records = regions.records[copy]
+        records = regions.records.take(copy)  # a fancy index copies member by member
         records["solid"] = solid
         # The error of a base plane has no effect on rays that start or end beyond it.
         records["start_end"][first > records["start_end"] + 2] = -1
         records["last_sure"] = np.minimum(records["last_sure"], last)
         records["first"], records["last"] = first, last
-        solids = self._packed.solids[solid]
-        start = joined_key(solids["key_high"], solids["key_low"])
-        key = start + (2 * first.astype(np.uint64) << solids["key_shift"].astype(np.uint64))
+        high, low, shift = (
+            self._packed.solids[name].take(solid) for name in ("key_high", "key_low", "key_shift")
+        )
+        key = joined_key(high, low) + (2 * first.astype(np.uint64) << shift.astype(np.uint64))
         records["near_high"], records["near_low"] = (
             key >> np.uint64(32),
             key & np.uint64(0xFFFFFFFF),

@@ -53,6 +53,12 @@ class Sight(NamedTuple):
         rays, middle, half, offsets, error = arrays
         return Sight(rays, middle, half, offsets, error, self.parallel)
 
+    def first(self, count: int) -> Sight:
+        """The first ``count`` solids."""
+        arrays = (each[..., :count] for each in self[:-1])
+        rays, middle, half, offsets, error = arrays
+        return Sight(rays, middle, half, offsets, error, self.parallel)
+
     def largest(self, values: Floats) -> Floats:
         """Largest magnitudes (…, V) of linear functions of points of rays.
 

@@ -15,7 +15,7 @@ import numpy as np
 from halfstep.contract.arrays import Array, Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.edges import EDGES
-from halfstep.host.expressions import Expressions, expressions
+from halfstep.host.expressions import Expressions, expressions, with_members
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
 from halfstep.host.polynomials import Polynomials, polynomials
 from halfstep.host.regions import Regions
@@ -90,8 +90,9 @@ class Geometry:
     plane_two_sided: Bools  # (M,), it is seen from both sides: of a patch, or with an opposite
     hulls: Hulls
     regions: Regions | None  # copies of groups, each the last of the K solids
-    polynomials: Polynomials | None  # of solids whose F is a polynomial, but no quadric
-    expressions: Expressions | None  # of solids whose F is another formula
+    polynomials: Polynomials | None  # of the solids that have one of any degree
+    # Of the solids that have a formula that is no polynomial, and of surfaces of groups.
+    expressions: Expressions | None
 
     @property
     def count(self) -> int:
@@ -100,9 +101,10 @@ class Geometry:
 
     @property
     def degree(self) -> int:
-        """The highest degree of all polynomials, also of groups; 0 if there are none."""
-        higher = None if self.regions is None else self.regions.higher
-        return max((one.degree for one in (self.polynomials, higher) if one is not None), default=0)
+        """The highest of all polynomials, those of groups too; 0 where there are none."""
+        of_groups = None if self.regions is None else self.regions.polynomials
+        known = (self.polynomials, of_groups)
+        return max((one.degree for one in known if one is not None), default=0)
 
     @property
     def in_balls(self) -> Ints:
@@ -226,7 +228,10 @@ def with_regions(solids: Geometry, regions: Regions) -> Geometry:
         ),
         regions=regions,
         polynomials=solids.polynomials,
-        expressions=solids.expressions,
+        expressions=with_members(
+            solids.expressions,
+            [each.formula for each in regions.higher if not each.is_polynomial],
+        ),
     )
 
 

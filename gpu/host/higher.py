@@ -1,10 +1,13 @@
-"""Surfaces of groups of an order above two: their positions, boxes, and which coincide."""
+"""Surfaces of groups of an order above two: where they are, what they enclose, which coincide.
+
+They are polynomials, or other formulas.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Self
 
 import numpy as np
@@ -14,6 +17,8 @@ from halfstep.contract.arrays import Floats
 from halfstep.host.boxes import box_of
 from halfstep.host.polynomials import LEAST_DEGREE, Polynomials, restricted, stacked
 from halfstep.scene import Function, HigherShape, TorusShape
+from halfstep.scene.programs import Compiled, compiled
+from halfstep.scene.ranges import Range, range_of
 from halfstep.scene.region import Intersection, Literal, Region, Union
 
 # A sign is known if |F| exceeds this factor times its largest change.
@@ -22,6 +27,10 @@ MARGIN = 1 + 2.0**-20
 ROOM = 1 + 2.0**-30
 # Tori are side by side if their axes and middles agree to this part of their size.
 ALIKE = 2.0**-30
+# Stretches of a ray in which a formula is <= 0: for so many there is room.
+MOST_PAIRS = 16
+# So many lines tell how many stretches a formula has, each by so many points.
+LINES, POINTS = 192, 192
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +56,21 @@ class Higher:
         return Higher(self.shape, _joined(self.own_from_group, group_from_other))
 
     @property
+    def is_polynomial(self) -> bool:
+        """Whether F is one; else it is another formula."""
+        return self.shape.has_polynomial
+
+    @cached_property
     def pairs(self) -> int:
-        """The most stretches of a ray in which F <= 0."""
-        return 2 if isinstance(self.shape, TorusShape) else self.shape.degree() // 2 + 1
+        """Stretches of a ray at most in which F <= 0, as far as there is room for them.
+
+        Of a formula that is no polynomial this is what lines through its box have, and some more.
+        """
+        if isinstance(self.shape, TorusShape):
+            return 2
+        if self.is_polynomial:
+            return self.shape.degree() // 2 + 1
+        return _stretches(self.formula, self.shape.box())
 
     @property
     def rotation(self) -> Floats:
@@ -69,6 +90,11 @@ class Higher:
         return stacked(np.zeros(1, np.int64), [self.shape], degree, none, none)
 
     @cached_property
+    def formula(self) -> Compiled:
+        """F as operations."""
+        return compiled(self.shape.expression())
+
+    @cached_property
     def enclosing(self) -> list[Floats]:
         """Matrices (4, 4) of functions that are <= 0 wherever F <= 0, in group coordinates."""
         if not isinstance(self.shape, TorusShape):
@@ -84,7 +110,12 @@ class Higher:
         return [own.T @ matrix @ own for matrix in matrices]
 
     def coefficients(self, middle: Floats, half: float) -> Floats:
-        """F in units of ``half`` from ``middle``: coefficients of powers (d + 1, d + 1, d + 1)."""
+        """F in units of ``half`` from ``middle``: coefficients of powers (d + 1, d + 1, d + 1).
+
+        Of what is no polynomial they are the numbers of the formula.
+        """
+        if not self.is_polynomial:
+            return np.array([1.0, *self.formula.numbers])
         return _expanded(self, self.own_from_group[None], middle, np.full(3, half))[..., 0]
 
     def signs(self, maps: Floats, box: Floats) -> NDArray[np.int8]:
@@ -97,11 +128,43 @@ class Higher:
         if not np.isfinite(box).all():
             return np.zeros(len(maps), np.int8)
         own = np.array([_joined(self.own_from_group, each) for each in maps]).reshape(-1, 3, 4)
+        if not self.is_polynomial:
+            middle = own[:, :, :3] @ box.mean(axis=0) + own[:, :, 3]
+            reach = ROOM * (np.abs(own[:, :, :3]) @ np.ptp(box, axis=0) / 2)
+            reach += 2.0**-40 * np.abs(middle)
+            ends = [
+                Range(*pair) for pair in zip((middle - reach).T, (middle + reach).T, strict=True)
+            ]
+            found = range_of(self.formula.program, self.formula.numbers, ends)
+            return (found.low > 0).astype(np.int8) - (found.high < 0)
         terms = _expanded(self, own, box.mean(axis=0), np.ptp(box, axis=0) / 2)
         value = terms[0, 0, 0]
         rest = np.abs(terms).sum(axis=(0, 1, 2)) - np.abs(value)
         known = np.abs(value) > MARGIN * rest + 2.0**-40 * np.abs(terms).sum(axis=(0, 1, 2))
         return (known * np.sign(value)).astype(np.int8)
+
+
+@cache
+def _stretches(formula: Compiled, box: tuple[Sequence[float], Sequence[float]]) -> int:
+    """Room for the stretches of a line through a box in which a formula is <= 0: a power of two."""
+    low, high = map(np.array, box)
+    rng = np.random.default_rng(0)
+    # Between two faces of the box, and from corner to corner, where they are longest.
+    ends = rng.random((2, 3, LINES))
+    axis, lines = rng.integers(3, size=(2, LINES)), np.arange(LINES)
+    ends[0, axis[0], lines], ends[1, axis[1], lines] = 0.0, 1.0
+    corners = np.indices((2, 2, 2)).reshape(3, 8).astype(np.float64)
+    ends = np.concatenate([ends, np.stack([corners, 1 - corners])], axis=2)
+    parts = (np.arange(POINTS) + 0.5) / POINTS
+    places = ends[0, :, :, None] + (ends[1] - ends[0])[..., None] * parts
+    points = low[:, None, None] + (high - low)[:, None, None] * places
+    found = range_of(formula.program, formula.numbers, [Range(axis, axis) for axis in points])
+    inside = found.low + found.high <= 0
+    begins = inside & ~np.pad(inside, [(0, 0), (1, 0)])[:, :-1]
+    most, room = int(begins.sum(axis=1).max(initial=0)) + 1, 2
+    while room < min(most, MOST_PAIRS):
+        room *= 2
+    return room
 
 
 def _joined(second: Floats, first: Floats) -> Floats:
@@ -189,9 +252,12 @@ def merged(
 
 
 def _same_extent(one: Higher, other: Higher, coincident: float) -> bool:
-    """Whether both F are used in the same places: F of a part only within its bounds."""
-    if isinstance(one.shape, TorusShape) and isinstance(other.shape, TorusShape):
+    """Whether F of both is asked in the same places: that of a part within its bounds alone."""
+    polynomials = one.is_polynomial and other.is_polynomial
+    if polynomials and isinstance(one.shape, TorusShape) and isinstance(other.shape, TorusShape):
         return True
+    if not polynomials and one.formula.program != other.formula.program:
+        return False
     if type(one.shape) is not type(other.shape) or one.shape.box() != other.shape.box():
         return False
     size = np.abs(one.shape.box()).max()
@@ -225,11 +291,12 @@ def signed(
 
 
 def stacked_of(higher: Sequence[Higher]) -> Polynomials | None:
-    """The polynomials of all surfaces, in one degree; None if there are none."""
-    if not higher:
+    """The polynomials among some, of one degree; None where there are none."""
+    known = [each.polynomial for each in higher if each.is_polynomial]
+    if not known:
         return None
-    degree = max(each.polynomial.degree for each in higher)
-    parts = [each.polynomial.of_degree(degree) for each in higher]
+    degree = max(each.degree for each in known)
+    parts = [each.of_degree(degree) for each in known]
 
     return Polynomials(
         solid=np.concatenate([part.solid for part in parts]),

@@ -188,6 +188,7 @@ def pack(
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
     polynomials = pack_polynomials(setup, half_spaces)
+    expressions = pack_expressions(setup, half_spaces)
     solids = solids.take(order)  # a fancy index copies member by member
     veils = None if lit is None else lit.veils
     words = np.zeros(0, np.uint32) if veils is None else veils.words
@@ -213,9 +214,10 @@ def pack(
             pack_regions(setup, tables.appearances, count, number_format, words),
             pack_higher(setup, count),
             polynomials,
+            expressions,
         ),
         polynomials=polynomials,
-        expressions=pack_expressions(setup, half_spaces),
+        expressions=expressions,
         locations=None if lit is None else locations(lit, setup, solids, number_format),
         shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
         mirrors=None if lit is None or lit.mirrors is None else lit.mirrors.packed(setup.view),
@@ -224,13 +226,18 @@ def pack(
 
 
 def _with_higher(
-    regions: PackedRegions, higher: Records | None, polynomials: PackedPolynomials | None
+    regions: PackedRegions,
+    higher: Records | None,
+    polynomials: PackedPolynomials | None,
+    expressions: PackedExpressions | None,
 ) -> PackedRegions:
     """Copies of groups with their surfaces of an order above two."""
-    if higher is None or polynomials is None:
+    if higher is None:
         return regions
     pairs = int(higher["pairs"].max(initial=0))
-    return replace(regions, higher=higher, polynomials=polynomials.records, pairs=pairs)
+    return replace(
+        regions, higher=higher, polynomials=polynomials, expressions=expressions, pairs=pairs
+    )
 
 
 class _Keys(NamedTuple):
@@ -258,17 +265,20 @@ def _solids(
 ) -> Records:
     """Records of the solids in the order of ``setup``; ``offsets`` are largest monomials (V, 6)."""
     solids = np.zeros(setup.count, _types(number_format)[0])
-    quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
-    host_error = setup.host_error
+    # Copies of groups come last, and have no quadric themselves.
+    alone = setup.count if setup.copies is None else setup.count - len(setup.copies.row)
+    own = solids[:alone]
+    quadratic = {"a": setup.a[:alone], "g": setup.g[:alone], "c": setup.c[:alone]}
+    host_error = setup.host_error[:alone]
     if number_format.integer:
-        sums = [(np.abs(form) * offsets).sum(axis=1) for form in quadratic.values()]
+        sums = [(np.abs(form) * offsets[:alone]).sum(axis=1) for form in quadratic.values()]
         unit = fixed_point_scale(np.max(sums, axis=0))
         quadratic = {name: np.rint(form * unit) for name, form in quadratic.items()}
         host_error = host_error * unit[:, 0]
     for name, form in quadratic.items():
-        solids[name] = form
-    solids["host_error"] = host_error
-    solids["gradient"] = setup.gradient.reshape(-1, 18)
+        own[name] = form
+    own["host_error"] = host_error
+    own["gradient"] = setup.gradient[:alone].reshape(-1, 18)
     solids["center_x"], solids["center_y"] = setup.center.T
     solids["near_u"] = _value(setup.near_u, number_format)
     solids["far_u"] = _value(setup.far_u, number_format)

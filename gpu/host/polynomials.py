@@ -11,7 +11,7 @@ were exact before they were rounded to float64. Solids come last in every array.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -28,8 +28,8 @@ ROUNDINGS = 32 * 2.0**-53
 SMALLEST_TERM = 2.0**-60
 # F is expanded about a multiple of 2 to the power of minus this.
 MIDDLE_BITS = 6
-# Limit of the halvings of a search for a depth.
-MOST_HALVINGS = 60
+# A search for a depth tries so many halves of halves, and so many parts of one.
+HALVES, PARTS = 60, 256
 # The least degree of a shader; lower degrees use it, too.
 LEAST_DEGREE = 3
 
@@ -227,37 +227,48 @@ def restricted(coefficients: Floats, points: Floats) -> Floats:
     """
     first, second, third = np.moveaxis(points, 2, 0)
     degree = len(coefficients) - 1
-    shape = coefficients.shape
-    whole = np.zeros(shape)
-    for i in range(degree, -1, -1):
-        plane = np.zeros(shape)
-        for j in range(degree - i, -1, -1):
-            line = np.zeros(shape)
-            for k in range(degree - i - j, -1, -1):
-                line = _times(line, third)
-                line[0, 0, 0] += coefficients[i, j, k]
-            plane = _times(plane, second) + line
-        whole = _times(whole, first) + plane
-    return whole
+    # Horner's rule in z for all powers of x and y at once, then in y for those of x, then in x.
+    # After s products nothing has a power above s, and nothing is there of more than d - s before.
+    i, j = np.indices((degree + 1, degree + 1)).reshape(2, -1)
+    i, j = np.stack([i, j])[:, np.argsort(i + j, kind="stable")]
+    lines = planes = whole = np.zeros((0, 1, 1, 1, coefficients.shape[-1]))
+    for s in range(degree + 1):
+        some = slice((s + 1) * (s + 2) // 2)
+        lines = _times(lines, third, len(i[some]), s + 1)
+        lines[:, 0, 0, 0] += coefficients[i[some], j[some], degree - s]
+    for s in range(degree + 1):
+        planes = _times(planes, second, s + 1, s + 1)
+        left = np.arange(s + 1)
+        # Where the sum is i + j, those with less come first, and then those with less i.
+        of_row = (left + degree - s) * (left + degree - s + 1) // 2 + left
+        planes += lines[of_row, : s + 1, : s + 1, : s + 1]
+    for s in range(degree + 1):
+        whole = _times(whole, first, 1, s + 1)
+        whole += planes[degree - s, : s + 1, : s + 1, : s + 1]
+    return whole[0]
 
 
-def _times(form: Floats, affine: Floats) -> Floats:
-    """A form times ``affine`` (2, 3, P), which is affine in u and in (1, x, y)."""
-    product = np.zeros_like(form)
+def _times(forms: Floats, affine: Floats, count: int, size: int) -> Floats:
+    """Forms (N, u, x, y, P) times one that is affine in (1, x, y), in both parts of u; (2, 3, P).
+
+    Forms of 0 make them ``count``. They get ``size`` powers each: those beyond are 0.
+    """
+    product = np.zeros((count, size, size, size, forms.shape[-1]))
     for in_u in (0, 1):
-        target, source = product[in_u:], form[: len(form) - in_u]
-        target += affine[in_u, 0] * source
-        target[:, 1:] += affine[in_u, 1] * source[:, :-1]
-        target[:, :, 1:] += affine[in_u, 2] * source[:, :, :-1]
+        for place, (in_x, in_y) in enumerate(((0, 0), (1, 0), (0, 1))):
+            source = forms[:, : size - in_u, : size - in_x, : size - in_y]
+            number, of_u, of_x, of_y, _ = source.shape
+            along = slice(in_u, in_u + of_u)
+            target = product[:number, along, in_x : in_x + of_x, in_y : in_y + of_y]
+            target += affine[in_u, place] * source
     return product
 
 
 def _value(coefficients: Floats, point: Floats) -> Floats:
-    """F (P,) at points (3, P)."""
-    degree = len(coefficients) - 1
-    powers = point ** np.arange(degree + 1)[:, None, None]
+    """F (…, P) at points (3, …, P)."""
+    powers = np.stack([point**k for k in range(len(coefficients))])
     x, y, z = np.moveaxis(powers, 1, 0)
-    return np.asarray(np.einsum("ijkp,ip,jp,kp->p", coefficients, x, y, z))
+    return np.asarray(np.einsum("ijk...,i...,j...,k...->...", coefficients, x, y, z))
 
 
 class AtEye:
@@ -286,12 +297,22 @@ class AtEye:
         least = _value(self._sizes, self._size)
 
         def passes(depth: Floats) -> Bools:
-            reached = _value(self._sizes, self._size + depth * self._steepest)
+            places = self._size[:, None] + depth * self._steepest[:, None]
+            reached = _value(self._sizes, places)
             return np.asarray(reached - least < self._level)
 
-        low, high = np.zeros(len(least)), np.full(len(least), far)
-        for _ in range(MOST_HALVINGS):
-            middle = (low + high) / 2
-            before = passes(middle)
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        return low
+        return furthest(passes, len(least), far)
+
+
+def furthest(passes: Callable[[Floats], Bools], count: int, far: float) -> Floats:
+    """The greatest depth (N,) up to ``far`` that passes, less by one part in PARTS at most.
+
+    Args:
+        passes: whether depths (D, N) pass. What is nearer than one that does passes, too.
+        count: N.
+        far: the greatest that is tried.
+    """
+    tried = np.broadcast_to(far * np.exp2(-np.arange(HALVES))[:, None], (HALVES, count))
+    low = np.where(passes(tried), tried, 0.0).max(axis=0)
+    tried = np.minimum(low * (1 + np.arange(1, PARTS)[:, None] / PARTS), far)
+    return np.maximum(low, np.where(passes(tried), tried, 0.0).max(axis=0))

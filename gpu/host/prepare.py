@@ -35,8 +35,10 @@ class Solids:
     @staticmethod
     def are_shared(scene: Scene, other: Scene) -> bool:
         """Whether two scenes have the same solids, cells, lights and volume."""
-        same = scene.image.bounces == other.image.bounces
-        return same and all(getattr(scene, key) == getattr(other, key) for key in _SHARED)
+        images = (scene.image, other.image)
+        if len({(image.bounces, image.color_by) for image in images}) > 1:
+            return False
+        return all(getattr(scene, key) == getattr(other, key) for key in _SHARED)
 
     @classmethod
     def of(cls, scene: Scene, *, hidden: bool = False) -> Self:

@@ -289,9 +289,14 @@ class Regions:
         return np.array([len(one.cells) * one.count for one in self.programs], np.int64)
 
     @functools.cached_property
-    def higher(self) -> Polynomials | None:
-        """Polynomials of all surfaces of an order above two, one program after another."""
-        return stacked_of([each for one in self.programs for each in one.higher])
+    def higher(self) -> tuple[Higher, ...]:
+        """All surfaces of an order above two, one program after another."""
+        return tuple(each for one in self.programs for each in one.higher)
+
+    @functools.cached_property
+    def polynomials(self) -> Polynomials | None:
+        """Those that are polynomials."""
+        return stacked_of(self.higher)
 
     @functools.cached_property
     def matrices(self) -> Floats:

@@ -25,6 +25,7 @@ from halfstep.host.expressions import FormulaAtEye, FormulasOnRays, formulas_on_
 from halfstep.host.forms import (
     HOST_ROUNDINGS,
     NEGLIGIBLE,
+    Curved,
     Sight,
     curved,
     depth_of,
@@ -138,8 +139,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     error = HOST_ROUNDINGS * (eye_distance + stretch * (middle + half))
     sight = Sight(rays, middle, half, offsets, error, view.parallel)
 
-    matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
-    bent = curved(matrix, has_quadric, rotation, sight)
+    alone = int(np.searchsorted(ix, geometry.solid_count))
+    bent = _bent(geometry, ix[:alone], rotation[..., :alone], sight)
     flat = _flat(geometry, ix, sight, starts_at_eye, rectangle, center)
     at_eye = np.flatnonzero(starts_at_eye)
     facts = _Eye.elsewhere(len(ix))
@@ -148,7 +149,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
             values[at_eye] = found
     groups = None
     if geometry.regions is not None:
-        row = np.flatnonzero(ix >= geometry.solid_count)
+        row = np.arange(alone, len(ix))
         spans = (np.stack([low, high[ix]]) - middle) / half
         at_eye = starts_at_eye[row]
         groups = _copies(
@@ -184,13 +185,13 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         rectangle=rectangle.T,
         center=center.T,
         offsets=offsets.T,
-        a=bent.a.T,
-        g=bent.g.T,
-        c=bent.c.T,
-        host_error=bent.error,
+        a=_of_all(bent.a, len(ix)).T,
+        g=_of_all(bent.g, len(ix)).T,
+        c=_of_all(bent.c, len(ix)).T,
+        host_error=_of_all(bent.error, len(ix)),
         eye_sure=facts.sure,
         depth_error=sight.error,
-        gradient=bent.gradient.transpose(3, 0, 1, 2),
+        gradient=_of_all(bent.gradient, len(ix)).transpose(3, 0, 1, 2),
         nearest=np.maximum(low, facts.nearest),
         depth_middle=middle,
         depth_half=half,
@@ -204,6 +205,21 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         polynomials=algebraic,
         formulas=formulas,
     )
+
+
+def _bent(geometry: Geometry, ix: Ints, rotation: Floats, sight: Sight) -> Curved:
+    """Forms of the quadrics of solids ``ix``, the first of those that are visible."""
+    matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
+    return curved(matrix, has_quadric, rotation, sight.first(len(ix)))
+
+
+def _of_all(values: Floats, count: int) -> Floats:
+    """Values (…, K) of solids as those (…, count) with copies of groups behind: these have none."""
+    if values.shape[-1] == count:
+        return values
+    found = np.zeros((*values.shape[:-1], count))
+    found[..., : values.shape[-1]] = values
+    return found
 
 
 @dataclass(frozen=True)
@@ -343,7 +359,8 @@ def _copies(
     """The visible copies of groups, in rows of solids ``ix``; the other arguments are theirs."""
     assert geometry.regions is not None
     copy = ix[row] - geometry.solid_count
-    higher = higher_on_rays(geometry.regions, copy, middle, sight, view, geometry.degree)
+    known = geometry.degree, geometry.expressions, at_eye
+    higher = higher_on_rays(geometry.regions, copy, middle, sight, view, *known)
     return copies(geometry.regions, row, copy, sight, span, at_eye, higher)
 
 
@@ -391,6 +408,8 @@ def _formulas(geometry: Geometry, ix: Ints, sight: Sight) -> FormulasOnRays | No
     if known is None:
         return None
     row = np.flatnonzero(np.isin(ix, known.solid))
+    if not len(row) and not len(known.solid):
+        return None
     rotation = geometry.world_from_local.take(ix[row], axis=-1)
     return formulas_on_rays(known, row, known.places(ix[row]), sight.at(row), rotation)
 

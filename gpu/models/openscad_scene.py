@@ -16,13 +16,14 @@ import numpy as np
 from halfstep.errors import SceneError, UsageError
 from halfstep.host.higher import Higher
 from halfstep.models import openscad_solids as solids
-from halfstep.models.look import Clip, Look, Table, both, clip_of, linear
+from halfstep.models.look import Clip, Look, Table, both, clip_of
 from halfstep.models.openscad import Call, calls_of
 from halfstep.models.regions import box_of_region, hull, sides_of
 from halfstep.models.shape import NOTHING, Model
 from halfstep.models.source import Source
 from halfstep.scene import TorusShape
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Leaf, Not, Sense, with_leaves
+from halfstep.scene.hues import linear
 from halfstep.scene.values import Array
 
 # OpenSCAD's default colour.
@@ -275,8 +276,7 @@ class _Builder:
             raise SceneError(f"{name}: {NOTHING}")
         tables: Table = {
             "material": [
-                {"name": text, "color": [linear(each) for each in color]}
-                for color, text in colors.items()
+                {"name": text, "color": linear(color).tolist()} for color, text in colors.items()
             ]
         }
         sides = sum(1 for cell in cells for _ in sides_of(cell["region"]))

@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import (
-    AfterValidator,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -24,18 +23,16 @@ from halfstep.scene.bases import CutSolid
 from halfstep.scene.expression import Node, name_fault, parsed
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, Fault, fault, show
 from halfstep.scene.formula import fault_at
-from halfstep.scene.keys import SolidKey, are_in_order
+from halfstep.scene.keys import SolidKey
 from halfstep.scene.programs import compiled
 from halfstep.scene.ranges import is_positive
 from halfstep.scene.shapes import Placed
 from halfstep.scene.values import (
-    MAX_HALF_SPACES,
     Array,
     Coordinate,
     HalfSpace,
     Length,
     Point,
-    Sequence,
     Table,
     Vector,
     check_some,
@@ -225,24 +222,19 @@ class ImplicitKey(SolidKey):
         return self
 
 
-class ImplicitShape(Algebraic):
-    """formula <= 0 within the bounds, which cut it; as a sheet the surface formula = 0.
+class ImplicitShape(HigherShape):
+    """formula <= 0 within the bounds, which cut it.
 
     Attributes:
         parameters: values of names in the formula.
         formula: a text that `expression.parsed` reads.
         bounds: in local coordinates.
-        sheet: whether the surface formula = 0 is shown, from both sides, and no solid.
     """
 
     kind: Literal["implicit"] = "implicit"
-    keyframes: Annotated[Sequence[ImplicitKey], AfterValidator(are_in_order)] = Field(
-        default=(), alias="key"
-    )
     parameters: Mapping[str, Coordinate] = Field(default_factory=dict)
     formula: str
     bounds: FormulaBounds
-    sheet: bool = False
 
     @field_validator("parameters")
     @classmethod
@@ -279,24 +271,6 @@ class ImplicitShape(Algebraic):
                 raise fault("nothing of the solid is in them, where the formula is positive")
         return bounds
 
-    @field_validator("sheet")
-    @classmethod
-    def _are_few_enough_with_bounds(cls, sheet: bool, info: ValidationInfo) -> bool:
-        ends = sum(info.data.get(key) is not None for key in ("z_min", "z_max"))
-        bounds = info.data.get("bounds")
-        sides = 0 if bounds is None or bounds.radius is not None else 6
-        total = sides + ends + len(info.data.get("cut", ()))
-        if total > MAX_HALF_SPACES:
-            raise fault(f"{total} half-spaces with those of the bounds is not <= {MAX_HALF_SPACES}")
-        return sheet
-
-    def at_rest(self, state: Mapping[str, Any]) -> dict[str, Any]:
-        """The values of keys; values of parameters join the solid's other parameters."""
-        parameters = {**self.parameters}
-        parameters |= {name: value for name, value in state.items() if name in parameters}
-        others = {name: value for name, value in state.items() if name not in parameters}
-        return {**others, "parameters": parameters}
-
     @property
     def has_polynomial(self) -> bool:
         """Whether the formula is a polynomial with these parameters and with others."""
@@ -327,7 +301,7 @@ class ImplicitShape(Algebraic):
         return self.bounds.box()
 
     def quadric(self) -> Array:
-        """The matrix of the ball that bounds it; 0 if a box does."""
+        """The symmetric (4, 4) matrix of the ball that bounds it, local; 0 if a box does."""
         if self.bounds.radius is None:
             return np.zeros((4, 4))
         return np.diag([1.0, 1.0, 1.0, -(self.bounds.radius**2)])
@@ -336,22 +310,13 @@ class ImplicitShape(Algebraic):
         """Whether the bounds have a radius."""
         return self.bounds.radius is not None
 
-    def is_sheet(self) -> bool:
-        """Whether the scene says so."""
-        return self.sheet
-
-    def corners(self) -> Array:
-        """All eight corners of the bounds."""
-        box = np.array(self.box())
-        return box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]].T
-
-    def _rows(self) -> Iterable[HalfSpace]:
+    def sides(self) -> Iterable[HalfSpace]:
+        """The half-spaces of the box that bounds it, in the order of their numbers."""
         if not self.is_in_ball():
             for axis, (low, high) in enumerate(zip(*self.box(), strict=True)):
                 x, y, z = np.eye(3)[axis].tolist()
                 yield -x, -y, -z, -low
                 yield x, y, z, high
-        yield from super()._rows()
 
 
 # Limit for a formula that is no polynomial. Its operations become shader code, and a compiler takes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from halfstep.scene.algebraic import Algebraic, HigherShape
+from halfstep.scene.algebraic import Algebraic, HigherShape, ImplicitShape
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Name, Not, Sense
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 from halfstep.scene.shapes import Placed
@@ -42,10 +42,9 @@ def functions_of(surfaces: Sequence[Surface], parts: Sequence[Part]) -> tuple[Fu
     A part has its quadric first, if any, then its half-spaces in the order of their numbers.
     """
     of_surfaces = [
-        _function(
-            None if _shape_of(surface) else surface.quadric(), f"surface {surface.id}", surface
-        )
+        _function(matrix, f"surface {surface.id}" + (f", side {number}" if number else ""), surface)
         for surface in surfaces
+        for number, matrix in _matrices(surface)
     ]
     of_parts = [
         _function(matrix, f"part {part.name}, surface {number}", part)
@@ -66,22 +65,36 @@ def _shape_of(owner: object) -> HigherShape | None:
     return owner if isinstance(owner, HigherShape) else None
 
 
-def function_count(part: Part) -> int:
-    """The number of functions of a part."""
-    return (not part.is_flat) + _is_in_ball(part) + len(part.half_spaces())
+def function_count(owner: Surface | Part) -> int:
+    """The number of functions of a surface or a part."""
+    return (not _is_flat(owner)) + _is_in_ball(owner) + len(_half_spaces(owner))
 
 
-def _is_in_ball(part: object) -> bool:
-    return isinstance(part, Algebraic) and part.is_in_ball()
+def _is_flat(owner: Surface | Part) -> bool:
+    return isinstance(owner, Part) and owner.is_flat
 
 
-def _matrices(part: Part) -> Iterator[tuple[int, Array | None]]:
-    """Surface numbers of a part and their matrices, local coordinates; None above order two."""
-    if not part.is_flat:
-        yield 0, None if part.is_algebraic else part.quadric()
-    if _is_in_ball(part):
-        yield 1, part.quadric()
-    for number, row in enumerate(part.half_spaces(), start=1 + _is_in_ball(part)):
+def _is_in_ball(owner: Surface | Part) -> bool:
+    given: object = owner
+    return isinstance(given, Algebraic | ImplicitShape) and given.is_in_ball()
+
+
+def _half_spaces(owner: Surface | Part) -> Array:
+    """Rows (m, 4) of the half-spaces of an owner; of surfaces, only formulas have some."""
+    given: object = owner
+    if isinstance(given, Part):
+        return given.half_spaces()
+    sides = given.sides() if isinstance(given, ImplicitShape) else ()
+    return np.array([*sides], np.float64).reshape(-1, 4)
+
+
+def _matrices(owner: Surface | Part) -> Iterator[tuple[int, Array | None]]:
+    """Surface numbers of an owner and their matrices, local coordinates; None above order two."""
+    if not _is_flat(owner):
+        yield 0, None if _shape_of(owner) else owner.quadric()
+    if _is_in_ball(owner):
+        yield 1, owner.quadric()
+    for number, row in enumerate(_half_spaces(owner), start=1 + _is_in_ball(owner)):
         matrix = np.zeros((4, 4))
         matrix[:3, 3] = matrix[3, :3] = row[:3] / 2
         matrix[3, 3] = -row[3]
@@ -113,13 +126,18 @@ class Names:
         parts: Sequence[Part],
         cells: Sequence[tuple[str | None, Formula | None]],
     ) -> None:
-        self._surfaces = {surface.id: index for index, surface in enumerate(surfaces)}
+        self._surfaces: dict[int | None, Region] = {}
         self._words: dict[str, Region] = {}
-        first = len(surfaces)
-        for part in parts:
-            last = first + function_count(part)
-            inside = tuple(Literal(index, positive=False) for index in range(first, last))
-            self._words[part.name or ""] = inside[0] if len(inside) == 1 else Intersection(inside)
+        first = 0
+        owners: list[Surface | Part] = [*surfaces, *parts]
+        for owner in owners:
+            last = first + function_count(owner)
+            sides = tuple(Literal(index, positive=False) for index in range(first, last))
+            inside = sides[0] if len(sides) == 1 else Intersection(sides)
+            if isinstance(owner, Part):
+                self._words[owner.name or ""] = inside
+            else:
+                self._surfaces[owner.id] = inside
             first = last
         self.regions: list[Region] = []
         for name, formula in cells:
@@ -136,7 +154,10 @@ class Names:
         match formula:
             case Sense(surface, positive):
                 assert isinstance(surface, int)
-                return Literal(self._surfaces[surface], positive)
+                inside = self._surfaces[surface]
+                if isinstance(inside, Literal):
+                    return Literal(inside.surface, positive)
+                return Complement(inside) if positive else inside
             case Name(of):
                 assert isinstance(of, str)
                 return self._words[of]

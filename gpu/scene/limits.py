@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from halfstep.scene.algebraic import Algebraic, HigherShape, ImplicitShape, TorusShape
+from halfstep.scene.algebraic import Algebraic, HigherShape
 from halfstep.scene.bases import BaseSolid
 from halfstep.scene.copies import Layout
 from halfstep.scene.faults import Fault, Loc, show
@@ -67,22 +67,13 @@ def _shapes_of_cells(fragment: Fragment, loc: Loc) -> Iterator[tuple[Loc, Higher
         yield from _shapes_of_cells(group, (*loc, "group", index))
 
 
-def _of_shape(shape: HigherShape, loc: Loc) -> Iterator[Fault]:
-    """Why a surface or part of an order above two cannot bound cells."""
-    if isinstance(shape, ImplicitShape) and shape.sheet:
-        yield (*loc, "sheet"), "true: a part has an inside, and a sheet has none"
-    elif isinstance(shape, ImplicitShape) and not shape.has_polynomial:
-        yield (*loc, "formula"), "it is no polynomial: other formulas cannot bound cells yet"
-    elif isinstance(shape, TorusShape) and not shape.has_polynomial:
-        text = f"{show(shape.minor[0])} is not <= major = {show(shape.major)}: a torus that crosses"
-        yield (*loc, "minor"), f"{text} itself cannot bound cells yet"
-
-
 def limit_faults(scene: Fragment) -> list[Fault]:
     """Faults of a scene whose names are in order: limits, and surfaces that bound no cells."""
     faults = [*_of_group(scene, ())]
     for loc, shape in _shapes_of_cells(scene, ()):
-        faults += _of_shape(shape, loc)
+        given: object = shape
+        if isinstance(given, Algebraic) and given.is_sheet():
+            faults.append(((*loc, "sheet"), "true: a part has an inside, and a sheet has none"))
     count = Layout(scene).count
     if count > MAX_PLACES:
         faults.append(((), f"{count} copies of groups is not <= {MAX_PLACES}"))
@@ -158,7 +149,7 @@ def _of_parts(fragment: Fragment, loc: Loc) -> Iterator[Fault]:
 
 
 def _of_group(fragment: Fragment, loc: Loc) -> Iterator[Fault]:
-    count = len(fragment.surfaces) + sum(map(function_count, fragment.parts))
+    count = sum(map(function_count, (*fragment.surfaces, *fragment.parts)))
     if count > MAX_SURFACES:
         yield loc, f"{count} surfaces, with those of the parts, is not <= {MAX_SURFACES}"
     else:

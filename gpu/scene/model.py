@@ -232,6 +232,8 @@ class Scene(Fragment, _Tables):
                 del material["reflection"]
         if content["image"]["bounces"] == 1:
             del content["image"]["bounces"]
+        if self.image.color_by == "material":
+            del content["image"]["color_by"]
         return _digest({**content, "solid": solids_sha256})
 
     def effective_lights(self) -> tuple[Light, ...]:

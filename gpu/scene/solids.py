@@ -2,20 +2,22 @@
 
 import math
 from abc import ABC
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from halfstep.scene import halfspaces
-from halfstep.scene.algebraic import Algebraic, ImplicitShape, TorusShape
+from halfstep.scene.algebraic import Algebraic, ImplicitKey, ImplicitShape, TorusShape
 from halfstep.scene.bases import BaseSolid, CutSolid
 from halfstep.scene.faults import fault, show
 from halfstep.scene.formula import Operand
+from halfstep.scene.keys import are_in_order
 from halfstep.scene.placement import orientation, tested_axes_of
 from halfstep.scene.shapes import QuadricShape
 from halfstep.scene.values import (
+    MAX_HALF_SPACES,
     Array,
     Coefficients,
     Faces,
@@ -23,6 +25,7 @@ from halfstep.scene.values import (
     Length,
     Lengths,
     Point,
+    Sequence,
     Table,
     Vector,
     made_of_kind,
@@ -252,8 +255,48 @@ class Torus(TorusShape, Algebraic, Part):
     """((√(x² + y²) - major)/across)² + (z/along)² <= 1, minor one number or (across, along)."""
 
 
-class Implicit(ImplicitShape, Part):
-    """formula <= 0 within the bounds, which cut it; as a sheet the surface formula = 0."""
+class Implicit(ImplicitShape, Algebraic, Part):
+    """formula <= 0 within the bounds, which cut it; as a sheet the surface formula = 0.
+
+    Attributes:
+        sheet: whether the surface formula = 0 is shown, from both sides, and no solid.
+    """
+
+    keyframes: Annotated[Sequence[ImplicitKey], AfterValidator(are_in_order)] = Field(
+        default=(), alias="key"
+    )
+    sheet: bool = False
+
+    @field_validator("sheet")
+    @classmethod
+    def _are_few_enough_with_bounds(cls, sheet: bool, info: ValidationInfo) -> bool:
+        ends = sum(info.data.get(key) is not None for key in ("z_min", "z_max"))
+        bounds = info.data.get("bounds")
+        sides = 0 if bounds is None or bounds.radius is not None else 6
+        total = sides + ends + len(info.data.get("cut", ()))
+        if total > MAX_HALF_SPACES:
+            raise fault(f"{total} half-spaces with those of the bounds is not <= {MAX_HALF_SPACES}")
+        return sheet
+
+    def at_rest(self, state: Mapping[str, Any]) -> dict[str, Any]:
+        """What keys say; values of parameters join the solid's other parameters."""
+        parameters = {**self.parameters}
+        parameters |= {name: value for name, value in state.items() if name in parameters}
+        others = {name: value for name, value in state.items() if name not in parameters}
+        return {**others, "parameters": parameters}
+
+    def is_sheet(self) -> bool:
+        """Whether the scene says so."""
+        return self.sheet
+
+    def corners(self) -> Array:
+        """All eight corners of the bounds."""
+        box = np.array(self.box())
+        return box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]].T
+
+    def _rows(self) -> Iterable[HalfSpace]:
+        yield from self.sides()
+        yield from super()._rows()
 
 
 class Bounds(Table):

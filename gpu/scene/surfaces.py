@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 import numpy as np
 from pydantic import Field
 
-from halfstep.scene.algebraic import TorusShape
+from halfstep.scene.algebraic import ImplicitShape, TorusShape
 from halfstep.scene.formula import MAX_ID, Sense
 from halfstep.scene.shapes import Placed, QuadricShape
 from halfstep.scene.solids import QUADRIC_SHAPES
@@ -69,10 +69,15 @@ class TorusSurface(TorusShape, Surface):
     """((√(x² + y²) - major)/across)² + (z/along)² = 1, minor one number or (across, along)."""
 
 
+class ImplicitSurface(ImplicitShape, Surface):
+    """formula = 0 within the bounds; outside of these formula > 0 is taken to hold."""
+
+
 SURFACE_KINDS: tuple[type[Surface], ...] = (
     *(_surface_of(name, shape) for name, shape in QUADRIC_SHAPES.items()),
     PlaneSurface,
     TorusSurface,
+    ImplicitSurface,
 )
 # Pickles find a class by its name.
 globals().update({kind.__name__: kind for kind in SURFACE_KINDS})

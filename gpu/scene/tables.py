@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from halfstep.contract.choices import Method, NumberFormat
+from halfstep.contract.choices import ColorBy, Method, NumberFormat
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, fault, show
 from halfstep.scene.formula import MAX_ID
 from halfstep.scene.placement import PARALLEL_SINE, unit
@@ -85,13 +85,20 @@ class Camera(Table):
 
 
 class Image(Table):
-    """The picture: its size in pixels, k×k samples in a pixel, the colour behind everything."""
+    """Size of the picture in pixels, k×k supersampling, and colours.
+
+    Attributes:
+        background: the colour behind everything.
+        bounces: how often a ray is reflected.
+        color_by: ``place``: every copy of a group gives its cells a colour of its own.
+    """
 
     width: Annotated[int, Field(ge=1, le=MAX_SIDE)] = 640
     height: Annotated[int, Field(ge=1, le=MAX_SIDE)] = 480
     samples: Annotated[int, Field(ge=1, le=8)] = 1
     background: Color = (0.02, 0.02, 0.03)
     bounces: Annotated[int, Field(ge=0, le=8)] = 1
+    color_by: ColorBy = "material"
 
     @field_validator("samples")
     @classmethod

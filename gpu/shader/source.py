@@ -27,7 +27,7 @@ import functools
 from collections.abc import Iterator
 
 from halfstep.contract import program
-from halfstep.contract.classes import SHORT, Class
+from halfstep.contract.classes import SHORT
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
@@ -44,6 +44,7 @@ from halfstep.shader.fetch import (
     SHADOW_RECORDS,
     VEIL_RECORDS,
     fetches,
+    in_textures,
 )
 from halfstep.shader.formulas import formulas
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
@@ -63,6 +64,9 @@ EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
 # The bindings for veils.
 VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
+
+# The type of a binding that is a texture.
+TEXTURE = "texture"
 
 # The constants of `contract.program` that shaders need.
 WORD = (
@@ -184,8 +188,9 @@ def constants(needs: Needs) -> str:
 
 @functools.cache
 def binding_types(needs: Needs) -> dict[int, str]:
-    """wgpu's buffer type of each binding that a shader declares, by number."""
-    records = "uniform" if needs.uniform else "read-only-storage"
+    """wgpu's buffer type of each binding that a shader declares, or ``TEXTURE``, by number."""
+    textures = in_textures(needs)
+    records = "uniform" if needs.uniform else _read_from("solids" in textures)
     types = {0: "uniform", 1: records, 2: records, 3: "read-only-storage", 4: "read-only-storage"}
     if plane_offsets(needs.outputs)["total"]:
         types[5] = "storage"
@@ -196,7 +201,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
     if "image" in needs.outputs:
         types[8] = "uniform"
     if needs.surfaces:  # bound for all shaders of a frame, whether they read it or not
-        types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
+        read_from = [_read_from(name in textures) for name in (*REGION_RECORDS, "programs")]
+        types |= dict(enumerate(read_from, start=9))
     if needs.degree:  # likewise
         types[10 + len(REGION_RECORDS)] = "read-only-storage"
     if needs.pairs:  # likewise
@@ -205,6 +211,10 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[EXPRESSIONS_BINDING] = "read-only-storage"
     types |= dict.fromkeys(_placed(needs), "read-only-storage")
     return types
+
+
+def _read_from(is_texture: bool) -> str:
+    return TEXTURE if is_texture else "read-only-storage"
 
 
 def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
@@ -231,8 +241,8 @@ def bindings(needs: Needs) -> str:
         space = "uniform"
     lines = [
         "@group(0) @binding(0) var<uniform> frame: Frame;",
-        f"@group(0) @binding(1) var<{space}> solids: array<{solid}>;",
-        f"@group(0) @binding(2) var<{space}> half_spaces: array<{half_space}>;",
+        _records(needs, 1, "solids", solid, space),
+        _records(needs, 2, "half_spaces", half_space, space),
         "@group(0) @binding(3) var<storage, read> tiles: array<u32>;",
         "@group(0) @binding(4) var<storage, read> tile_solids: array<u32>;",
     ]
@@ -254,7 +264,7 @@ def bindings(needs: Needs) -> str:
             for name, record in REGION_RECORDS.items()
         }
         lines += [
-            f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;"
+            _records(needs, number, name, type_)
             for number, (name, type_) in enumerate((arrays | {"programs": "u32"}).items(), start=9)
         ]
     if "higher" in needs.facts:
@@ -265,7 +275,7 @@ def bindings(needs: Needs) -> str:
         polynomial = "Polynomial" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
-    if Class.FORMULA in needs.classes:
+    if needs.has_formulas:
         expression = "Expression" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({EXPRESSIONS_BINDING})"
         lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
@@ -273,3 +283,13 @@ def bindings(needs: Needs) -> str:
         type_ = record.name if needs.broadcast == 1 else "vec4<u64>"
         lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
     return "\n".join(lines) + "\n"
+
+
+def _records(
+    needs: Needs, number: int, name: str, element: str, space: str = "storage, read"
+) -> str:
+    """The declaration of an array of records, which may be a texture."""
+    binding = f"@group(0) @binding({number})"
+    if name in in_textures(needs):
+        return f"{binding} var {name}: texture_2d<u32>;"
+    return f"{binding} var<{space}> {name}: array<{element}>;"

@@ -7,13 +7,11 @@ from collections.abc import Collection
 import numpy as np
 
 from halfstep.contract.regions import PackedRegions
-from halfstep.twin.algebraic import world_slope
-from halfstep.twin.cross_higher import higher_surfaces
+from halfstep.twin.cross_higher import higher_slope, higher_surfaces
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import I32, Bools
 from halfstep.twin.normal import Vector, either, gradient
 from halfstep.twin.region import outward, plane_normal, shows_surface
-from halfstep.twin.taylor import slopes_on_rays
 
 
 def painted(old: Nearest, look: np.void, here: Bools, facts: Collection[str]) -> Nearest:
@@ -61,11 +59,8 @@ def finish_region(
                 normal = plane_normal(regions.flat[int(region["flat_start"]) + number])
             elif number in higher:
                 one = higher[number]
-                right = (i - one.higher["center_x"]).astype(np.float32) * one.form["scale"]
-                down = (j - one.higher["center_y"]).astype(np.float32) * one.form["scale"]
-                v = u - one.form["middle"]
-                slopes = slopes_on_rays(one.form["terms"], right, down, v)
-                normal = world_slope(one.form, right, down, v, slopes)
+                right, down = i - one.higher["center_x"], j - one.higher["center_y"]
+                normal = higher_slope(one, right, down, u)
             else:
                 row = int(region["curved_start"]) + number - int(region["planes"])
                 normal = gradient(regions.curved[row]["gradient"], x, y, u)

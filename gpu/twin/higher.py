@@ -19,8 +19,12 @@ before a single cell is not closed, F may have no root in the cell, or two. The 
 behind the cell.
 
 *How many pairs.* A polynomial of degree d has at most d roots, so d // 2 + 1 pairs suffice. For a
-torus two suffice, because F > 0 before and behind it. If rounding makes more pairs, the last pair
-of `perhaps` does not end, and pairs of `surely` are left out.
+torus two suffice, because F > 0 before and behind it. Another formula may have any number, and the
+host decides how many are kept. If there are more pairs, the last pair of `perhaps` does not end,
+and pairs of `surely` are left out.
+
+*Where F has no value.* A cell in which F may have no value opens a stretch that nothing closes.
+Behind it nothing is certain of this surface.
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ import numpy as np
 from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.twin.cells import (
     Cell,
+    Judged,
     Span,
     cells_from,
     judged_of,
@@ -72,6 +77,7 @@ class Trail(NamedTuple):
     perhaps: Ends
     since: I32  # the last sure grid point before the stretch that is open, or `SETTLED`
     was: Bools  # F <= 0 there
+    undefined: Bools  # F may have no value somewhere before
 
 
 def ended(ends: Ends, point: I32, some: Bools) -> Ends:
@@ -91,6 +97,7 @@ def pair_of(ends: Ends, number: int, pairs: int, never: np.int32, reopens: bool)
 
 def closed_trail(old: Trail, last: I32, point: I32, now: Bools, some: Bools) -> Trail:
     """The trail if, after ``last``, the sign is certain again from a grid point on."""
+    some = some & ~old.undefined
     perhaps = ended(old.perhaps, last + 1, some & ~old.was)
     perhaps = ended(perhaps, point, some & ~now)
     surely = ended(old.surely, last + 1, some & old.was)
@@ -113,15 +120,30 @@ def _no_ends(room: int, shape: tuple[int, ...]) -> Ends:
 
 
 def begun_trail(
-    curve: Curve, higher: np.void, some: Bools, room: int, facts: Collection[str]
+    value: F32,
+    error: F32,
+    higher: np.void,
+    at_start: Bools,
+    first: I32,
+    some: Bools,
+    room: int,
+    facts: Collection[str],
 ) -> Trail:
-    """The trail where rays start, in some pixels; in the others F > 0."""
-    start = np.full(some.shape, higher["start"])
-    value = curve_value(curve, start)
+    """The trail where rays start, in some pixels; in the others F > 0.
+
+    Args:
+        value: F there.
+        error: how far that may be off.
+        higher: record of the surface.
+        at_start: rays start where the surface does, not later.
+        first: a grid point before that.
+        some: pixels.
+        room: for so many ends.
+        facts: whether certificates are asked for.
+    """
     eye = int(higher["eye"])
-    from_eye = eye != EYE_UNKNOWN and int(higher["first"]) == 0
-    inside = np.full(some.shape, eye == EYE_INSIDE) if from_eye else value <= 0
-    inside = inside & some
+    from_eye = at_start & (eye != EYE_UNKNOWN and int(higher["first"]) == 0)
+    inside = np.where(from_eye, eye == EYE_INSIDE, value <= 0) & some
     zero, none = np.zeros(some.shape, np.int32), _no_ends(room, some.shape)
     trail = Trail(
         inside,
@@ -130,15 +152,15 @@ def begun_trail(
         none,
         np.full(some.shape, SETTLED),
         np.zeros(some.shape, bool),
+        np.zeros(some.shape, bool),
     )
     if "error" in facts:
-        error = curve_error(curve, np.abs(start - curve.middle))
-        unsure = some & (not from_eye) & (np.abs(value) <= error)
+        unsure = some & ~from_eye & (np.abs(value) <= error)
         sure = inside & ~unsure
         trail = trail._replace(
             surely=ended(none, zero, sure),
             perhaps=ended(none, zero, sure),
-            since=np.where(unsure, np.int32(-1), SETTLED),
+            since=np.where(unsure, first - np.int32(1), SETTLED),
         )
     return trail
 
@@ -197,18 +219,13 @@ class Quest(NamedTuple):
 
 def tried_search(
     old: Quest,
-    seen: Curve,
-    start: F32,
+    span: Span,
+    judged: Judged,
     stop: F32,
     steps: int,
-    last_step: np.float32,
     facts: Collection[str],
 ) -> Quest:
-    """A search that has tried one more cell for a root of ``seen``, which is F or -F."""
-    span = span_of(old.cell, start, stop, last_step)
-    m = span.middle - seen.middle
-    off = curve_error(seen, np.abs(m) + span.half)
-    judged = judged_of(about(seen.powers, m, span.half), off)
+    """A search that has tried one more cell, ``span``, for a root of what ``judged`` is of."""
     cell = next_cell(old.cell, span, judged, stop, steps)
     clocks = old.clocks - old.cell.going
     spent = cell.going & (clocks <= 0)
@@ -219,48 +236,67 @@ def tried_search(
     real = going & (span.high > span.low)
     passed = real & judged.passed
     single = np.where(going, real & judged.single & ~judged.passed, old.single)
-    proven = np.where(going, leaf & judged.below, old.proven)
-    settles = passed & (trail.since != SETTLED)
+    proven = np.where(going, leaf & judged.below & judged.defined, old.proven)
+    settles = passed & judged.defined & (trail.since != SETTLED)
     trail = closed_trail(trail, trail.since, old.cell.first, trail.inside, settles)
     lost = real & ~passed & ~cell.met & (leaf | judged.vague)
-    trail = opened_trail(opened_trail(trail, old.cell.first, lost), cell.first, spent)
+    unknown = real & ~judged.defined & (passed | leaf)
+    trail = opened_trail(trail, old.cell.first, lost | unknown)
+    trail = opened_trail(trail, cell.first, spent)
+    trail = trail._replace(undefined=trail.undefined | unknown)
     return Quest(trail, left, clocks, single, proven)
 
 
 def rooted_search(
     old: Quest,
-    seen: Curve,
-    start: F32,
+    leaf: I32,
+    held: I32,
+    following: I32,
     stop: F32,
     steps: int,
     last_step: np.float32,
     facts: Collection[str],
 ) -> Quest:
-    """A search that halves the cell for its root of ``seen``, and then goes on behind the root."""
+    """A search that has found a root in its cell, which goes on behind it.
+
+    Args:
+        old: the search.
+        leaf: where halvings of the cell end.
+        held: so many leaves about it have the root, as of `room_about`.
+        following: the leaf behind the cell.
+        stop: where it ends.
+        steps: n.
+        last_step: 2^-n.
+        facts: whether certificates are asked for.
+    """
     met, first = old.cell.met, old.cell.first
-    whole = span_of(old.cell, start, stop, last_step)
-    found, middle = old.cell, np.full(met.shape, seen.middle)
-    for _ in range(steps):
-        if not (met & (found.size > 0)).any():
-            break
-        found = narrowed(seen.powers, middle, start, stop, found, last_step)
-    leaf = found.first
     trail = old.trail._replace(found=ended(old.trail.found, leaf + 1, met))
     if "error" in facts:
-        room = room_about(seen, leaf, whole, last_step)
-        near = old.single & (room >= 0)
+        near = old.single & (held >= 0)
         is_open = trail.since != SETTLED
-        last = np.where(near, np.maximum(leaf - room, first), first)
-        point = np.where(near, np.minimum(leaf + 1 + room, whole.following), whole.following)
+        last = np.where(near, np.maximum(leaf - held, first), first)
+        point = np.where(near, np.minimum(leaf + 1 + held, following), following)
         last = np.where(is_open, trail.since, last)
-        point = np.where(is_open, whole.following, point)
+        point = np.where(is_open, following, point)
         trail = opened_trail(trail, first, met)
         sure = met & (old.single | old.proven)
         trail = closed_trail(trail, last, point, ~trail.inside, sure)
     return old._replace(
         trail=trail._replace(inside=trail.inside ^ met),
-        cell=cell_behind(old.cell, whole.following, stop, steps, last_step),
+        cell=cell_behind(old.cell, following, stop, steps, last_step),
     )
+
+
+def ended_search(old: Quest, facts: Collection[str]) -> Trail:
+    """What is known where a search ends."""
+    trail = old.trail
+    if "error" in facts:
+        trail = opened_trail(trail, old.cell.first, old.cell.going)
+        left_open = trail.since != SETTLED
+        perhaps = ended(trail.perhaps, trail.since + 1, left_open & ~trail.was)
+        surely = ended(trail.surely, trail.since + 1, left_open & trail.was)
+        trail = trail._replace(perhaps=perhaps, surely=surely)
+    return trail
 
 
 def all_crossed(
@@ -285,23 +321,31 @@ def all_crossed(
     """
     start = np.full(some.shape, higher["start"])
     stop = np.full(some.shape, higher["stop"])
-    cell = cells_from(np.full(some.shape, higher["first"], np.int32), some, steps)
+    value, error = curve_value(curve, start), curve_error(curve, np.abs(start - curve.middle))
     never = np.zeros(some.shape, bool)
+    first = np.zeros(some.shape, np.int32)
+    trail = begun_trail(value, error, higher, ~never, first, some, room, facts)
+    cell = cells_from(first + higher["first"], some, steps)
     pairs = int(higher["pairs"])
-    clocks = np.full(some.shape, np.int32(CLOCKS * pairs))
-    search = Quest(begun_trail(curve, higher, some, room, facts), cell, clocks, never, never)
+    search = Quest(trail, cell, first + np.int32(CLOCKS * pairs), never, never)
     for _ in range(2 * pairs + 1):
         seen = opposite(search.trail.inside, curve)
         while search.cell.going.any():
-            search = tried_search(search, seen, start, stop, steps, last_step, facts)
-        if not search.cell.met.any():
+            span = span_of(search.cell, start, stop, last_step)
+            m = span.middle - seen.middle
+            off = curve_error(seen, np.abs(m) + span.half)
+            judged = judged_of(about(seen.powers, m, span.half), off)
+            search = tried_search(search, span, judged, stop, steps, facts)
+        found = search.cell
+        if not found.met.any():
             break
-        search = rooted_search(search, seen, start, stop, steps, last_step, facts)
-    trail = search.trail
-    if "error" in facts:
-        trail = opened_trail(trail, search.cell.first, search.cell.going)
-        left_open = trail.since != SETTLED
-        perhaps = ended(trail.perhaps, trail.since + 1, left_open & ~trail.was)
-        surely = ended(trail.surely, trail.since + 1, left_open & trail.was)
-        trail = trail._replace(perhaps=perhaps, surely=surely)
-    return trail
+        whole = span_of(found, start, stop, last_step)
+        middle = np.full(some.shape, seen.middle)
+        for _ in range(steps):
+            if not (found.met & (found.size > 0)).any():
+                break
+            found = narrowed(seen.powers, middle, start, stop, found, last_step)
+        leaf = found.first
+        held = room_about(seen, leaf, whole, last_step) if "error" in facts else leaf
+        search = rooted_search(search, leaf, held, whole.following, stop, steps, last_step, facts)
+    return ended_search(search, facts)

@@ -18,8 +18,7 @@ from halfstep.twin.certify_region import (
 )
 from halfstep.twin.chosen import Chosen
 from halfstep.twin.cross import crossed, doubted, line_crossed
-from halfstep.twin.cross_higher import higher_surfaces, keeps_side, kept_ends
-from halfstep.twin.higher import all_crossed, higher_curve, is_about
+from halfstep.twin.cross_higher import higher_crossed, higher_surfaces, keeps_side, kept_ends
 from halfstep.twin.lanes import I32
 from halfstep.twin.normal import NO_VECTOR
 from halfstep.twin.region import is_within, position_before, shows_surface
@@ -71,10 +70,10 @@ def visit_region(
     higher = higher_surfaces(region, solid, regions)
     column, row = x + solid["center_x"], y + solid["center_y"]
     trails = [
-        all_crossed(
-            higher_curve(one.form, column - one.higher["center_x"], row - one.higher["center_y"]),
-            one.higher,
-            is_about(one.form, column - one.higher["center_x"], row - one.higher["center_y"]),
+        higher_crossed(
+            one,
+            column - one.higher["center_x"],
+            row - one.higher["center_y"],
             steps,
             solid["last_step"],
             2 * regions.pairs,
