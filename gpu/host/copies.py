@@ -28,12 +28,10 @@ from halfstep.host.forms import (
     quadric_value,
 )
 from halfstep.host.higher_rays import HigherOnRays
-from halfstep.host.regions import Regions
+from halfstep.host.regions import MANY, Regions
 
 # Surfaces that are computed at once: more make NumPy wait for memory.
 CHUNK = 4000
-# Groups that have so many copies are computed a surface at a time.
-ALIKE = 64
 
 
 # Of an array, as it takes them.
@@ -153,7 +151,7 @@ def _batches(
     Where a group has many copies, a batch is one surface of many, and its matrix is there once.
     """
     start = np.searchsorted(owner, np.arange(len(program)))
-    often = np.bincount(program, minlength=len(regions.programs)) >= ALIKE
+    often = np.bincount(program, minlength=len(regions.programs)) >= MANY
     rest = ~often[program][owner]
     for kind in (True, False):
         own = np.flatnonzero(rest & (is_plane == kind))

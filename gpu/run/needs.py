@@ -40,6 +40,7 @@ def needs_of(
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(max(regions.most_surfaces, before_lights)),
         levels=0 if regions is None else max(regions.levels, 0 if veils is None else veils.levels),
+        known=lists.known,
         hidden=regions is not None and regions.has_hidden,
         pairs=0 if regions is None else regions.pairs,
         degree=0 if packed.polynomials is None else packed.polynomials.degree,

@@ -138,6 +138,9 @@ def _visits(needs: Needs) -> Iterator[str]:
     for klass in needs.classes:
         visit = VISITS[needs.method, klass]
         words = {"WORDS": visit.words}
+        if klass == Class.REGION_KNOWN:
+            known = needs.known or program.NOTHING_KNOWN
+            words = {"WORDS": len(known.words), "flats": known.planes, "curves": known.quadrics}
         text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads, words)
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
 
@@ -146,6 +149,7 @@ def constants(needs: Needs) -> str:
     """Constants that depend on the frame and the device. A shader keeps those that it uses."""
     across = TILE // (LANES * needs.quads)
     halvings = needs.format.article_run if needs.method == "article" else needs.format.run
+    known = needs.known or program.NOTHING_KNOWN
     numbers = {
         "WORKGROUP": across * TILE,
         "BLOCKS": across,  # of a row of a tile
@@ -157,6 +161,8 @@ def constants(needs: Needs) -> str:
         "CROSSINGS": needs.surfaces * (3 if "error" in needs.facts else 1),
         "LEVELS": needs.levels,
         "WORDS": max(SHORT.values()),
+        "KNOWN_PLANES": known.planes,
+        "KNOWN_QUADRICS": known.quadrics,
         "DEGREE": needs.degree,
         "TERMS": term_count(needs.degree),
         "PAIRS": needs.pairs,
