@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import halfstep
+from halfstep.contract.classes import Class
 from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.host import excerpts
@@ -21,6 +22,7 @@ from halfstep.host.numbers import numbers_of
 from halfstep.host.prepare import prepare
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
+from halfstep.shader.needs import Needs
 from tests.region_oracle import holds, truth
 from tests.test_boxes import plain, random_region, random_surface
 
@@ -326,6 +328,75 @@ def test_a_fault_in_the_kernel_is_seen(
     assert differing(
         scene, ("image", "normal", "cell", "surface", "depth_exit"), adapter=adapter.summary.index
     )
+    assert any(old in text for text in texts)
+
+
+# ---------------------------------------------------------------------- a group of many copies
+
+
+def forest(side: int = 9) -> Scene:
+    """Copies of a group of two planes, a sphere and two cylinders, in two cells."""
+    surfaces = [
+        {"id": 1, "kind": "cylinder", "radius": 0.3},
+        {"id": 2, "kind": "cylinder", "radius": 0.45},
+        {"id": 3, "kind": "plane", "origin": [0, 0, -2]},
+        {"id": 4, "kind": "plane", "axis": [0.1, 0.2, 1], "origin": [0, 0, 2]},
+        {"id": 5, "kind": "sphere", "radius": 2.2},
+    ]
+    cells = [
+        {"name": "core", "region": "-1 3 -5", "material": "brass"},
+        {"name": "wall", "region": "1 -2 3 -4", "color": [0.3, 0.5, 0.7]},
+    ]
+    shape = [side, side]
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [7, -9, 8], "look_at": [0, 0, 0], "fov_degrees": 45},
+            "accuracy": {"steps": 12},
+            "light": [LIGHT],
+            "material": [{"name": "brass", "color": [0.8, 0.6, 0.2], "specular": 0.3}],
+            "group": [{"name": "tree", "surface": surfaces, "cell": cells}],
+            "lattice": [
+                {"kind": "rectangular", "pitch": [1.1, 1.1], "shape": shape, "group": "tree"}
+            ],
+        }
+    )
+
+
+SEEN = ("image", "normal", "depth", "cell", "surface", "place")
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+def test_a_program_that_the_shader_knows_gives_the_bits_of_the_twin(
+    number_format: str, composed: list[Needs]
+) -> None:
+    assert differing(forest(), SEEN, number_format=number_format) == []
+    assert any(needs.known and Class.REGION_KNOWN in needs.classes for needs in composed)
+
+
+def test_a_program_is_known_of_many_copies_alone() -> None:
+    for side, is_known in ((9, True), (7, False)):
+        packed = prepare(with_overrides(forest(side), size=SIZE))
+        lists = excerpts.lists_of(packed, 0, SIZE[1], frozenset({"image"}))
+        assert (lists.known is not None) == (Class.REGION_KNOWN in lists.classes) == is_known
+        # Bounds and what lies behind the first point are found by the code for all programs.
+        for output in ("error", "exit", "overlap", "gap"):
+            assert excerpts.lists_of(packed, 0, SIZE[1], frozenset({output})).known is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("const KNOWN_PLANES: u32 = 2u;", "const KNOWN_PLANES: u32 = 1u;"),
+        ("return array<u32, 8>(", "return array<u32, 8>(1u + "),
+    ],
+)
+def test_a_fault_in_a_known_program_is_seen(
+    old: str, new: str, adapter: Adapter, plant: Callable[[str, str], list[str]]
+) -> None:
+    texts = plant(old, new)
+    assert differing(forest(), ("image",), adapter=adapter.summary.index)
     assert any(old in text for text in texts)
 
 

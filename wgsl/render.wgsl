@@ -64,6 +64,11 @@ fn row_of(tile: Tile, entry: u32) -> u32 {
     let end = tile.starts[LIST_REGION_8 + 1u];
     is_region = is_region | ((entry >= first) & (entry < end));
   }
+  {  //? list_region_known
+    let first = tile.starts[LIST_REGION_KNOWN];
+    let end = tile.starts[LIST_REGION_KNOWN + 1u];
+    is_region = is_region | ((entry >= first) & (entry < end));
+  }
   return select(member, region_at(select(0u, member, is_region)).solid, is_region);
 }
 
@@ -228,6 +233,20 @@ fn render(
       // each quad
       x_0 = i_0 - i4(solid.center_x);
       visit_region_8(number, region, solid, j - solid.center_y);
+      keep_block(solid);
+      entry = next_entry(entry + 1u, end, j) - 1u;
+    }
+  }
+  {  //? list_region_known
+    let end = tile.starts[LIST_REGION_KNOWN + 1u];
+    let first = next_entry(tile.starts[LIST_REGION_KNOWN], end, j);
+    for (var entry = first; entry < end; entry++) {
+      let number = tile_solids[entry];
+      let region = region_at(number);
+      let solid = placed_at(region.solid);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region_known(number, region, solid, j - solid.center_y);
       keep_block(solid);
       entry = next_entry(entry + 1u, end, j) - 1u;
     }

@@ -132,6 +132,10 @@ VISITS = {
         for method in ("visible", "article")
         for klass, words in SHORT.items()
     },
+    **{
+        (method, Class.REGION_KNOWN): _visit("visit_short", "known")
+        for method in ("visible", "article")
+    },
 }
 
 # The facts that marks in WGSL files and the twin ask for, with their meaning.
@@ -155,6 +159,7 @@ FACTS = {
     "ball": "a bounding ball cuts a solid that has a polynomial or a formula",
     "formula": "the solid has a formula that is not a polynomial",
     "regions": "tiles may see a copy of a group of cells",
+    "known": "the shader knows the program of the copy",
     "opened": "rays may start inside the solid",
     "higher": "a copy of a group has a surface of an order above two",
     "higher_polynomial": "such a surface is a polynomial",

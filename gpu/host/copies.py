@@ -28,12 +28,10 @@ from halfstep.host.forms import (
     quadric_value,
 )
 from halfstep.host.higher_rays import HigherOnRays
-from halfstep.host.regions import Regions
+from halfstep.host.regions import MANY, Regions
 
 # Number of surfaces that are computed at once; with more, NumPy waits for memory.
 CHUNK = 4000
-# A group with at least so many copies is computed a surface at a time.
-ALIKE = 64
 
 
 # Indices of an array.
@@ -153,7 +151,7 @@ def _batches(
     If a group has many copies, a batch is one surface of many copies, with one matrix.
     """
     start = np.searchsorted(owner, np.arange(len(program)))
-    often = np.bincount(program, minlength=len(regions.programs)) >= ALIKE
+    often = np.bincount(program, minlength=len(regions.programs)) >= MANY
     rest = ~often[program][owner]
     for kind in (True, False):
         own = np.flatnonzero(rest & (is_plane == kind))

@@ -19,7 +19,7 @@ from halfstep.contract.arrays import U32, Bools, Ints
 from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
-from halfstep.contract.program import GROUP
+from halfstep.contract.program import GROUP, Known
 from halfstep.contract.regions import PackedRegions
 from halfstep.errors import SceneError
 from halfstep.host.copies import Copies
@@ -55,6 +55,7 @@ class Lists(NamedTuple):
     starts: U32  # as from `tiles.tile_lists`
     members: U32
     regions: PackedRegions | None
+    known: Known | None = None  # the program of the class REGION_KNOWN, if that is among them
 
 
 def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str]) -> Lists:
@@ -89,7 +90,11 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     first, record = _distinct(found[:, some])
     places = entry[some]
     lengths = written.lengths[found[1, some]]
-    classes, slot[places] = _short(packed, outputs, tile[places], slot[places], lengths)
+    is_known = found[1, some] == written.known_row
+    known = _known(copies.regions.commonest)
+    classes, slot[places] = _short(
+        packed, outputs, tile[places], slot[places], lengths, known, is_known
+    )
     regions = written.regions(found[:, some[first]])
     # Each list of regions goes from front to back, so that later regions are often hidden.
     keys = joined_key(regions.records["near_high"], regions.records["near_low"])
@@ -105,7 +110,19 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     tiles = (len(starts) - 1) // len(packed.present)
     counts = np.bincount(lists[kept], minlength=tiles * len(classes))
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
-    return Lists(classes, starts, members[kept][order], regions)
+    known = known if Class.REGION_KNOWN in classes else None
+    return Lists(classes, starts, members[kept][order], regions, known)
+
+
+def _known(program: Program | None) -> Known | None:
+    """A program as a shader may know it; None if it is not short, or has what short ones lack."""
+    if program is None or program.higher or program.formula.hidden.any():
+        return None
+    whole = program.formula.whole
+    if whole.levels > 1 or len(whole.words) > max(SHORT.values()):
+        return None
+    planes = int(np.searchsorted(whole.surfaces, program.planes))
+    return Known(tuple(whole.words.tolist()), planes, len(whole.surfaces) - planes)
 
 
 def _short(
@@ -114,11 +131,14 @@ def _short(
     tile: Ints,
     slot: Ints,
     lengths: Ints,
+    known: Known | None,
+    is_known: Bools,
 ) -> tuple[Classes, Ints]:
     """The classes of the lists, and the class of each tile's list of regions.
 
     A tile that sees only short programs has a class for these, if all cells are shown and no output
-    depends on surfaces behind the first point.
+    depends on surfaces behind the first point. A tile that sees only the known program has a class
+    for that one.
 
     Args:
         packed: the frame.
@@ -126,18 +146,25 @@ def _short(
         tile: (P,), tile of each entry in a list of regions.
         slot: (P,), index of the list.
         lengths: (P,), length of the entry's program.
+        known: the program that shaders may know.
+        is_known: (P,), whether the entry's program is that one.
     """
     present = packed.present
     room = MOST_CLASSES - len(present)
     if present[-1] != Class.REGION or not room or outputs & LOOKING_BEHIND or "error" in outputs:
         return present, slot
-    short = [*SHORT][-room:]
+    added = [*SHORT, *([] if known is None else [Class.REGION_KNOWN])][-room:]
+    short = [klass for klass in added if klass in SHORT]
     longest = np.zeros(tile.max(initial=0) + 1, np.int64)
     np.maximum.at(longest, tile, lengths)
     sizes = np.array([SHORT[klass] for klass in short])
     which = np.searchsorted(sizes, longest[tile])
     is_long = which == len(sizes)
-    return (*present, *short), np.where(is_long, slot, len(present) + which)
+    found = np.where(is_long, slot, len(present) + which)
+    if known is not None:
+        others = np.bincount(tile[~is_known], minlength=len(longest))[tile] > 0
+        found = np.where(others, found, len(present) + len(short))
+    return (*present, *added), found
 
 
 def _found(
@@ -297,6 +324,8 @@ class _Written:
         assert packed.regions is not None
         self._packed, self._copies = packed, copies
         self._blocks: list[_Block] = []
+        # The row of the commonest program as a whole, -1 where no tile tries that.
+        self.known_row = -1
 
     def add_all(self, number: int, left: _Left) -> Ints:
         """Rows (P,) of the excerpts of a program in P tiles, -1 if nothing is left."""
@@ -318,8 +347,11 @@ class _Written:
 
     def add_whole(self, number: int) -> int:
         """The row of the whole program as an excerpt."""
-        formula = self._copies.regions.programs[number].formula
-        return self._add(number, b"", lambda: formula.whole)
+        program = self._copies.regions.programs[number]
+        row = self._add(number, b"", lambda: program.formula.whole)
+        if program is self._copies.regions.commonest:
+            self.known_row = row
+        return row
 
     def _add(self, number: int, key: bytes, excerpt: Callable[[], Excerpt]) -> int:
         """The row of an excerpt of a program, kept from frame to frame by its key."""

@@ -52,6 +52,8 @@ SIGN = 2.0**-20
 PADDING = 2.0**-20
 # Limit of the distinct surfaces of a group.
 MOST_SURFACES = 4096
+# Copies of a group, if they are so many that it pays to make ready what is theirs alone.
+MANY = 64
 # Stands for the material of a copy of a group.
 NO_MATERIAL = Material(name="none", color=(0.0, 0.0, 0.0))
 _UPPER = np.triu_indices(4)
@@ -257,6 +259,13 @@ class Regions:
     def count(self) -> int:
         """Number of copies I."""
         return len(self.of)
+
+    @functools.cached_property
+    def commonest(self) -> Program | None:
+        """The program that most copies have, if these are many."""
+        counts = np.bincount(self.of)
+        number = int(counts.argmax())
+        return self.programs[number] if counts[number] >= MANY else None
 
     @functools.cached_property
     def first_surface(self) -> Ints:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.classes import SHORT, Class
+from halfstep.contract.classes import BEHIND_REGION, Class
 from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.host.pack import Packed
 from halfstep.host.reach import Reach, squares_of
@@ -110,7 +110,7 @@ def tile_groups(
 
 def _draws(known: Classes, klass: Class) -> bool:
     """Whether a shader that knows some classes can draw another one."""
-    return klass in known or (klass in SHORT and Class.REGION in known)
+    return klass in known or (klass in BEHIND_REGION and Class.REGION in known)
 
 
 def frequent_sets(starts: U32, classes: Classes, whole: Classes) -> list[Classes]:

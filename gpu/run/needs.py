@@ -47,6 +47,7 @@ def needs_of(
         levels=0 if regions is None else max(regions.levels, 0 if veils is None else veils.levels),
         hidden=(regions is not None and regions.has_hidden)
         or (veils is not None and veils.has_hidden),
+        known=lists.known,
         pairs=0 if regions is None else regions.pairs,
         curved=bool((is_formula == 0).any()),
         other=bool((is_formula == 1).any()),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from halfstep.contract.arrays import U32
+from halfstep.contract.classes import Class
 from halfstep.device.handles import GpuDevice
 from halfstep.host.tiles import Classes, frequent_sets
 from halfstep.shader.needs import Needs
@@ -55,7 +56,9 @@ class Shaders:
     def pipeline(self, classes: Classes) -> object:
         """The compiled shader for these classes."""
         if classes not in self._pipelines:
-            needs = replace(self.needs, classes=classes)
+            # Shaders that do not know the program are those of other scenes, too.
+            known = self.needs.known if Class.REGION_KNOWN in classes else None
+            needs = replace(self.needs, classes=classes, known=known)
             self._pipelines[classes] = self._store.pipeline(needs, self.layout)
         return self._pipelines[classes]
 

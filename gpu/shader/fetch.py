@@ -39,7 +39,7 @@ from halfstep.contract.layout import (
     Record,
 )
 from halfstep.contract.powers import term_count
-from halfstep.contract.program import GROUP
+from halfstep.contract.program import GROUP, NOTHING_KNOWN
 from halfstep.shader.needs import Needs
 
 # Bytes that an invocation loads at once: four 64-bit integers, which take as many loads as four
@@ -133,7 +133,8 @@ def fetches(needs: Needs) -> str:
             _record_at(needs, CURVED, "curves", "bent", ("gradient",)),
             _record_at(needs, APPEARANCE, "appearances", "appearance"),
         ]
-        functions += [_words_at(needs), _anywhere(needs), _least_number(needs)]
+        functions += [_words_at(needs), _known_words(needs)]
+        functions += [_anywhere(needs), _least_number(needs)]
     elif "mirrors" in needs.facts:
         functions.append(_anywhere(needs))
     if "higher" in needs.facts:
@@ -215,6 +216,20 @@ fn short_words_at(number: u32, end: u32) -> array<u32, {most}> {{
   let count = (end - number) * {GROUP}u;
 {short.replace("return", "let words =")}  return array<u32, {most}>(
 {words}  );
+}}
+"""
+
+
+def _known_words(needs: Needs) -> str:
+    """The function for the words of the known program."""
+    known = needs.known or NOTHING_KNOWN
+    most = max(SHORT.values())
+    words = [*known.words, *[0] * (most - len(known.words))]
+    listed = "".join(f"    {word}u,\n" for word in words)
+    return f"""// The words of the known program, and zeros behind them.
+fn known_words() -> array<u32, {most}> {{
+  return array<u32, {most}>(
+{listed}  );
 }}
 """
 

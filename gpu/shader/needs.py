@@ -10,6 +10,7 @@ from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.expressions import Program
 from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
+from halfstep.contract.program import Known
 from halfstep.contract.shadows import GROUP
 
 # If a scene has at most this many surfaces, a surface number fits a byte, the tag.
@@ -50,6 +51,7 @@ class Needs:
     uniform: bool = False
     surfaces: int = 0  # the most surfaces of a region, or a little more
     levels: int = 0  # the most levels that a region's program opens at once
+    known: Known | None = None  # the program that a shader of the class REGION_KNOWN knows
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest degree of a polynomial in the scene
     pairs: int = 0  # the most pairs of ends of a surface of a region of an order above two

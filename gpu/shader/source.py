@@ -138,6 +138,9 @@ def _visits(needs: Needs) -> Iterator[str]:
     for klass in needs.classes:
         visit = VISITS[needs.method, klass]
         words = {"WORDS": visit.words}
+        if klass == Class.REGION_KNOWN:
+            known = needs.known or program.NOTHING_KNOWN
+            words = {"WORDS": len(known.words), "flats": known.planes, "curves": known.quadrics}
         text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads, words)
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
 
@@ -146,6 +149,7 @@ def constants(needs: Needs) -> str:
     """Constants that depend on the frame and the device. A shader keeps those that it uses."""
     across = TILE // (LANES * needs.quads)
     halvings = needs.format.article_run if needs.method == "article" else needs.format.run
+    known = needs.known or program.NOTHING_KNOWN
     crossings = needs.surfaces * (3 if "error" in needs.facts else 1)
     numbers = {
         "WORKGROUP": (across * TILE, "invocations of a workgroup, which renders a tile"),
@@ -158,6 +162,8 @@ def constants(needs: Needs) -> str:
         "CROSSINGS": (crossings, "the most crossings of a region"),
         "LEVELS": (needs.levels, "the most levels that a program opens at once"),
         "WORDS": (max(SHORT.values()), "the most words of a short program"),
+        "KNOWN_PLANES": (known.planes, "planes of the program that this shader holds"),
+        "KNOWN_QUADRICS": (known.quadrics, "quadrics of that program"),
         "DEGREE": (needs.degree, "the highest degree of a polynomial"),
         "TERMS": (term_count(needs.degree), "terms of a polynomial"),
         "PAIRS": (needs.pairs, "the most pairs of ends of a surface of an order above two"),
