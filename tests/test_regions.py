@@ -416,7 +416,7 @@ def test_a_fault_in_overlaps_and_gaps_is_seen(
     texts = plant(old, new)
     scene = Scene.from_dict(TWO_CELLS)
     assert differing(scene, ("overlap", "gap"), adapter=adapter.summary.index)
-    assert all(old in text for text in texts)
+    assert any(old in text for text in texts)
 
 
 @pytest.mark.parametrize(

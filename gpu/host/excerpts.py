@@ -8,6 +8,7 @@ where nothing of a copy can be seen leaves the copy out.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -24,6 +25,7 @@ from halfstep.contract.regions import PackedRegions
 from halfstep.errors import SceneError
 from halfstep.host.copies import Copies
 from halfstep.host.formulas import Decided, Excerpt
+from halfstep.host.hidden import Hiding
 from halfstep.host.pack import MOST_CLASSES, Packed
 from halfstep.host.reach import squares_of
 from halfstep.host.regions import Program
@@ -32,8 +34,8 @@ from halfstep.host.tiles import Classes, tile_lists
 
 # A copy has excerpts if its surfaces times its tiles reach this number. Below it, excerpts cost the
 # host more than they save the device.
-LEAST_TESTS = 512
-# About so many of the largest blocks lie across a copy. A block is halved twice at once.
+LEAST_TESTS = 64
+# The largest blocks: about this many lie across a copy. A block is halved twice at once.
 FIRST_BLOCKS, HALVED = 4, 2
 # A copy has excerpts in any case if its group has more surfaces than this.
 MOST_WHOLE = 16
@@ -77,14 +79,25 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     lists = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     tile, slot = np.divmod(lists, len(packed.present))
     entry = np.flatnonzero(np.isin(packed.present, (Class.REGION, Class.REGION_INSIDE))[slot])
-    row = members[entry]
+    kept = np.ones(len(members), bool)
+    kept[entry] = False
     which = np.full(packed.setup.count, -1)
     which[copies.row] = np.arange(len(copies.row))
+    copy = which[packed.order[members[entry]]]
     y, x = np.divmod(tile[entry], -(-packed.setup.view.width // TILE))
-    blocks = _Blocks(which[packed.order[row]], x, y + first_row // TILE)
+    records = packed.regions.records
+    first, last = (records[name][copy].astype(np.int64) for name in ("first", "last"))
+    blocks = _Blocks(copy, x, y + first_row // TILE, first, last)
+    leaving = not outputs.isdisjoint(LOOKING_BEHIND)
+    # What is hidden or not there may still tell how sure others are.
+    if not leaving and "error" not in outputs:
+        hiding = Hiding(packed, copies)
+        blocks = _Blocks(*blocks[:3], *hiding.stretch(*blocks))
+        met = np.flatnonzero(blocks.first <= blocks.last)
+        some = met[hiding.seen(tile[entry[met]], *blocks.take(met)[:4])]
+        blocks, entry = blocks.take(some), entry[some]
 
     written = _Written(packed, copies)
-    leaving = not outputs.isdisjoint(LOOKING_BEHIND)
     found = _found(packed, copies, blocks, written, leaving)
     some = np.flatnonzero(found[1] >= 0)
     first, record = _distinct(found[:, some])
@@ -99,8 +112,6 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     # Each list of regions goes from front to back, so that later regions are often hidden.
     keys = joined_key(regions.records["near_high"], regions.records["near_low"])
     lists = tile * len(classes) + slot
-    kept = np.ones(len(members), bool)
-    kept[entry] = False
     kept[places] = True
     depth = np.zeros(len(members), np.uint64)
     depth[places] = keys[record]
@@ -184,7 +195,8 @@ def _found(
     programs = copies.regions.of[copies.copy]
     surfaces = copies.regions.surface_count[programs]
     is_large = (across * down * surfaces >= LEAST_TESTS) | (surfaces > MOST_WHOLE)
-    widest = np.maximum(across, down) * is_large
+    # Of each copy about so many tiles are left along a side of what is seen of it.
+    widest = np.sqrt(np.bincount(tiles.copy, minlength=len(programs)) * is_large)
     for number in np.unique(programs[tiles.copy]).tolist():
         program = copies.regions.programs[number]
         own = programs[tiles.copy] == number
@@ -193,7 +205,7 @@ def _found(
         if len(small):
             found[1, small] = written.add_whole(number)
         if len(large):
-            levels = _levels(int(widest[programs == number].max()))
+            levels = _levels(math.ceil(widest[programs == number].max()))
             rest = _left(packed, copies, program, tiles.take(large), levels, leaving)
             found[1:, large] = written.add_all(number, rest), rest.first, rest.last
     return found
@@ -216,6 +228,8 @@ class _Blocks(NamedTuple):
     copy: Ints
     x: Ints  # number of the block from the left
     y: Ints  # and from the top of the picture
+    first: Ints  # grid points of rays between which it may be
+    last: Ints
 
     def take(self, places: Ints) -> _Blocks:
         return _Blocks(*(part[places] for part in self))
@@ -224,8 +238,11 @@ class _Blocks(NamedTuple):
         """The blocks of a higher level that contain these, and the index of each one's block."""
         x, y = self.x >> level, self.y >> level
         key = (self.copy << 40) | (y << 20) | x
-        _, first, which = np.unique(key, return_index=True, return_inverse=True)
-        return _Blocks(self.copy[first], x[first], y[first]), which
+        _, place, which = np.unique(key, return_index=True, return_inverse=True)
+        first, last = self.first[place], self.last[place]
+        np.minimum.at(first, which, self.first)
+        np.maximum.at(last, which, self.last)
+        return _Blocks(self.copy[place], x[place], y[place], first, last), which
 
 
 def _levels(across: int) -> list[int]:
@@ -244,15 +261,14 @@ def _left(
 ) -> _Left:
     """The rest of a program in each of the tiles, each of which has one copy."""
     assert packed.regions is not None
-    setup, formula, records = packed.setup, program.formula, packed.regions.records
+    setup, formula = packed.setup, program.formula
     # If rays start outside of all cells, nothing is seen behind the first piece that is in a cell.
     opened = leaving | setup.eye_inside | setup.near_cut
     cut = ~opened[copies.row]
     first_surface = np.searchsorted(copies.owner, np.arange(len(copies.row)))
 
     blocks, of = tiles.joined(levels[0])
-    first, last = (records[name][blocks.copy].astype(np.int64) for name in ("first", "last"))
-    rays = Rays(first, last, packed.steps.count[copies.row][blocks.copy])
+    rays = Rays(blocks.first, blocks.last, packed.steps.count[copies.row][blocks.copy])
     asked = np.ones((program.count, len(blocks.copy)), bool)
     known: Decided | None = None
     for level in levels:
@@ -261,7 +277,8 @@ def _left(
             parent = np.empty(len(finer.copy), np.int64)
             parent[within] = of
             known = known.at(parent)
-            blocks, of, asked, rays = finer, within, asked[:, parent], rays.at(parent)
+            blocks, of, asked = finer, within, asked[:, parent]
+            rays = rays.at(parent).between(finer.first, finer.last)
         surface, block = np.nonzero(asked)
         side = TILE << level
         squares = squares_of(setup, copies.row[blocks.copy], blocks.x * side, blocks.y * side, side)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.boxes import box_of
+from halfstep.host.cores import Cores, core_of
 from halfstep.host.formulas import (
     Formula,
     Senses,
@@ -308,6 +309,13 @@ class Regions:
         return stacked_of(self.higher)
 
     @functools.cached_property
+    def cores(self) -> Cores:
+        """Of each program a box that shown cells fill."""
+        return Cores.of(
+            [core_of(one.formula, one.matrices, one.lower, one.box) for one in self.programs]
+        )
+
+    @functools.cached_property
     def matrices(self) -> Floats:
         """Surfaces (4, 4, ΣS) of all programs one after another."""
         return np.concatenate([program.matrices for program in self.programs], axis=-1)
@@ -461,9 +469,15 @@ def _cut_copies(
         state = np.minimum(state, truth(one.region, signs))
     own_higher = higher_of(copies.group.functions())
     own_functions, own_regions = _matrices_of(copies.group), copies.group.names().regions
+    # Most copies of a lattice have the same signs.
+    undecided = [functools.cache(functools.partial(_undecided, one.region)) for one in given]
     alike: dict[object, list[int]] = {}
     for ix in np.flatnonzero(state == 0).tolist():
-        alike.setdefault(_cut_of(around, ix), []).append(ix)
+        left = [
+            of(tuple(signs[:, ix].tolist()))
+            for of, (_, signs) in zip(undecided, around, strict=True)
+        ]
+        alike.setdefault(_cut_of(given, left, ix), []).append(ix)
     programs: list[tuple[Ints, Program]] = []
     for members in alike.values():
         functions, regions = [own_functions], list(own_regions)
@@ -472,7 +486,7 @@ def _cut_copies(
             first, ix = sum(map(len, functions)), members[0]
             own = one.matrices[ix]
             plain = Senses(range(first, first + len(own)), [False] * len(own))
-            cut = normal_form(_undecided(one.region, signs[:, ix]), plain)
+            cut = normal_form(_undecided(one.region, tuple(signs[:, ix].tolist())), plain)
             regions = [Intersection((cell, cut)) for cell in regions]
             functions.append(own)
             higher |= {first + k: each.moved(one.maps[ix]) for k, each in one.higher.items()}
@@ -493,11 +507,10 @@ class _Around(NamedTuple):
     maps: Floats  # (N, 3, 4), from each copy to the region's coordinates
 
 
-def _cut_of(around: Sequence[tuple[_Around, NDArray[np.int8]]], ix: int) -> object:
+def _cut_of(around: Sequence[_Around], undecided: Sequence[Region], ix: int) -> object:
     """A key that copies share if regions cut them alike: the undecided parts and their surfaces."""
     found: list[object] = []
-    for one, signs in around:
-        left = _undecided(one.region, signs[:, ix])
+    for one, left in zip(around, undecided, strict=True):
         used = sorted({literal.surface for literal in literals(left)})
         matrices = one.matrices[ix][used]
         size = np.abs(matrices).max(axis=(1, 2), keepdims=True, initial=1e-300)
@@ -509,10 +522,10 @@ def _cut_of(around: Sequence[tuple[_Around, NDArray[np.int8]]], ix: int) -> obje
     return tuple(found)
 
 
-def _undecided(region: Region, signs: NDArray[np.int8]) -> Region:
+def _undecided(region: Region, signs: tuple[int, ...]) -> Region:
     """The part of a region that signs (S,) leave undecided."""
     plain = Senses(range(len(signs)), [False] * len(signs))
-    return decided(normal_form(region, plain), signs.tolist())
+    return decided(normal_form(region, plain), signs)
 
 
 def _left(box: Floats, around: _Around) -> Floats:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from halfstep.contract.arrays import F32, Bools, Bytes, Floats, Ints
 from halfstep.host.copies import Copies
@@ -50,6 +51,11 @@ class Rays:
         ends, rays = self.ends, np.arange(len(self.first))
         return Rays(ends[first, rays], ends[last + 1, rays], self.steps)
 
+    def between(self, first: Ints, last: Ints) -> Rays:
+        """What is of them between grid points (P,), or nothing that has a length."""
+        begin = np.minimum(np.maximum(self.first, first), self.last)
+        return Rays(begin, np.maximum(np.minimum(self.last, last), begin), self.steps)
+
     def places(self) -> tuple[Floats, Floats]:
         """The middle of each piece in u, and half its length, (PIECES, P)."""
         ends = self.ends * np.exp2(1.0 - self.steps) - 1
@@ -79,6 +85,21 @@ def signs(
     return inside, outside
 
 
+def signs_at(copies: Copies, surface: Ints, squares: Blocks, u: Floats) -> NDArray[np.int8]:
+    """1 where F > 0 all over squares (P,) at one place of each ray, -1 where F <= 0, else 0.
+
+    ``surface`` (P,) are of a frame; squares lie in the coordinates of their copies.
+    """
+    found = np.empty(len(surface), np.int8)
+    middle = np.stack([squares.x, squares.y, squares.half_width, squares.half_height, u, 0 * u])
+    places = middle.astype(np.float32)
+    for first in range(0, len(surface), CHUNK):
+        part = slice(first, first + CHUNK)
+        negative, positive = _signs(copies, surface[part], places[:, part])
+        found[part] = positive.astype(np.int8) - negative
+    return found
+
+
 def _signs(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:
     # About the middle of a block, A, G, C and G² - 4AC are a value, two slopes, and second-order
     # terms. The margins exceed float32's rounding of forms that are at most 1.
@@ -86,7 +107,7 @@ def _signs(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:
     slack = MARGIN + copies.host_error.take(surface).astype(np.float32)
     one, x1, y1, x2, xy, y2 = forms.transpose(1, 0, 2)
     x, y, across, down = places[:4]
-    u, half = places[4:].reshape(2, PIECES, -1)
+    u, half = places[4:].reshape(2, -1, places.shape[1])
     by_x, by_y = x2 * x, y2 * y
     mixed = xy * y
     value = one + (x1 + by_x + mixed) * x + (y1 + by_y) * y
@@ -119,7 +140,7 @@ def _is_beside(copies: Copies, surface: Ints, places: F32) -> Bools:
     higher = copies.higher
     assert higher is not None
     x, y, across, down = places[:4]
-    u, half = places[4:].reshape(2, PIECES, -1)
+    u, half = places[4:].reshape(2, -1, places.shape[1])
     place = np.minimum(np.searchsorted(copies.higher_at, surface), len(copies.higher_at) - 1)
     left, right, top, bottom = higher.edges[:, place]
     start, stop = higher.stretch[:, place]
@@ -137,4 +158,4 @@ def _polynomial(forms: F32, u: F32) -> F32:
 
 def _packed(holds: Bools) -> Bytes:
     """A byte (P,) of bits (PIECES, P)."""
-    return np.asarray(np.bitwise_or.reduce(holds * _BITS, axis=0))
+    return np.asarray(np.bitwise_or.reduce(holds * _BITS[: len(holds)], axis=0))

@@ -243,8 +243,20 @@ class Device(Turns):
                 f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which shadows "
                 "need; use --no-shadows, or the backend numpy"
             )
+        lists = lists_of(packed, first_row, rows, written_for(outputs, packed))
+        return self._render_lists(scene, packed, lists, first_row, rows, outputs)
+
+    def _render_lists(
+        self,
+        scene: Scene,
+        packed: Packed,
+        lists: Lists,
+        first_row: int,
+        rows: int,
+        outputs: frozenset[str],
+    ) -> tuple[Planes, float | None]:
+        """`render_band` of what the tiles try."""
         written = written_for(outputs, packed)
-        lists = lists_of(packed, first_row, rows, written)
         needs = needs_of(
             packed,
             lists,
@@ -259,13 +271,21 @@ class Device(Turns):
         needs = shaders.needs  # equal, and knows its facts already
         frame = frame_record(scene, packed.setup, first_row, rows)
         self._check_rounds_of_light(needs, packed)
-        too_long = rounds.exceed(needs, packed, lists, self.loop_rounds)
-        if len(packed.order) > 1 and (too_long or self._is_too_large(packed, lists)):
-            return self._render_in_halves(scene, packed, first_row, rows, outputs)
-        if too_long:
-            raise DeviceError(
-                f"adapter {self.adapter.summary}: the driver ends loops after "
-                f"{self.loop_rounds:,} rounds, and one solid with these lights takes more"
+        if len(packed.order) > 1 and self._is_too_large(packed, lists):
+            halves = split.halves(packed)
+            keyed = first_row, rows, outputs | {"key"}
+            return _joined([self.render_band(scene, half, *keyed) for half in halves], outputs)
+        if rounds.exceed(needs, packed, lists, self.loop_rounds):
+            first = rounds.fits(needs, packed, lists, self.loop_rounds)
+            if not first.any():
+                raise DeviceError(
+                    f"adapter {self.adapter.summary}: the driver ends loops after "
+                    f"{self.loop_rounds:,} rounds, and one solid with these lights takes more"
+                )
+            keyed = first_row, rows, outputs | {"key"}
+            parts = split.parted(lists, first)
+            return _joined(
+                [self._render_lists(scene, packed, part, *keyed) for part in parts], outputs
             )
         layout = FrameBuffer(written, packed.setup.view.width, rows)
         with device_errors(self.adapter):
@@ -339,27 +359,6 @@ class Device(Turns):
         held = [packed.solids, packed.half_spaces, lists.members]
         held += [] if lists.regions is None else lists.regions.arrays
         return max(array.nbytes for array in held) > self.largest_binding
-
-    def _render_in_halves(
-        self,
-        scene: Scene,
-        packed: Packed,
-        first_row: int,
-        rows: int,
-        outputs: frozenset[str],
-    ) -> tuple[Planes, float | None]:
-        """`render_band` for each half of the solids, joined by the nearest point of each pixel."""
-        found: list[Planes] = []
-        times: list[float] = []
-        for half in split.halves(packed):
-            job = (scene, half, first_row, rows, outputs | {"key"})
-            planes, milliseconds = self.render_band(*job)
-            found.append(planes)
-            times += [] if milliseconds is None else [milliseconds]
-        joined = split.nearest(*found)
-        if "key" not in outputs:
-            del joined["key"]
-        return joined, sum(times) if times else None
 
     def _upload(self, number: int, type_: str, content: Array) -> _Binding:
         """Write ``content`` to the buffer of binding ``number``, and return the part to bind."""
@@ -480,6 +479,16 @@ def _resource(binding: _Binding) -> object:
         return binding
     buffer, offset, size = binding
     return {"buffer": buffer, "offset": offset, "size": size}
+def _joined(
+    parts: list[tuple[Planes, float | None]], outputs: frozenset[str]
+) -> tuple[Planes, float | None]:
+    """Both parts of a band, which have keys, as if they had been rendered together."""
+    (first, first_ms), (second, second_ms) = parts
+    joined = split.nearest(first, second)
+    if "key" not in outputs:
+        del joined["key"]
+    known = first_ms is not None and second_ms is not None
+    return joined, first_ms + second_ms if known else None
 
 
 def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
