@@ -30,7 +30,7 @@ from halfstep.contract import program
 from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
-from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
+from halfstep.contract.powers import BOUNDS, CLOCKS, MADE, MADE_OF_FORMULA, term_count
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
@@ -159,6 +159,8 @@ def constants(needs: Needs) -> str:
         "NUMBERS": needs.numbers,
         "CLOCKS": CLOCKS,
         "BOUNDS": BOUNDS,
+        "MADE": MADE,
+        "MADE_OF_FORMULA": MADE_OF_FORMULA,
         "CLASSES": len(needs.classes),
         "SHADOWS": needs.shadows,
         "FAR_LIGHTS": needs.far_lights,
