@@ -5,9 +5,13 @@
 
 // Added to the half width of a cell that is cut off, because its middle is rounded.
 const CLIPPING: f32 = 0x1p-23f;
+// A sum with it is no more than one with 1, however it is rounded.
+const NEARLY_ONE: f32 = 0x1.fffffp-1f;
+
 // The properties of F in a cell.
 struct Judged {
   passed: b4,  // F has no root in the cell
+  ahead: b4,  // F has no root in its first half
   single: b4,  // F has exactly one root
   vague: b4,  // F changes by less than its error
   within: b4,  // F <= 0 at the end
@@ -47,6 +51,7 @@ fn judged_of(t: array<f4, POWERS>, error: f4) -> Judged {
   let below = last < -error;
   return Judged(
     select((least - size_1) + t[2] > f4(0.0), above, dips),
+    select(min((least - t[1]) + t[2], least) > f4(0.0), above, dips & (t[1] > f4(0.0))),
     below & ((size_1 > slope + twice) | (size_2 > bend)),
     (size_1 + size_2) + (rest - error) < error,
     last <= f4(0.0),
@@ -58,6 +63,15 @@ fn judged_of(t: array<f4, POWERS>, error: f4) -> Judged {
 // The size of the largest cell that may begin at a leaf.
 fn largest_at(first: i4, steps: u32) -> i4 {
   return i4(min(countTrailingZeros(u4(first)), u4(steps)));
+}
+
+// The cells with which rays begin at `start`: so many halvings of the interval are taken for made.
+fn cells_about(start: f4, going: b4, made: u32, steps: u32) -> Cell {
+  let size = i32(max(steps, made) - made);
+  let place = (start + NEARLY_ONE) * f32(1u << (steps - 1u));
+  let leaf = i4(min(max(place, f4(0.0)), f4(f32((1u << steps) - 1u))));
+  let first = (leaf >> u4(u32(size))) << u4(u32(size));
+  return Cell(first, i4(size), going, b4(false), b4(true));
 }
 
 // The largest cell that begins at a leaf.
@@ -75,6 +89,7 @@ fn cells_from(first: i4, going: b4, steps: u32) -> Cell {
 struct Span {
   following: i4,  // the leaf behind it
   right: f4,  // end of the whole cell
+  center: f4,  // place where it is halved
   low: f4,
   high: f4,
   middle: f4,
@@ -84,14 +99,16 @@ struct Span {
 // The part of a cell between `start` and `stop`.
 fn span_of(cell: Cell, start: f4, stop: f4, last_step: f32) -> Span {
   let width = last_step + last_step;
-  let following = cell.first + (i4(1) << u4(cell.size));
+  let leaves = i4(1) << u4(cell.size);
+  let following = cell.first + leaves;
   let left = f4(cell.first) * width - 1.0;
+  let center = f4(cell.first + (leaves >> u4(1u))) * width - 1.0;
   let right = f4(following) * width - 1.0;
   let low = max(left, start);
   let high = min(right, stop);
   let clipped = (low > left) | (high < right);
   let half = max((high - low) * 0.5, f4(0.0)) + select(f4(0.0), f4(CLIPPING), clipped);
-  return Span(following, right, low, high, (low + high) * 0.5, half);
+  return Span(following, right, center, low, high, (low + high) * 0.5, half);
 }
 
 // The next cell before `stop`, after one was judged.
@@ -104,12 +121,15 @@ fn next_cell(old: Cell, span: Span, judged: Judged, stop: f4, steps: u32) -> Cel
   let skips = passed | (ends & !met);
   let known = (passed | (leaf & judged.below)) & judged.defined;
   let sure = nowhere | known | judged.single | !(passed | ends);
-  let size = select(
-    select(old.size - 1, old.size, met), largest_at(span.following, steps), skips
-  );
+  // Where it is cut off at its end, half of what is left may be less than the first half.
+  let far = judged.ahead & judged.defined & (span.center <= span.middle) & !met;
+  let larger = min(largest_at(span.following, steps), old.size + 1);
+  let size = select(select(old.size - 1, old.size, met), larger, skips);
+  let leaves = span.following - old.first;
+  let first = old.first + select(select(i4(0), leaves >> u4(1u), far), leaves, skips);
   let going = !met & !(skips & (span.right >= stop));
   return Cell(
-    select(old.first, span.following, old.going & skips),
+    select(old.first, first, old.going),
     select(old.size, size, old.going),
     old.going & going,
     old.met | (old.going & met),

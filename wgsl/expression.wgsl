@@ -1,11 +1,10 @@
 // A formula along rays: jets and values, the cell with its first root, and the root by halvings.
 //
-// gpu/shader/formulas.py writes `formula_jet` and `formula_value` for the formulas of a scene.
+// gpu/shader/formulas.py writes `formula_jet`, `formula_value` and `formula_grade` for the
+// formulas of a scene.
 
 // The widest cell that is tried about a u at which F must have one sign: the whole interval.
 const WIDEST: f32 = 2.0;
-// The length of a step along an axis, over which the change of F gives its slope.
-const NUDGE: f32 = 0x1p-12f;
 
 // One coordinate of the points of rays, level + u along, with the magnitudes of its terms.
 struct Track {
@@ -188,27 +187,22 @@ fn surety_of(
   return surety;
 }
 
-// The jet of a coordinate at u; with `is_one` its slope is the step along it.
-fn nudged(track: Track, host_error: f32, u: f4, is_one: bool) -> Jet {
-  var jet = jet_on(track, host_error, u, f4(0.0));
-  jet.slope = f4(select(0.0, NUDGE, is_one));
-  return jet;
-}
-
 // The gradient of F in world axes at u, up to its length.
 fn slope_of_formula(form: Expression, trace: Trace, u: f4) -> Vector {
-  var own = NO_VECTOR;
-  for (var axis = 0u; axis < 3u; axis++) {
-    let jet = formula_jet(
-      form,
-      nudged(trace.x, form.host_error, u, axis == 0u),
-      nudged(trace.y, form.host_error, u, axis == 1u),
-      nudged(trace.z, form.host_error, u, axis == 2u),
-    );
-    own.x = select(own.x, jet.slope, b4(axis == 0u));
-    own.y = select(own.y, jet.slope, b4(axis == 1u));
-    own.z = select(own.z, jet.slope, b4(axis == 2u));
-  }
+  let one = f4(1.0);
+  let zero = f4(0.0);
+  let grade = formula_grade(
+    form,
+    Grade(trace.x.level + u * trace.x.along, one, zero, zero),
+    Grade(trace.y.level + u * trace.y.along, zero, one, zero),
+    Grade(trace.z.level + u * trace.z.along, zero, zero, one),
+  );
+  // A zero may have any sign: compilers leave out products with zeros.
+  let own = Vector(
+    select(grade.x, zero, grade.x == zero),
+    select(grade.y, zero, grade.y == zero),
+    select(grade.z, zero, grade.z == zero),
+  );
   let largest = max(max(abs(own.x), abs(own.y)), abs(own.z));
   let unit = 1.0 / select(largest, f4(1.0), largest < f4(FAINTEST));
   let x = own.x * unit;

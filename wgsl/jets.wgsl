@@ -449,6 +449,7 @@ fn judged_jet(jet: Jet) -> Judged {
   let bends = ((jet.state & u4(KINKED)) == u4(0u)) & (size_2 > unsure);
   return Judged(
     select((least - size_1) + low > f4(0.0), above, dips),
+    select(min((least - jet.slope) + low, least) > f4(0.0), above, dips & (jet.slope > f4(0.0))),
     is_smooth & below & (runs | bends),
     is_smooth & (((size_1 + size_2) + jet.bend_error) + jet.slope_error < jet.value_error),
     last < f4(0.0),

@@ -67,6 +67,7 @@ STAGES = (
     Stage(Kind.NUMBERS, "higher"),
     Stage(Kind.NUMBERS, "elementary"),
     Stage(Kind.NUMBERS, "jets"),
+    Stage(Kind.NUMBERS, "grades"),
     Stage(Kind.NUMBERS, "sight"),
     Stage(Kind.NUMBERS, "mirror"),
     Stage(Kind.VALUES, "keep"),

@@ -479,6 +479,8 @@ def _resource(binding: _Binding) -> object:
         return binding
     buffer, offset, size = binding
     return {"buffer": buffer, "offset": offset, "size": size}
+
+
 def _joined(
     parts: list[tuple[Planes, float | None]], outputs: frozenset[str]
 ) -> tuple[Planes, float | None]:

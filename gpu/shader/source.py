@@ -30,7 +30,7 @@ from halfstep.contract import program
 from halfstep.contract.classes import SHORT
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
-from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
+from halfstep.contract.powers import BOUNDS, CLOCKS, MADE, MADE_OF_FORMULA, term_count
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
@@ -170,6 +170,8 @@ def constants(needs: Needs) -> str:
         "NUMBERS": (needs.numbers, "constants that a formula has room for"),
         "CLOCKS": (CLOCKS, "the most cells that a pixel tries"),
         "BOUNDS": (BOUNDS, "the most error bounds that a pixel tries"),
+        "MADE": (MADE, "halvings of the interval down to a ray's first cell"),
+        "MADE_OF_FORMULA": (MADE_OF_FORMULA, "the same for a formula that is no polynomial"),
         "CLASSES": (len(needs.classes), "classes of solids"),
         "SHADOWS": (needs.shadows, "lights with shadows"),
         "FAR_LIGHTS": (needs.far_lights, "far lights among these, which come first"),

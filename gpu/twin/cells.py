@@ -7,8 +7,12 @@ polynomial is known about the middle, F(m + s h) = Σ T_j s^j, with an error of 
 * passed, if F > 0 all over it: the parabola of the first three terms exceeds the others and E;
 * single, if F < 0 at its end and F is monotone or bends one way all over it. F > 0 at its
   beginning, because all cells before were passed, so it has exactly one root;
-* halved, if it is neither. But a leaf, and a cell in which F changes by less than E, is not halved:
+* halved, if it is neither. The search goes on in the second half if the same parabola shows that
+  F > 0 all over the first. But a leaf, and a cell in which F changes by less than E, is not halved:
   it has the root if F <= 0 at its end, else it is passed.
+
+The cell after one that is passed is at most twice as large, because F ahead is most often like F
+behind.
 
 The cell with the root is halved by the sign of F in its middle until it is a leaf. From the whole
 interval to a leaf there are n halvings, as for all solids. A pixel is doubtful if one of its
@@ -28,12 +32,15 @@ from halfstep.twin.taylor import Curve, Powers, about, curve_error, curve_value,
 
 # Added to the half width of a cell that is cut off, because its middle is rounded.
 CLIPPING = np.float32(2.0**-23)
+# A sum with it is no more than one with 1, however it is rounded.
+NEARLY_ONE = np.float32(1 - 2.0**-21)
 
 
 class Judged(NamedTuple):
     """The properties of F in a cell."""
 
     passed: Bools  # F has no root in the cell
+    ahead: Bools  # F has no root in its first half
     single: Bools  # F has exactly one root
     vague: Bools  # F changes by less than its error
     within: Bools  # F <= 0 at the end
@@ -56,6 +63,7 @@ class Span(NamedTuple):
 
     following: I32  # the leaf behind it
     right: F32  # end of the whole cell
+    center: F32  # place where it is halved
     low: F32
     high: F32
     middle: F32
@@ -82,12 +90,23 @@ def judged_of(t: Powers, error: F32) -> Judged:
     below = last < -error
     return Judged(
         passed=np.where(dips, above, (least - size_1) + t[2] > 0),
+        ahead=np.where(dips & (t[1] > 0), above, np.minimum((least - t[1]) + t[2], least) > 0),
         single=below & ((size_1 > slope + twice) | (size_2 > bend)),
         vague=(size_1 + size_2) + (rest - error) < error,
         within=last <= 0,
         below=below,
         defined=np.ones(last.shape, bool),
     )
+
+
+def cells_about(start: F32, going: Bools, made: int, steps: int) -> Cell:
+    """The cells with which rays begin at ``start``: ``made`` halvings are taken for made."""
+    size = np.int32(max(steps, made) - made)
+    place = (start + NEARLY_ONE) * np.float32(1 << (steps - 1))
+    last = np.float32((1 << steps) - 1)
+    leaf = np.minimum(np.maximum(place, np.float32(0)), last).astype(np.int32)
+    never = np.zeros(going.shape, bool)
+    return Cell((leaf >> size) << size, np.full(leaf.shape, size), going, never, ~never)
 
 
 def cells_from(first: I32, going: Bools, steps: int) -> Cell:
@@ -106,14 +125,17 @@ def largest_at(first: I32, steps: int) -> I32:
 def span_of(cell: Cell, start: F32, stop: F32, last_step: np.float32) -> Span:
     """The part of a cell between ``start`` and ``stop``."""
     width = last_step + last_step
-    following = cell.first + (np.int32(1) << cell.size)
+    leaves = np.int32(1) << cell.size
+    following = cell.first + leaves
     left = cell.first.astype(np.float32) * width - np.float32(1)
+    center = (cell.first + (leaves >> np.int32(1))).astype(np.float32) * width - np.float32(1)
     right = following.astype(np.float32) * width - np.float32(1)
     low, high = np.maximum(left, start), np.minimum(right, stop)
     clipped = (low > left) | (high < right)
     half = np.maximum((high - low) * np.float32(0.5), np.float32(0))
     half = half + np.where(clipped, CLIPPING, np.float32(0))
-    return Span(following, right, low, high, (low + high) * np.float32(0.5), half)
+    middle = (low + high) * np.float32(0.5)
+    return Span(following, right, center, low, high, middle, half)
 
 
 def next_cell(old: Cell, span: Span, judged: Judged, stop: F32, steps: int) -> Cell:
@@ -126,11 +148,15 @@ def next_cell(old: Cell, span: Span, judged: Judged, stop: F32, steps: int) -> C
     skips = passed | (ends & ~met)
     known = (passed | (leaf & judged.below)) & judged.defined
     sure = nowhere | known | judged.single | ~(passed | ends)
-    size = np.where(met, old.size, old.size - 1)
-    size = np.where(skips, largest_at(span.following, steps), size)
+    # Where it is cut off at its end, half of what is left may be less than the first half.
+    far = judged.ahead & judged.defined & (span.center <= span.middle) & ~met
+    larger = np.minimum(largest_at(span.following, steps), old.size + 1)
+    size = np.where(skips, larger, np.where(met, old.size, old.size - 1))
+    leaves = span.following - old.first
+    first = old.first + np.where(skips, leaves, np.where(far, leaves >> 1, 0))
     going = ~met & ~(skips & (span.right >= stop))
     return Cell(
-        np.where(old.going & skips, span.following, old.first),
+        np.where(old.going, first, old.first),
         np.where(old.going, size, old.size),
         old.going & going,
         old.met | (old.going & met),

@@ -14,7 +14,7 @@ import numpy as np
 
 from halfstep.contract.expressions import NO_NUMBER, PackedExpressions, Program
 from halfstep.contract.powers import BOUNDS, CLOCKS
-from halfstep.twin import jets
+from halfstep.twin import grades, jets
 from halfstep.twin.algebraic import begun_cell
 from halfstep.twin.cells import (
     CLIPPING,
@@ -35,6 +35,7 @@ from halfstep.twin.elementary import (
     root_of,
     sine_of,
 )
+from halfstep.twin.grades import Grade
 from halfstep.twin.jets import (
     FAINTEST,
     UNDEFINED,
@@ -49,8 +50,6 @@ from halfstep.twin.normal import Vector
 
 # The widest cell that is tried about a u at which F must have one sign: the whole interval.
 WIDEST = np.float32(2)
-# The length of a step along an axis, over which the change of F gives its slope.
-NUDGE = np.float32(2.0**-12)
 
 # The values of operations, of values of operands and of the number that some take.
 VALUES: dict[str, Callable[..., Any]] = {
@@ -128,6 +127,11 @@ def jet_on(track: Track, host_error: np.float32, m: F32, h: F32) -> Jet:
 def formula_jet(formula: Formula, x: Jet, y: Jet, z: Jet) -> Jet:
     """The jet of the last operation."""
     return _result(formula, [x, y, z], lambda name: getattr(jets, f"{name}_jet"))
+
+
+def formula_grade(formula: Formula, x: Grade, y: Grade, z: Grade) -> Grade:
+    """The grade of the last operation."""
+    return _result(formula, [x, y, z], lambda name: getattr(grades, f"{name}_grade"))
 
 
 def formula_value(formula: Formula, x: F32, y: F32, z: F32) -> F32:
@@ -254,21 +258,18 @@ def surety_of(
     return Surety(above(begins_below, start, start_slack), above(turned, stop, stop_slack), bound)
 
 
-def nudged(track: Track, host_error: np.float32, u: F32, is_one: bool) -> Jet:
-    """The jet of a coordinate at ``u``; with ``is_one`` its slope is the step along it."""
-    jet = jet_on(track, host_error, u, np.zeros_like(u))
-    return jet._replace(slope=np.full(u.shape, NUDGE if is_one else np.float32(0)))
-
-
 def slope_of_formula(formula: Formula, trace: Trace, u: F32) -> Vector:
     """The gradient of F in world axes at ``u``, up to its length."""
-    error, axes = formula.form["host_error"], formula.form["axes"]
-    own = [
-        formula_jet(
-            formula, *(nudged(track, error, u, k == axis) for k, track in enumerate(trace))
-        ).slope
-        for axis in range(3)
-    ]
+    axes = formula.form["axes"]
+    one, zero = np.ones_like(u), np.zeros_like(u)
+    grade = formula_grade(
+        formula,
+        Grade(trace.x.level + u * trace.x.along, one, zero, zero),
+        Grade(trace.y.level + u * trace.y.along, zero, one, zero),
+        Grade(trace.z.level + u * trace.z.along, zero, zero, one),
+    )
+    # A zero may have any sign: compilers leave out products with zeros.
+    own = [np.where(part == 0, zero, part) for part in (grade.x, grade.y, grade.z)]
     largest = np.maximum(np.maximum(np.abs(own[0]), np.abs(own[1])), np.abs(own[2]))
     unit = np.float32(1) / np.where(largest < FAINTEST, np.float32(1), largest)
     x, y, z = (each * unit for each in own)

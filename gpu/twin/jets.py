@@ -506,6 +506,9 @@ def judged_jet(jet: Jet) -> Judged:
     varies = ((size_1 + size_2) + jet.bend_error) + jet.slope_error
     return Judged(
         passed=np.where(dips, above, (least - size_1) + low > 0),
+        ahead=np.where(
+            dips & (jet.slope > 0), above, np.minimum((least - jet.slope) + low, least) > 0
+        ),
         single=is_smooth & below & (runs | bends),
         vague=is_smooth & (varies < jet.value_error),
         within=last < 0,

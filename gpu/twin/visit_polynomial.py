@@ -16,6 +16,7 @@ import numpy as np
 
 from halfstep.contract.expressions import PackedExpressions
 from halfstep.contract.polynomials import PackedPolynomials
+from halfstep.contract.powers import MADE, MADE_OF_FORMULA
 from halfstep.twin.algebraic import (
     BEYOND,
     Chord,
@@ -27,7 +28,7 @@ from halfstep.twin.algebraic import (
     outline_of,
     world_slope,
 )
-from halfstep.twin.cells import Cell, bound_in, cells_from, walked
+from halfstep.twin.cells import Cell, bound_in, cells_about, cells_from, walked
 from halfstep.twin.certify import (
     NO_CERTIFICATE,
     UNBOUNDED,
@@ -79,6 +80,8 @@ from halfstep.twin.taylor import (
 
 class _Polynomial:
     """A polynomial F on rays; in the pixels ``turned`` the answers are for -F."""
+
+    made = MADE
 
     def __init__(self, form: np.void, right: F32, down: F32) -> None:
         self._form, self._right, self._down = form, right, down
@@ -132,6 +135,8 @@ class _Polynomial:
 
 class _Formula:
     """A formula F on rays; in the pixels ``turned`` the answers are for -F."""
+
+    made = MADE_OF_FORMULA
 
     def __init__(self, formula: Formula, right: F32, down: F32) -> None:
         self._formula, self._trace = formula, trace_of(formula.form, right, down)
@@ -226,7 +231,7 @@ def visit_polynomial(
     within = (outline.left <= x) & (x <= outline.right)
     within = within & ((outline.top <= y) & (y <= outline.bottom))
     some = some & within
-    cell = cells_from(np.zeros_like(like), some & ~on_entry, steps)
+    cell = cells_about(start, some & ~on_entry, of_f.made, steps)
     cell = of_f.walked(inside, start, stop, cell, steps, last_step)
     on_exit = inside & ~cell.met & (id_out > 0) & (not is_sheet)
     c_cap = np.where(on_entry, piece.c_in, -piece.c_out)
