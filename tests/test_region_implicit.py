@@ -71,7 +71,8 @@ def mixed() -> Scene:
 
 
 def render(whole: Scene, **options: Any) -> halfstep.Frame:
-    return halfstep.render(whole, **{"size": (64, 48), "steps": 12, "backend": "numpy"} | options)
+    given: dict[str, Any] = {"size": (64, 48), "steps": 12, "backend": "numpy", **options}
+    return halfstep.render(whole, **given)
 
 
 def agree(one: halfstep.Frame, other: halfstep.Frame) -> Any:
@@ -253,3 +254,14 @@ def test_faults_of_surfaces_are_told(table: dict[str, Any], fault: str) -> None:
             cell=[{"region": "-1", "color": RED}],
         )
     assert fault in str(raised.value)
+
+
+def test_keys_of_a_part_that_leave_its_formula_no_meaning_are_told() -> None:
+    part = {"name": "it", **implicit("sin(x)/a - y", parameters={"a": 1.0})}
+    part["key"] = [{"at": 0, "a": 1.0}, {"at": 1, "a": 0.0}]
+    group = {"name": "g", "part": [part], "cell": [{"region": "it", "color": RED}]}
+    whole = scene(
+        group=[group], place=[{"group": "g"}], animation={"frames": 2, "orbit_degrees": 1}
+    )
+    with pytest.raises(halfstep.SceneError, match=r"group\[0\].part\[0\].formula: column 7"):
+        list(halfstep.render_frames(whole, outputs=("solid",), backend="numpy", size=(8, 6)))

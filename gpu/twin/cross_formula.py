@@ -67,7 +67,9 @@ def stretch_of(form: np.void, trace: Trace, higher: np.void) -> Stretch:
     for axis, track in enumerate(trace):
         low, high = higher["low"][axis], higher["high"][axis]
         stretch = within(track, form["host_error"], low, high, stretch)
-    return stretch
+    # Where rays miss the bounds, places may be far away.
+    start = np.minimum(stretch.start, higher["stop"])
+    return Stretch(start, np.maximum(stretch.stop, higher["start"]))
 
 
 def leaf_at(u: F32, steps: int, last_step: np.float32) -> I32:
