@@ -11,6 +11,7 @@ const SHADE_CASTS: u32 = 1u;
 const SHADE_AT_LAMP: u32 = 2u;
 const SHADE_ENCLOSES: u32 = 4u;
 const SHADE_FLAT: u32 = 8u;
+const SHADE_CONVEX: u32 = 16u;
 const SLAB_BITS: u32 = 15u;
 const SLAB_LIT: u32 = 1073741824u;
 
@@ -188,6 +189,8 @@ struct Location {
   surface: u32,  // number of the solid's first surface in the scene, from 1
   count: u32,  // how many surfaces it has
   reflection: f32,  // share of what it mirrors
+  body: u32,  // number of the solid among bodies, from 1
+  flags: u32,  // SHADE_… bits
 }
 
 // A light with shadows: axes along its rays, or its place; and what may hide it.
@@ -277,7 +280,7 @@ struct VeilCurved {
 struct Mirrors {
   @align(32) middle: array<f32, 3>,  // of the grid of the world, from the eye
   unit: f32,  // of the grid
-  count: u32,  // bodies
+  count: u32,  // balls
 }
 
 // A solid as a ray from a mirror meets it, about its middle along the world's axes, in radii.
@@ -285,15 +288,13 @@ struct Body {
   @align(32) second: array<f32, 6>,  // half the second derivative of F: xx, yy, zz, xy, xz, yz
   slope: array<f32, 3>,  // half the gradient of F in the middle
   value: f32,  // F in the middle
-  center: array<i32, 3>,  // the middle, on the grid
-  unit: f32,  // one over the radius, in units of the grid
-  radius: f32,  // a power of two
   flags: u32,  // SHADE_… bits
   surface: u32,  // number of F among surfaces; those of its half-spaces follow
-  first: u32,  // number of its first surface in the scene, from 1
-  count: u32,  // how many surfaces it has
   face_start: u32,  // its first half-space
   face_count: u32,  // how many it has; a bounded plane has two
+  center: array<i32, 3>,  // the middle, on the grid
+  unit: f32,  // one over the radius, in units of the grid; a power of two
+  bound: f32,  // how large its ball is, in that radius; at most 1
   color: array<f32, 3>,  // of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
@@ -306,10 +307,12 @@ struct Face {
   beyond: f32,  // how far the middle is outside
 }
 
-// A ball around a body.
+// A ball around a body, or around the balls that follow, up to `next`.
 struct Ball {
   @align(32) center: array<f32, 3>,  // on the grid
   radius: f32,  // in units of the grid
+  next: u32,  // the ball to look at after this one if no ray meets this one
+  body: u32,  // number of the body, from 1; 0 for a ball around balls
 }
 
 // Where an occluder hides a light at most, in its axes; of a lamp, as the lamp sees it.
