@@ -40,6 +40,12 @@ var<private> point_0: Point;  // the same on the grid of the world  //? places
 // each quad
 var<private> ray_0: Vector;  // along which it is seen  //? mirrors
 // each quad
+var<private> from_0: Vector;  // where that begins  //? mirrors
+// each quad
+var<private> gone_0: u4;  // number of the body that it has left for good  //? mirrors
+// each quad
+var<private> spotted_0: Spotted;  // what it meets first so far  //? mirrors
+// each quad
 var<private> caught_0: Caught;  // what a mirror shows there  //? mirrors
 // each quad
 var<private> weight_0: f4;  // how much it adds to the colour  //? mirrors

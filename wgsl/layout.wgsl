@@ -11,6 +11,7 @@ const SHADE_CASTS: u32 = 1u;
 const SHADE_AT_LAMP: u32 = 2u;
 const SHADE_ENCLOSES: u32 = 4u;
 const SHADE_FLAT: u32 = 8u;
+const SHADE_CONVEX: u32 = 16u;
 const SLAB_BITS: u32 = 15u;
 const SLAB_LIT: u32 = 1073741824u;
 
@@ -190,7 +191,9 @@ struct Location {
   last_step: f32,  // 2^-n
   surface: u32,  // number of the solid's first surface in the scene, from 1
   count: u32,  // how many surfaces it has
-  reflection: f32,  // weight of the mirror image
+  reflection: f32,  // share of what it mirrors
+  body: u32,  // number of the solid among bodies, from 1
+  flags: u32,  // SHADE_… bits
 }
 
 // A light with shadows: axes along its rays, or its position; and its occluders.
@@ -278,9 +281,9 @@ struct VeilCurved {
 
 // Values that all rays from mirrors share.
 struct Mirrors {
-  @align(32) middle: array<f32, 3>,  // middle of the grid of the world, from the eye
-  unit: f32,  // unit of the grid
-  count: u32,  // number of bodies
+  @align(32) middle: array<f32, 3>,  // of the grid of the world, from the eye
+  unit: f32,  // of the grid
+  count: u32,  // balls
 }
 
 // A body: a solid that rays from mirrors may hit, about its middle, along world axes, in radii.
@@ -288,16 +291,14 @@ struct Body {
   @align(32) second: array<f32, 6>,  // half the second derivative of F: xx, yy, zz, xy, xz, yz
   slope: array<f32, 3>,  // half the gradient of F in the middle
   value: f32,  // F in the middle
-  center: array<i32, 3>,  // the middle, on the grid
-  unit: f32,  // one over the radius, in units of the grid
-  radius: f32,  // a power of two
   flags: u32,  // SHADE_… bits
   surface: u32,  // number of F among surfaces; those of its half-spaces follow
-  first: u32,  // number of its first surface in the scene, from 1
-  count: u32,  // how many surfaces it has
   face_start: u32,  // its first half-space
   face_count: u32,  // how many it has; a bounded plane has two
-  color: array<f32, 3>,  // color of its material, linear RGB
+  center: array<i32, 3>,  // the middle, on the grid
+  unit: f32,  // one over the radius, in units of the grid; a power of two
+  bound: f32,  // how large its ball is, in that radius; at most 1
+  color: array<f32, 3>,  // of its material, linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
   reflection: f32,  // weight of the mirror image
@@ -309,10 +310,12 @@ struct Face {
   beyond: f32,  // distance of the middle outside it
 }
 
-// A ball around a body.
+// A ball around a body, or around the balls that follow, up to `next`.
 struct Ball {
   @align(32) center: array<f32, 3>,  // on the grid
   radius: f32,  // in units of the grid
+  next: u32,  // the ball to look at after this one if no ray meets this one
+  body: u32,  // number of the body, from 1; 0 for a ball around balls
 }
 
 // The box of points that an occluder may hide from a light, in the light's axes.

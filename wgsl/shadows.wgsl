@@ -54,7 +54,7 @@ fn touches(box: Box, around: Around) -> bool {
     & (box.low[2] <= around.high.z) & (box.high[2] >= around.low.z);
 }
 
-// The positions of the points of a solid, and their weights as mirrors.
+// Where the points of a solid are, how much they mirror, and whether rays from there leave it.
 fn find_points(location: Location, j: i32) {
   // each quad
   {
@@ -62,7 +62,12 @@ fn find_points(location: Location, j: i32) {
     let x = i_0 - i4(location.center_x);
     let found = point_at(location, x, j - location.center_y, nearest_0.position);
     point_0 = either_point(mine, found, point_0);
-    weight_0 = select(weight_0, f4(location.reflection), mine);  //? mirrors
+    {  //? mirrors
+      weight_0 = select(weight_0, f4(location.reflection), mine);
+      let on_curve = nearest_0.surface == u4(location.surface);
+      let left = is_left(location.flags, on_curve, nearest_0.turned);
+      gone_0 = select(gone_0, select(u4(NO_BODY), u4(location.body), left), mine);
+    }
   }
 }
 

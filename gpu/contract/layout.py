@@ -39,6 +39,7 @@ class Shade(IntFlag):
     AT_LAMP = 2  # distances along rays count from the lamp, which is near the solid or inside it
     ENCLOSES = 4  # the light may be inside the solid
     FLAT = 8  # a bounded plane, without an inside
+    CONVEX = 16  # what leaves it does not meet it again
 
 
 @dataclass(frozen=True)
@@ -343,7 +344,9 @@ LOCATION = Record(
         Field("last_step", "f32", 1, "2^-n"),
         Field("surface", "u32", 1, "number of the solid's first surface in the scene, from 1"),
         Field("count", "u32", 1, "how many surfaces it has"),
-        Field("reflection", "f32", 1, "weight of the mirror image"),
+        Field("reflection", "f32", 1, "share of what it mirrors"),
+        Field("body", "u32", 1, "number of the solid among bodies, from 1"),
+        Field("flags", "u32", 1, "SHADE_… bits"),
     ),
 )
 
@@ -455,9 +458,9 @@ MIRRORS = Record(
     "Mirrors",
     "Values that all rays from mirrors share.",
     (
-        Field("middle", "f32", 3, "middle of the grid of the world, from the eye"),
-        Field("unit", "f32", 1, "unit of the grid"),
-        Field("count", "u32", 1, "number of bodies"),
+        Field("middle", "f32", 3, "of the grid of the world, from the eye"),
+        Field("unit", "f32", 1, "of the grid"),
+        Field("count", "u32", 1, "balls"),
     ),
 )
 
@@ -468,16 +471,14 @@ BODY = Record(
         Field("second", "f32", 6, "half the second derivative of F: xx, yy, zz, xy, xz, yz"),
         Field("slope", "f32", 3, "half the gradient of F in the middle"),
         Field("value", "f32", 1, "F in the middle"),
-        Field("center", "i32", 3, "the middle, on the grid"),
-        Field("unit", "f32", 1, "one over the radius, in units of the grid"),
-        Field("radius", "f32", 1, "a power of two"),
         Field("flags", "u32", 1, "SHADE_… bits"),
         Field("surface", "u32", 1, "number of F among surfaces; those of its half-spaces follow"),
-        Field("first", "u32", 1, "number of its first surface in the scene, from 1"),
-        Field("count", "u32", 1, "how many surfaces it has"),
         Field("face_start", "u32", 1, "its first half-space"),
         Field("face_count", "u32", 1, "how many it has; a bounded plane has two"),
-        Field("color", "f32", 3, "color of its material, linear RGB"),
+        Field("center", "i32", 3, "the middle, on the grid"),
+        Field("unit", "f32", 1, "one over the radius, in units of the grid; a power of two"),
+        Field("bound", "f32", 1, "how large its ball is, in that radius; at most 1"),
+        Field("color", "f32", 3, "of its material, linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
         Field("reflection", "f32", 1, "weight of the mirror image"),
@@ -495,10 +496,12 @@ FACE = Record(
 
 BALL = Record(
     "Ball",
-    "A ball around a body.",
+    "A ball around a body, or around the balls that follow, up to `next`.",
     (
         Field("center", "f32", 3, "on the grid"),
         Field("radius", "f32", 1, "in units of the grid"),
+        Field("next", "u32", 1, "the ball to look at after this one if no ray meets this one"),
+        Field("body", "u32", 1, "number of the body, from 1; 0 for a ball around balls"),
     ),
 )
 

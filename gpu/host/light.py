@@ -96,7 +96,8 @@ def locations(lit: Lit, setup: Setup, solids: Records, number_format: Format) ->
     records["surface"] = solids["surface"]
     records["count"] = lit.world.surface_count[setup.solid[order]]
     if lit.mirrors is not None:
-        records["reflection"] = lit.mirrors.reflection[setup.solid[order]]
+        for name in ("reflection", "body", "flags"):
+            records[name] = getattr(lit.mirrors, name)[setup.solid[order]]
     return records
 
 

@@ -113,8 +113,9 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
     if packed.veils is not None and "veils" in needs.facts:
         of_shadows += _rounds_of_veils(packed.veils, needs.broadcast)
     if packed.mirrors is not None and "mirrors" in needs.facts:
+        # All balls, and the half-spaces of all bodies to find what is met, and to look at it.
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
-        of_mirrors = int((faces + MIRROR_STEPS + 5).sum())
+        of_mirrors = 2 * len(packed.mirrors.balls) + 2 * int((faces + 3).sum()) + MIRROR_STEPS
     bounces = needs.bounces if of_mirrors else 0
     return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
 

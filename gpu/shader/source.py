@@ -27,7 +27,7 @@ import functools
 from collections.abc import Iterator
 
 from halfstep.contract import program
-from halfstep.contract.classes import SHORT
+from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS, MADE, MADE_OF_FORMULA, term_count

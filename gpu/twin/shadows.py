@@ -16,6 +16,7 @@ from halfstep.contract.shadows import PackedShadows
 from halfstep.twin.hide import hide
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools
+from halfstep.twin.mirror import NO_BODY, is_left
 from halfstep.twin.place import (
     NO_POINT,
     Point,
@@ -30,10 +31,11 @@ class Mirror(NamedTuple):
 
     point: Point
     reflection: F32
+    gone: U32  # number of the body that rays from there have left for good
 
 
 def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any) -> Mirror:
-    """The positions of the nearest points, and their weights as mirrors.
+    """Where the nearest points are, how much they mirror, and whether rays from there leave.
 
     Args:
         locations: locations of the solids.
@@ -44,6 +46,7 @@ def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any
     """
     points = Point(*(np.zeros(nearest.surface.shape, np.int32) for _ in NO_POINT))
     weight = np.zeros(nearest.surface.shape, np.float32)
+    gone = np.full(nearest.surface.shape, NO_BODY)
     for location in locations:
         mine = is_own(nearest.surface, location["surface"], location["count"])
         if mine.any():
@@ -53,7 +56,10 @@ def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any
             for whole, part in zip(points, found, strict=True):
                 whole[mine] = part
             weight[mine] = location["reflection"]
-    return Mirror(points, weight)
+            on_curve = nearest.surface[mine] == location["surface"]
+            left = is_left(int(location["flags"]), on_curve, nearest.turned[mine])
+            gone[mine] = np.where(left, location["body"], NO_BODY)
+    return Mirror(points, weight, gone)
 
 
 def find_shadows(
