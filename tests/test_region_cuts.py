@@ -52,7 +52,7 @@ def test_copies_that_are_cut_alike_share_a_program(monkeypatch: pytest.MonkeyPat
     shared = regions.regions_of(scene)
     assert shared is not None
     frame = halfstep.render(scene, size=(60, 45), backend="numpy")
-    monkeypatch.setattr(regions, "_cut_of", lambda _, ix: ix)
+    monkeypatch.setattr(regions, "_alike", lambda _, copies: [*copies[:, None]])
     alone = regions.regions_of(scene)
     assert alone is not None
     # The side of the cell cuts some elements, each elsewhere, and leaves most of them whole.

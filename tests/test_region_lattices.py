@@ -357,11 +357,11 @@ def test_many_copies_are_arrays() -> None:
     """A core of 316×316 pins, and as many copies as are allowed."""
     core: Table = {"kind": "rectangular", "pitch": [1, 1], "group": "pin", "shape": [316, 316]}
     whole = scene(lattice=[core])
-    began = time.perf_counter()
+    began = time.process_time()
     layout = whole.layout()
     [copies] = layout.copies()
     # Plain Python takes seconds.
-    assert time.perf_counter() - began < 0.5
+    assert time.process_time() - began < 0.5
     assert (len(copies.number), layout.count) == (99_856, 99_856)
     assert layout.path(99_855) == ["group pin, lattice[0], row 315, column 315"]
     most = scene(lattice=[{**core, "shape": [1024, 1024]}]).layout()

@@ -23,7 +23,8 @@ ROUNDS = 3
 MARGIN = 2.0**-40
 # Second-order terms below this part of the largest are the rounding of a rotation.
 NEGLIGIBLE = 2.0**-44
-EVERYTHING: Interval = (-math.inf, math.inf)
+# For each axis, the two others.
+_OTHERS = ((1, 2), (0, 2), (0, 1))
 
 
 class Empty(Exception):  # noqa: N818 - no error: a region without a point
@@ -65,20 +66,20 @@ def _box(region: Region, matrices: Floats) -> Floats:
         for part in region.of
         if isinstance(part, Literal)
     ]
-    box = _narrowed(box, inequalities)
+    narrowing = _Narrowing(inequalities)
+    box = narrowing.of(box)
     if not np.isfinite(box).all():
         box = _common(box, _corners(inequalities))
     for axes in _tilted_axes(inequalities):
         if np.isfinite(box).all():
             break
-        turned = _narrowed(
-            np.array([[-np.inf] * 3, [np.inf] * 3]),
-            [_in_axes(matrix, axes) for matrix in inequalities],
+        turned = _Narrowing([_in_axes(matrix, axes) for matrix in inequalities]).of(
+            np.array([[-np.inf] * 3, [np.inf] * 3])
         )
         if np.isfinite(turned).all():
             corners = np.stack(np.meshgrid(*turned.T, indexing="ij"), axis=-1).reshape(-1, 3)
             box = _common(box, _around(corners @ axes.T))
-    return _narrowed(box, inequalities)
+    return narrowing.of(box)
 
 
 def _around(points: Floats) -> Floats:
@@ -131,22 +132,48 @@ def _in_axes(matrix: Floats, axes: Floats) -> Floats:
     return np.asarray(found)
 
 
-def _narrowed(box: Floats, inequalities: Sequence[Floats]) -> Floats:
-    """A box around the points in ``box`` where all F <= 0."""
-    intervals = [(float(low), float(high)) for low, high in box.T]
-    rows = [matrix.tolist() for matrix in inequalities]
-    for _ in range(ROUNDS):
-        for matrix in rows:
-            for axis in range(3):
-                intervals[axis] = _narrow(intervals, matrix, axis)
-    return np.array(intervals).T
+class _Narrowing:
+    """Narrows boxes by inequalities F <= 0; one that left all of a box is not tried on it again."""
+
+    def __init__(self, inequalities: Sequence[Floats]) -> None:
+        self._rows: list[list[list[float]]] = [matrix.tolist() for matrix in inequalities]
+        self._axes = [_axis_of(matrix) for matrix in self._rows]
+        # The last intervals of which an inequality left all.
+        self._kept: list[list[Interval] | None] = [None] * len(self._rows)
+
+    def of(self, box: Floats) -> Floats:
+        """A box around the points in ``box`` where all F <= 0."""
+        intervals: list[Interval] = [(low, high) for low, high in box.T.tolist()]
+        for _ in range(ROUNDS):
+            for ix, matrix in enumerate(self._rows):
+                if self._kept[ix] == intervals:
+                    continue
+                before, plane = [*intervals], self._axes[ix]
+                if plane is not None:
+                    # Other coordinates decide nothing, but where there is no point.
+                    if matrix[3][3] + _times(2 * matrix[plane][3], intervals[plane])[0] > 0:
+                        raise Empty
+                    intervals[plane] = _narrow(intervals, matrix, plane)
+                for axis in range(3) if plane is None else ():
+                    intervals[axis] = _narrow(intervals, matrix, axis)
+                self._kept[ix] = before if before == intervals else None
+        return np.array(intervals).T
+
+
+def _axis_of(matrix: Sequence[Sequence[float]]) -> int | None:
+    """The axis normal to a plane that is normal to one; None for other surfaces."""
+    if any(any(row[:3]) for row in matrix[:3]):
+        return None
+    axes = [axis for axis in range(3) if matrix[axis][3]]
+    return axes[0] if len(axes) == 1 else None
 
 
 def _narrow(box: Sequence[Interval], matrix: Sequence[Sequence[float]], axis: int) -> Interval:
     """The interval that F <= 0 leaves of one coordinate: a x² + b x + c <= 0 for some b and c."""
-    j, k = (other for other in range(3) if other != axis)
+    j, k = _OTHERS[axis]
     row = matrix[axis]
-    b = _sum((2 * row[3], 2 * row[3]), _times(2 * row[j], box[j]), _times(2 * row[k], box[k]))
+    first, second = _times(2 * row[j], box[j]), _times(2 * row[k], box[k])
+    b = 2 * row[3] + first[0] + second[0], 2 * row[3] + first[1] + second[1]
     c = matrix[3][3] + _least(matrix[j][j], 2 * matrix[j][3], box[j])
     c += _least(matrix[k][k], 2 * matrix[k][3], box[k])
     c += _product(_times(2 * matrix[j][k], box[j]), box[k])[0] if matrix[j][k] else 0.0
@@ -155,11 +182,13 @@ def _narrow(box: Sequence[Interval], matrix: Sequence[Sequence[float]], axis: in
         return low, high
     above = _solved(row[axis], b[0], c, (max(low, 0.0), high)) if high >= 0 else None
     below = _solved(row[axis], -b[1], c, (max(-high, 0.0), -low)) if low <= 0 else None
-    sides = [above] if above is not None else []
-    sides += [(-below[1], -below[0])] if below is not None else []
-    if not sides:
-        raise Empty
-    return min(side[0] for side in sides), max(side[1] for side in sides)
+    if below is None:
+        if above is None:
+            raise Empty
+        return above
+    if above is None:
+        return -below[1], -below[0]
+    return min(above[0], -below[1]), max(above[1], -below[0])
 
 
 def _solved(a: float, b: float, c: float, within: Interval) -> Interval | None:
@@ -193,17 +222,13 @@ def _solved(a: float, b: float, c: float, within: Interval) -> Interval | None:
 def _times(factor: float, interval: Interval) -> Interval:
     if factor == 0.0:
         return 0.0, 0.0
-    ends = factor * interval[0], factor * interval[1]
-    return min(ends), max(ends)
+    low, high = interval
+    return (factor * low, factor * high) if factor > 0 else (factor * high, factor * low)
 
 
 def _product(first: Interval, second: Interval) -> Interval:
     ends = [a * b if a and b else 0.0 for a in first for b in second]
     return min(ends), max(ends)
-
-
-def _sum(*intervals: Interval) -> Interval:
-    return sum(low for low, _ in intervals), sum(high for _, high in intervals)
 
 
 def _least(a: float, b: float, x: Interval) -> float:

@@ -62,11 +62,13 @@ def joined(kind: type[Intersection] | type[Union], members: Sequence[Region]) ->
     """The AND or OR of regions in normal form, in normal form."""
     other = Union if kind is Intersection else Intersection
     found: dict[Region, None] = {}
+    senses: dict[int, bool] = {}
     for member in members:
         for part in member.of if isinstance(member, kind) else (member,):
-            if isinstance(part, other) and not part.of:
-                return other(())
-            if isinstance(part, Literal) and Literal(part.surface, not part.positive) in found:
+            if isinstance(part, Literal):
+                if senses.setdefault(part.surface, part.positive) != part.positive:
+                    return other(())
+            elif isinstance(part, other) and not part.of:
                 return other(())
             found[part] = None
     return next(iter(found)) if len(found) == 1 else kind(tuple(found))

@@ -34,26 +34,50 @@ LINES, POINTS = 192, 192
 
 
 @dataclass(frozen=True, eq=False)
+class _Own:
+    """A shape in its own coordinates, which all its copies share."""
+
+    shape: HigherShape
+
+    @cached_property
+    def polynomial(self) -> Polynomials:
+        degree = max(LEAST_DEGREE, self.shape.degree())
+        none = np.zeros(1, bool)
+        return stacked(np.zeros(1, np.int64), [self.shape], degree, none, none)
+
+
+@dataclass(frozen=True, eq=False)
 class Higher:
     """A surface F = 0, in coordinates of some group.
 
     Attributes:
-        shape: gives F, in its own coordinates.
+        own: gives F, in its own coordinates.
         own_from_group: (3, 4), rigid, takes coordinates of the group to its own.
     """
 
-    shape: HigherShape
+    own: _Own
     own_from_group: Floats
 
     @classmethod
     def of(cls, shape: HigherShape) -> Self:
         """The surface of a shape at its own origin and axes."""
         rotation = shape.world_from_local()
-        return cls(shape, np.column_stack([rotation.T, -rotation.T @ np.array(shape.origin)]))
+        place = np.column_stack([rotation.T, -rotation.T @ np.array(shape.origin)])
+        return cls(_Own(shape), place)
 
     def moved(self, group_from_other: Floats) -> Higher:
         """The same surface in other coordinates; ``group_from_other`` is (3, 4)."""
-        return Higher(self.shape, _joined(self.own_from_group, group_from_other))
+        return Higher(self.own, _joined(self.own_from_group, group_from_other))
+
+    @property
+    def shape(self) -> HigherShape:
+        """The shape that gives F."""
+        return self.own.shape
+
+    @property
+    def polynomial(self) -> Polynomials:
+        """F, about the middle of its own box."""
+        return self.own.polynomial
 
     @property
     def is_polynomial(self) -> bool:
@@ -81,13 +105,6 @@ class Higher:
     def origin(self) -> Floats:
         """The origin of its own coordinates, in the group's, (3,)."""
         return np.asarray(-self.rotation @ self.own_from_group[:, 3])
-
-    @cached_property
-    def polynomial(self) -> Polynomials:
-        """F, about the middle of its own box."""
-        degree = max(LEAST_DEGREE, self.shape.degree())
-        none = np.zeros(1, bool)
-        return stacked(np.zeros(1, np.int64), [self.shape], degree, none, none)
 
     @cached_property
     def formula(self) -> Compiled:

@@ -8,7 +8,7 @@ skin.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -338,6 +338,13 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
     parts: list[tuple[int, Ints, Floats]] = []
     plain: dict[int, int] = {}
     faults: list[str] = []
+    known: dict[int, _Functions] = {}
+
+    def functions(group: Fragment) -> _Functions:
+        if id(group) not in known:
+            known[id(group)] = _Functions.of(group)
+        return known[id(group)]
+
     for copies in layout.copies():
         group, first_cell = copies.group, first_cells[id(copies.group)]
         shown = np.array([cell.is_shown for cell in group.cells])
@@ -346,12 +353,14 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
             continue
         key = id(group)
         if key not in plain:
-            program = _program_of(scene, group, shown, volume, faults, hidden=hidden)
+            program = _program_of(
+                scene, group, functions(group), shown, volume, faults, hidden=hidden
+            )
             plain[key] = -1 if program is None else len(found)
             if program is not None:
                 found.append(Owned(program, group, first_cell))
         whole = None if plain[key] < 0 else found[plain[key]].program
-        kept, own = _cut_copies(copies, whole, shown, hidden=hidden)
+        kept, own = _cut_copies(copies, functions, whole, shown, hidden=hidden)
         if whole is not None:
             parts.append((plain[key], copies.number[kept], copies.maps[kept]))
         for ix, program in own:
@@ -399,9 +408,25 @@ def _first_cells(scene: Fragment) -> dict[int, int]:
     return numbers
 
 
+@dataclass(frozen=True)
+class _Functions:
+    """What a group's formulas are over."""
+
+    matrices: Floats  # (F, 4, 4)
+    higher: Mapping[int, Higher]  # those of an order above two
+    regions: Sequence[Region]  # of its cells
+
+    @classmethod
+    def of(cls, group: Fragment) -> _Functions:
+        functions = group.functions()
+        matrices = np.array([function.matrix for function in functions]).reshape(-1, 4, 4)
+        return cls(matrices, higher_of(functions), group.names().regions)
+
+
 def _program_of(
     scene: Scene,
     group: Fragment,
+    own: _Functions,
     shown: Bools,
     volume: Floats | None,
     faults: list[str],
@@ -410,8 +435,7 @@ def _program_of(
 ) -> Program | None:
     """The program of a group; its faults are added to ``faults``."""
     where = f"group {group.name}: " if isinstance(group, Group) else ""
-    regions = group.names().regions
-    matrices, higher = _matrices_of(group), higher_of(group.functions())
+    matrices, higher, regions = own.matrices, own.higher, own.regions
     plain = Senses(range(len(matrices)), [False] * len(matrices))
     program = compiled(matrices, regions, shown, volume, higher=higher, hidden=hidden)
     # Merging surfaces may leave a cell without a point.
@@ -437,13 +461,13 @@ def _program_of(
     return program
 
 
-def _matrices_of(group: Fragment) -> Floats:
-    """Matrices (F, 4, 4) of the functions of a group."""
-    return np.array([function.matrix for function in group.functions()]).reshape(-1, 4, 4)
-
-
 def _cut_copies(
-    copies: Copies, whole: Program | None, shown: Bools, *, hidden: bool
+    copies: Copies,
+    functions_of: Callable[[Fragment], _Functions],
+    whole: Program | None,
+    shown: Bools,
+    *,
+    hidden: bool,
 ) -> tuple[Ints, list[tuple[Ints, Program]]]:
     """The copies that regions around them leave whole, and the programs of those that they cut.
 
@@ -455,11 +479,11 @@ def _cut_copies(
     box = everywhere if whole is None else whole.middle + whole.box
     given: list[_Around] = []
     for within in copies.within:
-        matrices = _matrices_of(within.group)
+        around_it = functions_of(within.group)
+        matrices, higher = around_it.matrices, around_it.higher
         maps = np.zeros((len(within.maps), 4, 4))
         maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
         moved = np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)
-        higher = higher_of(within.group.functions())
         given.append(_Around(within.region, moved, higher, maps[:, :3]))
         box = _left(box, given[-1])
     # The box does not decide a side that made one of its faces, so that no two sides decide each
@@ -467,21 +491,11 @@ def _cut_copies(
     around = [(one, signed(_signs(one.matrices, box), one.higher, one.maps, box)) for one in given]
     for one, signs in around:
         state = np.minimum(state, truth(one.region, signs))
-    own_higher = higher_of(copies.group.functions())
-    own_functions, own_regions = _matrices_of(copies.group), copies.group.names().regions
-    # Most copies of a lattice have the same signs.
-    undecided = [functools.cache(functools.partial(_undecided, one.region)) for one in given]
-    alike: dict[object, list[int]] = {}
-    for ix in np.flatnonzero(state == 0).tolist():
-        left = [
-            of(tuple(signs[:, ix].tolist()))
-            for of, (_, signs) in zip(undecided, around, strict=True)
-        ]
-        alike.setdefault(_cut_of(given, left, ix), []).append(ix)
+    plainly = functions_of(copies.group)
     programs: list[tuple[Ints, Program]] = []
-    for members in alike.values():
-        functions, regions = [own_functions], list(own_regions)
-        higher = {**own_higher}
+    for members in _alike(around, np.flatnonzero(state == 0)):
+        functions, regions = [plainly.matrices], list(plainly.regions)
+        higher = {**plainly.higher}
         for one, signs in around:
             first, ix = sum(map(len, functions)), members[0]
             own = one.matrices[ix]
@@ -494,7 +508,7 @@ def _cut_copies(
             np.concatenate(functions), regions, shown, box, higher=higher, hidden=hidden
         )
         if program is not None:
-            programs.append((np.array(members), program))
+            programs.append((members, program))
     return np.flatnonzero(state == 1), programs
 
 
@@ -507,19 +521,37 @@ class _Around(NamedTuple):
     maps: Floats  # (N, 3, 4), from each copy to the region's coordinates
 
 
-def _cut_of(around: Sequence[_Around], undecided: Sequence[Region], ix: int) -> object:
-    """A key that copies share if regions cut them alike: the undecided parts and their surfaces."""
-    found: list[object] = []
-    for one, left in zip(around, undecided, strict=True):
-        used = sorted({literal.surface for literal in literals(left)})
-        matrices = one.matrices[ix][used]
-        size = np.abs(matrices).max(axis=(1, 2), keepdims=True, initial=1e-300)
-        found += [left, np.rint(matrices / size / (COINCIDENT / 4)).tobytes()]
-        for surface in one.higher.keys() & set(used):
-            own, extent = one.higher[surface].moved(one.maps[ix]), one.higher[surface].shape.box()
-            map_ = own.own_from_group / np.array([1.0, 1.0, 1.0, np.abs(extent).max()])
-            found.append(np.rint(map_ / (COINCIDENT / 4)).tobytes())
-    return tuple(found)
+def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> list[Ints]:
+    """Copies (C,) in groups that the regions cut alike.
+
+    The undecided parts of the regions, and their surfaces, are the same in a group.
+    """
+    keys: list[list[object]] = [[] for _ in copies]
+    for one, signs in around:
+        rests: dict[Region, int] = {}
+        by_signs: dict[bytes, list[int]] = {}
+        for place, column in enumerate(np.ascontiguousarray(signs[:, copies].T)):
+            by_signs.setdefault(column.tobytes(), []).append(place)
+        for places in by_signs.values():
+            chosen = copies[places]
+            left = _undecided(one.region, tuple(signs[:, chosen[0]].tolist()))
+            used = sorted({literal.surface for literal in literals(left)})
+            matrices = one.matrices[chosen][:, used]
+            size = np.abs(matrices).max(axis=(2, 3), keepdims=True, initial=1e-300)
+            rows = np.rint(matrices / size / (COINCIDENT / 4)) + 0.0
+            rest = rests.setdefault(left, len(rests))
+            for place, row in zip(places, rows, strict=True):
+                keys[place] += [rest, row.tobytes()]
+            for surface in sorted(one.higher.keys() & set(used)):
+                extent = np.abs(one.higher[surface].shape.box()).max()
+                for place, ix in zip(places, chosen.tolist(), strict=True):
+                    own = one.higher[surface].moved(one.maps[ix])
+                    map_ = own.own_from_group / np.array([1.0, 1.0, 1.0, extent])
+                    keys[place].append((np.rint(map_ / (COINCIDENT / 4)) + 0.0).tobytes())
+    alike: dict[object, list[int]] = {}
+    for key, ix in zip(keys, copies.tolist(), strict=True):
+        alike.setdefault(tuple(key), []).append(ix)
+    return [np.array(members) for members in alike.values()]
 
 
 def _undecided(region: Region, signs: tuple[int, ...]) -> Region:
