@@ -45,6 +45,10 @@ class _Own:
         none = np.zeros(1, bool)
         return stacked(np.zeros(1, np.int64), [self.shape], degree, none, none)
 
+    @cached_property
+    def formula(self) -> Compiled:
+        return compiled(self.shape.expression())
+
 
 @dataclass(frozen=True, eq=False)
 class Higher:
@@ -106,10 +110,10 @@ class Higher:
         """The origin of its own coordinates, in the group's, (3,)."""
         return np.asarray(-self.rotation @ self.own_from_group[:, 3])
 
-    @cached_property
+    @property
     def formula(self) -> Compiled:
         """F as operations."""
-        return compiled(self.shape.expression())
+        return self.own.formula
 
     @cached_property
     def enclosing(self) -> list[Floats]:
