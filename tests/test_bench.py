@@ -180,6 +180,32 @@ def test_the_scene_for_povray_is_the_same_scene() -> None:
     )
 
 
+def test_solids_of_half_spaces_for_povray_are_the_same_solids() -> None:
+    lamp = {"position": [1, 2, 3], "shadows": True}
+    scene = halfstep.Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [0, -8, 3], "look_at": [0, 0, 0]},
+            "light": [lamp],
+            "solid": [
+                {"kind": "cylinder", "radius": 2, "z_min": -1, "z_max": 1, "origin": [1, 0, 0],
+                 "color": [1, 1, 1]},
+                {"kind": "plane", "bounds": {"min": [-2, -2, -1], "max": [2, 2, 1]},
+                 "color": [1, 1, 1]},
+            ],
+        }
+    )  # fmt: skip
+    light, cylinder, patch = povray.text(scene, aspect=1.0).splitlines()[4:]
+    assert light == "light_source { <1, 2, 3> rgb <1, 1, 1> }"
+    assert cylinder.startswith(
+        "intersection { quadric { <1, 1, 0>, <0, 0, 0>, <0, 0, 0>, -4 } plane { <0, 0, -1>, 1 }"
+        " plane { <0, 0, 1>, 1 } translate <1, 0, 0> bounded_by { box {"
+    )
+    assert patch.startswith(
+        "plane { <0, 0, 1>, 0 clipped_by { intersection { plane { <1, 0, 0>, 2 }"
+    )
+
+
 def test_cells_for_povray_are_the_same_cells() -> None:
     rod_part = {"name": "p", "kind": "cylinder", "radius": 1, "z_min": 0, "z_max": 2}
     scene = halfstep.Scene.from_dict(

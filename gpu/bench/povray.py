@@ -9,8 +9,21 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from halfstep.bench.povray_cells import finish, objects, vector
-from halfstep.scene import Ellipsoid, Implicit, Scene, Solid, Sphere, Torus
+import numpy as np
+
+from halfstep.bench.povray_cells import finish, objects, placed, vector
+from halfstep.host.geometry import build
+from halfstep.host.world import solid_boxes
+from halfstep.scene import (
+    Ellipsoid,
+    Implicit,
+    PlanePatch,
+    QuadricSolid,
+    Scene,
+    Solid,
+    Sphere,
+    Torus,
+)
 from halfstep.scene.expression import Node
 
 # POV-Ray needs a bound of the gradient. No formula of the benchmark is steeper than this.
@@ -74,10 +87,10 @@ def trace_time(
 def text(scene: Scene, aspect: float) -> str:
     """The text of a scene in POV-Ray's language.
 
-    The scene may have cells, and solids without rotation: spheres, ellipsoids, tori and formulas in
-    a ball. Polynomials become ``poly``, solved by Sturm's theorem, and other formulas
-    ``isosurface``. Lights must be far away. They have shadows where the scene's have, so that both
-    programs compute the same picture.
+    The scene may have cells, and solids that have an end; tori, and formulas in a ball, without
+    rotation. Polynomials become ``poly``, solved by Sturm's theorem, and other formulas
+    ``isosurface``. Lights have shadows where the scene's have, so that both programs compute the
+    same picture, but for highlights.
     """
     camera = scene.camera
     assert camera.fov_degrees is not None
@@ -91,18 +104,56 @@ def text(scene: Scene, aspect: float) -> str:
         f" look_at {vector(camera.look_at)} }}",
     ]
     for light in scene.lights:
-        assert light.direction is not None
-        far = tuple(1e6 * part for part in light.direction)
+        place, far = light.position, ""
+        if light.direction is not None:
+            place, far = tuple(1e6 * part for part in light.direction), " parallel point_at 0"
         lines.append(
-            f"light_source {{ {vector(far)} rgb {vector(light.color)} parallel point_at 0"
+            f"light_source {{ {vector(place)} rgb {vector(light.color)}{far}"
             f"{'' if light.shadows else ' shadowless'} }}"
         )
-    for solid in scene.solids:
-        assert isinstance(solid, Sphere | Ellipsoid | Torus | Implicit)
+    is_joined = [_is_joined(solid) for solid in scene.solids]
+    boxes = solid_boxes(build(scene)) if any(is_joined) else np.empty((0, 0, 0))
+    for ix, solid in enumerate(scene.solids):
         look = finish(scene.material_of(solid), scene)
-        lines.append(f"{_shape(solid)} translate {vector(solid.origin)} {look} }}")
+        if is_joined[ix]:
+            low, high = boxes[..., ix]
+            # What has no thickness is bounded by what has some.
+            room = 1e-6 * float(np.abs(boxes[..., ix]).max())
+            low, high = low - room, high + room
+            bounds = f"bounded_by {{ box {{ {vector(low)}, {vector(high)} }} }}"
+            lines.append(f"{_joined(solid)} {placed(solid)} {bounds} {look} }}")
+        else:
+            lines.append(f"{_shape(solid)} translate {vector(solid.origin)} {look} }}")
     lines += objects(scene)
     return "\n".join(lines) + "\n"
+
+
+def _is_joined(solid: Solid) -> bool:
+    """Whether a solid is written as what its quadric and half-spaces have in common."""
+    if isinstance(solid, Torus | Implicit):
+        return False
+    is_turned = not np.array_equal(solid.world_from_local(), np.eye(3))
+    return not isinstance(solid, Sphere | Ellipsoid) or bool(is_turned or len(solid.half_spaces()))
+
+
+def _joined(solid: Solid) -> str:
+    """The beginning of the text of what a quadric and half-spaces have in common."""
+    rows = solid.half_spaces()
+    lengths = np.linalg.norm(rows[:, :3], axis=1)
+    planes = [
+        f"plane {{ {vector(row[:3])}, {row[3] / length:.17g}"
+        for row, length in zip(rows, lengths, strict=True)
+    ]
+    if isinstance(solid, PlanePatch):
+        bounds = " ".join(f"{plane} }}" for plane in planes[1:])
+        return f"{planes[0]} clipped_by {{ intersection {{ {bounds} }} }}"
+    parts = [f"{plane} }}" for plane in planes]
+    q = solid.quadric() if isinstance(solid, QuadricSolid) else np.zeros((4, 4))
+    if q.any():
+        squares, products = q[[0, 1, 2], [0, 1, 2]], 2 * q[[0, 0, 1], [1, 2, 2]]
+        terms = ", ".join(map(vector, (squares, products, 2 * q[:3, 3])))
+        parts.insert(0, f"quadric {{ {terms}, {q[3, 3]:.17g} }}")
+    return f"intersection {{ {' '.join(parts)}"
 
 
 def _shape(solid: Solid) -> str:

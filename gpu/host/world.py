@@ -54,7 +54,7 @@ class World:
             SceneError: a solid or a copy of a group is unbounded, so that no grid holds it; the
                 message says that ``what``.
         """
-        found = _solid_boxes(geometry)
+        found = solid_boxes(geometry)
         is_endless = ~geometry.is_empty & ~np.isfinite(found).all(axis=(0, 1))
         if is_endless.any():
             text = f"has no end, so {what}"
@@ -82,7 +82,7 @@ class World:
         )
 
 
-def _solid_boxes(geometry: Geometry) -> Floats:
+def solid_boxes(geometry: Geometry) -> Floats:
     """World boxes (2, 3, K) of the solids, infinite if none is found."""
     found = world_boxes(geometry)
     for ix in np.flatnonzero(~np.isfinite(found).all(axis=(0, 1)) & ~geometry.is_empty).tolist():
