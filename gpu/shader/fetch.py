@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from halfstep.contract.classes import SHORT, Class
+from halfstep.contract.classes import SHORT
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import (
     APPEARANCE,
@@ -142,7 +142,7 @@ def fetches(needs: Needs) -> str:
     if needs.has_polynomials:
         record = POLYNOMIAL.counted(TERMS=term_count(needs.degree))
         functions.append(_record_at(needs, record, "polynomials", "polynomial"))
-    if Class.FORMULA in needs.classes:
+    if needs.has_formulas:
         record = EXPRESSION.counted(NUMBERS=needs.numbers)
         functions.append(_record_at(needs, record, "expressions", "expression"))
     placed: dict[str, Record] = {}
@@ -195,8 +195,8 @@ def _tile_at(needs: Needs) -> str:
     return (
         f"// A tile of the picture.\nstruct Tile {{\n"
         "  place: u32,  // column, and row times 2^16, among the tiles\n"
-        f"  starts: array<u32, {count}>,  // of the lists, and where the last one ends\n}}\n\n"
-        f"fn tile_at(number: u32) -> Tile {{\n{body}"
+        f"  starts: array<u32, {count}>,  // starts of the lists, and the end of the last\n}}\n\n"
+        f"// The record of a tile.\nfn tile_at(number: u32) -> Tile {{\n{body}"
         f"  return Tile(\n    {words[0]},\n    array<u32, {count}>(\n{starts}    ),\n  );\n}}\n"
     )
 
@@ -371,10 +371,10 @@ def _pieces(
 
 
 def _words_each(pieces: int, lanes: int) -> int:
-    """How many words of 64 bits each of some invocations loads, which together load pieces.
+    """The number of 64-bit words that each of ``lanes`` invocations loads of ``pieces`` pieces.
 
-    A load serves one invocation after another: the fewer words each loads, the better, and no
-    branch is needed around a load that some would leave out.
+    A load serves one invocation after another, so each should load few words. All invocations load
+    the same number, so that no branch is needed around a load.
     """
     return next((count for count in (1, 2) if count * lanes >= WIDE * pieces), WIDE)
 

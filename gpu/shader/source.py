@@ -62,7 +62,7 @@ MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_
 EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 # The binding for surfaces of regions of an order above two.
 HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
-# The bindings for what copies of groups hide of lights.
+# The bindings for veils.
 VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
 
 # The type of a binding that is a texture.
@@ -150,41 +150,45 @@ def constants(needs: Needs) -> str:
     across = TILE // (LANES * needs.quads)
     halvings = needs.format.article_run if needs.method == "article" else needs.format.run
     known = needs.known or program.NOTHING_KNOWN
+    crossings = needs.surfaces * (3 if "error" in needs.facts else 1)
     numbers = {
-        "WORKGROUP": across * TILE,
-        "BLOCKS": across,  # of a row of a tile
-        "BLOCK": LANES * needs.quads,  # pixels
-        "BROADCAST": needs.broadcast,
-        "LIGHTS": needs.lights,
-        "SHININESS_BITS": needs.shininess_bits,
-        "SURFACES": needs.surfaces,
-        "CROSSINGS": needs.surfaces * (3 if "error" in needs.facts else 1),
-        "LEVELS": needs.levels,
-        "WORDS": max(SHORT.values()),
-        "KNOWN_PLANES": known.planes,
-        "KNOWN_QUADRICS": known.quadrics,
-        "DEGREE": needs.degree,
-        "TERMS": term_count(needs.degree),
-        "PAIRS": needs.pairs,
-        "NUMBERS": needs.numbers,
-        "CLOCKS": CLOCKS,
-        "BOUNDS": BOUNDS,
-        "CLASSES": len(needs.classes),
-        "SHADOWS": needs.shadows,
-        "FAR_LIGHTS": needs.far_lights,
-        "GROUPED": GROUP,
-        "BOUNCES": needs.bounces,
-        "MIRROR_STEPS": MIRROR_STEPS,
-        "VEIL_STEPS": VEIL_STEPS,
-        **{name: getattr(program, name) for name in WORD},
+        "WORKGROUP": (across * TILE, "invocations of a workgroup, which renders a tile"),
+        "BLOCKS": (across, "blocks in a row of a tile"),
+        "BLOCK": (LANES * needs.quads, "pixels of a block, which an invocation renders"),
+        "BROADCAST": (needs.broadcast, "invocations that share a load"),
+        "LIGHTS": (needs.lights, "lights to shade with"),
+        "SHININESS_BITS": (needs.shininess_bits, "bits of the largest exponent of a highlight"),
+        "SURFACES": (needs.surfaces, "the most surfaces of an excerpt"),
+        "CROSSINGS": (crossings, "the most crossings of a region"),
+        "LEVELS": (needs.levels, "the most levels that a program opens at once"),
+        "WORDS": (max(SHORT.values()), "the most words of a short program"),
+        "KNOWN_PLANES": (known.planes, "planes of the known program"),
+        "KNOWN_QUADRICS": (known.quadrics, "quadrics of the known program"),
+        "DEGREE": (needs.degree, "the highest degree of a polynomial"),
+        "TERMS": (term_count(needs.degree), "terms of a polynomial"),
+        "PAIRS": (needs.pairs, "the most pairs of ends of a surface of an order above two"),
+        "NUMBERS": (needs.numbers, "constants that a formula has room for"),
+        "CLOCKS": (CLOCKS, "the most cells that a pixel tries"),
+        "BOUNDS": (BOUNDS, "the most error bounds that a pixel tries"),
+        "CLASSES": (len(needs.classes), "classes of solids"),
+        "SHADOWS": (needs.shadows, "lights with shadows"),
+        "FAR_LIGHTS": (needs.far_lights, "far lights among these, which come first"),
+        "GROUPED": (GROUP, "occluders in a group"),
+        "BOUNCES": (needs.bounces, "the most reflections of a ray"),
+        "MIRROR_STEPS": (MIRROR_STEPS, "halvings for a ray from a mirror"),
+        "VEIL_STEPS": (VEIL_STEPS, "halvings for a crossing of a veil"),
+        **{name: (getattr(program, name), "of a word of a program") for name in WORD},
     }
-    numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
-    numbers |= {f"PLANE_{name.upper()}": n for name, n in plane_offsets(needs.outputs).items()}
-    numbers |= {f"BYTES_{name.upper()}": n for name, n in byte_offsets(needs.outputs).items()}
-    lines = [f"const {name}: u32 = {number}u;" for name, number in numbers.items()]
-    lines.append(f"const VEIL_ROUNDS: i32 = {VEIL_ROUNDS};")
-    lines.append(f"const HALVINGS: Run = {halvings};")
-    lines.append(f"const SEARCHES: Run = {needs.format.run};")
+    for slot, klass in enumerate(needs.classes):
+        numbers[f"LIST_{klass.name}"] = slot, "index of the list of this class in a tile"
+    for name, first in plane_offsets(needs.outputs).items():
+        numbers[f"PLANE_{name.upper()}"] = first, "first plane of this output"
+    for name, first in byte_offsets(needs.outputs).items():
+        numbers[f"BYTES_{name.upper()}"] = first, "bytes of a pixel before this output"
+    lines = [f"const {name}: u32 = {n}u;  // {meaning}" for name, (n, meaning) in numbers.items()]
+    lines.append(f"const VEIL_ROUNDS: i32 = {VEIL_ROUNDS};  // the most rounds of loops for veils")
+    lines.append(f"const HALVINGS: Run = {halvings};  // roundings of the method's halvings")
+    lines.append(f"const SEARCHES: Run = {needs.format.run};  // roundings of the conveyor")
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -277,7 +281,7 @@ def bindings(needs: Needs) -> str:
         polynomial = "Polynomial" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
-    if Class.FORMULA in needs.classes:
+    if needs.has_formulas:
         expression = "Expression" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({EXPRESSIONS_BINDING})"
         lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
