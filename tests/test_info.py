@@ -242,5 +242,8 @@ def test_a_pixel_of_a_scene_and_a_place_that_is_none_are_refused(
     assert main(["info", "gallery", "--pixel", "1,2"]) == 2
     expected = "gallery: is a scene; --pixel is of a picture of it, an .npz file\n"
     assert capsys.readouterr().err == expected
+    for options in (["--hide", "void"], ["--pixel", "0,0", "--view", "xy"]):
+        assert main(["info", "a.npz", *options]) == 2
+        assert capsys.readouterr().err.endswith("a.npz: is a picture, which keeps its look\n")
     assert main(["info", "a.npz", "--pixel", "1.5,2"]) == 2
     assert "is not X,Y, as 320,240" in capsys.readouterr().err

@@ -538,7 +538,14 @@ def test_colours_by_cell_and_by_universe() -> None:
     assert len({each.color for each in by_cell.materials}) == 2
     by_group = load(MODELS / "model_only.xml", Look(color_by="group"))
     assert len({each.color for each in by_group.materials}) == 1
-    with pytest.raises(UsageError, match='--color-by: "colour" is none of material, cell, group'):
+    by_place = load(MODELS / "model_only.xml", Look(color_by="place"))
+    assert by_place.image.color_by == "place"
+    plain = load(MODELS / "model_only.xml")
+    assert by_place.materials == plain.materials
+    assert by_place.image.background == plain.image.background
+    with pytest.raises(
+        UsageError, match='--color-by: "colour" is none of material, cell, group, place'
+    ):
         Look(color_by="colour")
 
 
@@ -610,7 +617,7 @@ def test_commands_take_models(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["render", "figure", "-o", "a.png", "--clip", "x > 0"], "figure: says itself how it is "),
+        (["render", "figure", "-o", "a.png", "--clip", "x > 0"], "figure: sets its own look; "),
         (["import", "figure", "-o", "a.toml"], "figure: is no file of another program"),
         (["render", "a.xml", "-o", "a.png", "--eye", "1,2"], "'1,2' is not X,Y,Z, as 10,-20,5"),
         (["import", "a.xml", "-o", "a.txt"], "a.txt: the ending '.txt' is not one of those "),

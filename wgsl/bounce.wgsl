@@ -1,10 +1,10 @@
-// The nearest points of a block -> what mirrors among them show, bounce after bounce.
+// The nearest points of a block -> the colours that mirrors among them show, bounce after bounce.
 
-// What a ray from a mirror meets first.
+// The first point that a ray from a mirror hits.
 struct Caught {
   distance: f4,  // in units of the grid
-  surface: u4,  // its number in the scene, from 1; 0 is none
-  turned: u4,  // which side of it is seen, as of `other_side`
+  surface: u4,  // number of the surface in the scene, from 1; 0 for no hit
+  turned: u4,  // which side of the surface is seen, as `other_side` has it
   point: Point,
   slope: Vector,  // along the normal
   material: Finish,
@@ -22,7 +22,7 @@ const NOTHING_CAUGHT: Caught = Caught(
   f4(0.0),
 );
 
-// The point of a body where a ray meets it, if that is nearer than what it met so far.
+// The point where a ray hits a body, if it is nearer than the point found so far.
 fn catch_first(
   old: Caught,
   body: Body,
@@ -87,7 +87,7 @@ fn try_body(body: Body) {
     let number = i32(k) + 1;
     // each quad
     {
-      // A ray from a face leaves it, or is inside it all along.
+      // A ray that starts on a face leaves its half-space at once, or never.
       let on = own_0 & (nearest_0.surface == u4(body.surface + k + 1u));
       let line = face_of(face, glance_0);
       let beyond = Line(select(line.c, f4(-1.0), on), select(line.b, f4(0.0), on));
@@ -100,7 +100,7 @@ fn try_body(body: Body) {
   var inside_0 = b4(false);
   // each quad
   {
-    // On F that root is divided out, and a half-space is left.
+    // If the ray starts on F, the root there is divided out, and a half-space is left.
     let whole = curve_of(body, glance_0);
     let on_curve = own_0 & (nearest_0.surface == u4(body.surface));
     let rest = clip(piece_0, Line(whole.a * glance_0.start + whole.g, whole.a), last);
@@ -125,12 +125,12 @@ fn try_body(body: Body) {
   );
 }
 
-// Rays of invocations that work together: all begin near a point and go on near an axis.
+// The rays of the invocations of a subgroup: all begin near a point and run close to an axis.
 struct Bundle {
   middle: vec3<f32>,
   spread: f32,
   axis: vec3<f32>,
-  cosine: f32,  // of the widest angle between the axis and a ray
+  cosine: f32,  // cosine of the widest angle between the axis and a ray
 }
 
 // Scalar product, summed from left to right.
@@ -150,7 +150,7 @@ fn may_meet(ball: Ball, bundle: Bundle) -> bool {
   return (bundle.cosine <= 0.0) | ((beside <= room) & (along >= -room));
 }
 
-// The least components of some of four vectors.
+// The least components of those of four vectors that `some` tells.
 fn least_of(a: Vector, some: b4) -> vec3<f32> {
   let none = f4(BEYOND);
   return vec3<f32>(
@@ -160,12 +160,12 @@ fn least_of(a: Vector, some: b4) -> vec3<f32> {
   );
 }
 
-// The greatest.
+// The greatest components of those vectors.
 fn greatest_of(a: Vector, some: b4) -> vec3<f32> {
   return -least_of(Vector(-a.x, -a.y, -a.z), some);
 }
 
-// The rays of the invocations that look at balls together.
+// The bundle of the rays of the invocations that look at balls together.
 fn bundle_of() -> Bundle {
   var low = vec3<f32>(BEYOND);
   var high = vec3<f32>(-BEYOND);
@@ -192,12 +192,12 @@ fn bundle_of() -> Bundle {
     cosine = min(cosine, least(select(f4(1.0), across, weight_0 > f4(0.0))));
   }
   let half = 0.5 * (high - low);
-  // Without a ray there is nothing that it may meet.
+  // A bundle without a ray meets nothing.
   let spread = select(-BEYOND, sqrt(inner_product(half, half)), low.x <= high.x);
   return Bundle(low + half, spread, axis, subgroupMin(cosine));
 }
 
-// What the rays from the mirrors of a block meet first.
+// The first points that the rays from the mirrors of a block hit.
 fn catch_bodies() {
   let count = mirrors_at(0u).count;
   for (var t = 0u; t < count; t++) {  //? !broadcast
@@ -234,7 +234,7 @@ fn catch_bodies() {
   }
 }
 
-// What mirrors add to the colours of a block, bounce after bounce.
+// The light that mirrors add to the colours of a block, bounce after bounce.
 fn follow_mirrors(j: i32) {
   let mirrors = mirrors_at(0u);
   // each quad
@@ -277,7 +277,7 @@ fn follow_mirrors(j: i32) {
       let some = nearest_0.surface > u4(0u);
       let b = frame.background;
       let shown = either(some, lit, Vector(f4(b.x), f4(b.y), f4(b.z)));
-      // The last mirror shows a colour of its own.
+      // The last mirror shows only its own colour.
       let share = select(caught_0.reflection, f4(0.0), b4(bounce + 1u >= BOUNCES));
       let passed_on = seen(weight_0 * share);
       let own = scaled(shown, weight_0 - passed_on);
@@ -288,7 +288,7 @@ fn follow_mirrors(j: i32) {
       );
       weight_0 = passed_on;
     }
-    // What reflects nothing has no more bounces.
+    // A ray without weight ends.
     var left = b4(false);
     // each quad
     left = left | (weight_0 > f4(0.0));

@@ -1,30 +1,30 @@
 // The first root of a polynomial: cell by cell from the near end, then by halvings.
 //
-// The interval has 2^n leaves; a cell is 2^size of them.  What makes a cell pass, and what makes it
-// hold one root, is derived in gpu/twin/cells.py.  A pixel may try so many CLOCKS.
+// The interval has 2^n leaves; a cell is 2^size of them. gpu/twin/cells.py derives when a cell has
+// no root and when it has one. A pixel may try CLOCKS cells.
 
-// The middle of a cell that is cut off is rounded; so far it is beyond its ends.
+// Added to the half width of a cell that is cut off, because its middle is rounded.
 const CLIPPING: f32 = 0x1p-23f;
-// What is known of F in a cell.
+// The properties of F in a cell.
 struct Judged {
-  passed: b4,  // it has no root
-  single: b4,  // it has one root
+  passed: b4,  // F has no root in the cell
+  single: b4,  // F has exactly one root
   vague: b4,  // F changes by less than its error
   within: b4,  // F <= 0 at the end
   below: b4,  // F < 0 at the end, surely
-  defined: b4,  // F has a value all over the cell
+  defined: b4,  // F has a value everywhere in the cell
 }
 
-// A cell that is tried, or what was found.
+// The cell to try next, or the one found.
 struct Cell {
   first: i4,  // leaf
   size: i4,  // it has 2^size leaves
-  going: b4,  // there is more to try
+  going: b4,  // the search goes on
   met: b4,  // a root lies in it
-  sure: b4,  // nothing doubtful was left behind
+  sure: b4,  // no doubtful leaf was passed
 }
 
-// What holds of F = Σ t_j s^j, |s| <= 1, which is off by at most `error`.
+// The properties of F = Σ t_j s^j for |s| <= 1, if F has an error of at most `error`.
 fn judged_of(t: array<f4, POWERS>, error: f4) -> Judged {
   var rest = error;
   var slope = f32(DEGREE) * error;
@@ -71,17 +71,17 @@ fn cells_from(first: i4, going: b4, steps: u32) -> Cell {
   );
 }
 
-// Where a cell is on a ray, cut off at both ends.
+// The part of a cell on a ray between the ends of an interval.
 struct Span {
   following: i4,  // the leaf behind it
-  right: f4,  // where the whole cell ends
+  right: f4,  // end of the whole cell
   low: f4,
   high: f4,
   middle: f4,
-  half: f4,  // of its width, and a little more where it is cut off
+  half: f4,  // half the width, and a little more if the cell is cut off
 }
 
-// Where a cell is between `start` and `stop`.
+// The part of a cell between `start` and `stop`.
 fn span_of(cell: Cell, start: f4, stop: f4, last_step: f32) -> Span {
   let width = last_step + last_step;
   let following = cell.first + (i4(1) << u4(cell.size));
@@ -146,7 +146,7 @@ fn walked(curve: Curve, start: f4, stop: f4, begun: Cell, steps: u32, last_step:
   return cell;
 }
 
-// The middle of a cell, where it is halved.
+// The u in the middle of a cell.
 fn middle_of(cell: Cell, last_step: f32) -> f4 {
   let half = i4(1) << u4(max(cell.size - 1, i4(0)));
   return f4(cell.first + half) * (last_step + last_step) - 1.0;
@@ -165,7 +165,7 @@ fn half_of(old: Cell, far: b4) -> Cell {
   );
 }
 
-// The half of a cell in which a root lies of what has powers of u - middle; a leaf stays.
+// The half of a cell with the root of a polynomial in u - middle; a leaf stays.
 fn narrowed(
   powers: array<f4, POWERS>,
   middle: f4,
@@ -184,8 +184,8 @@ fn position_in(cell: Cell, steps: u32) -> i4 {
   return (cell.first + cell.first) + i4(1 - (1i << steps));
 }
 
-// How far the only root of a cell is from a position at most: so many BOUNDS are tried, each four
-// times the one before.
+// A bound of the distance of the only root of a cell from a position: BOUNDS bounds are tried, each
+// four times the one before.
 fn bound_in(
   curve: Curve,
   start: f4,

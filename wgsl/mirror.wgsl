@@ -1,17 +1,17 @@
 // A point and a direction from there -> the forms of a solid along a ray from a mirror.
 //
-// About each solid the ray is taken from its point nearest to the middle of the solid, and u counts
-// from there, in radii: so nothing in these forms knows how far away the mirror is.
+// For each solid, u counts along the ray in radii, from the point nearest to the middle of the
+// solid. So the distance of the mirror has no effect on the forms.
 
-// A ray from a mirror about a solid.
+// A ray from a mirror, relative to a solid.
 struct Glance {
-  base: Vector,  // the point nearest to the middle, counted from there
+  base: Vector,  // the point nearest to the middle, from the middle
   along: Vector,  // unit
   start: f4,  // u of the mirror
-  near: b4,  // it may meet the solid
+  near: b4,  // it may hit the solid
 }
 
-// The direction that a mirror turns another one into; its normal is a unit vector.
+// The direction of a ray after a mirror whose unit normal is `normal`.
 fn mirrored(direction: Vector, normal: Vector) -> Vector {
   let d = normalized(direction);
   let twice = f4(2.0) * dot_product(d, normal);
@@ -20,12 +20,12 @@ fn mirrored(direction: Vector, normal: Vector) -> Vector {
   );
 }
 
-// The point of a ray so far on.
+// The point of a ray at u.
 fn further(start: Vector, along: Vector, u: f4) -> Vector {
   return Vector(start.x + u * along.x, start.y + u * along.y, start.z + u * along.z);
 }
 
-// The ray from a point of the grid about a solid.
+// The ray from a point of the grid, relative to a solid.
 fn glance_at(body: Body, point: Point, along: Vector) -> Glance {
   let c = body.center;
   let from_center = point_from(point, c[0], c[1], c[2]);
@@ -75,12 +75,12 @@ fn face_of(face: Face, glance: Glance) -> Line {
   return Line(dot_product(normal, glance.base) + face.beyond, dot_product(normal, glance.along));
 }
 
-// Where the ray begins and where the solid surely has ended.
+// The piece of the ray from its start to surely behind the solid.
 fn piece_of(glance: Glance) -> Piece {
   return Piece(glance.start, f4(-1.0), i4(0), f4(-1.0), f4(1.0), i4(0));
 }
 
-// The point of the grid at a place.
+// The point of the grid at a spot, which is in radii from the middle.
 fn point_on(body: Body, spot: Vector) -> Point {
   let c = body.center;
   return Point(

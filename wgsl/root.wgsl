@@ -27,22 +27,22 @@ fn end_value(form: Form, c: v4, b: v4) -> w4 {
   return product(sloped, c) + product(reduced(product(form.c, b)), b);
 }
 
-// F > 0 where the piece begins.
+// Whether F > 0 where the piece begins.
 fn outside_at_entry(form: Form, piece: Piece) -> b4 {
   return end_value(form, piece.c_in, piece.b_in) > w4(0);
 }
 
-// F > 0 where the piece ends.
+// Whether F > 0 where the piece ends.
 fn outside_at_exit(form: Form, piece: Piece) -> b4 {
   return end_value(form, piece.c_out, piece.b_out) > w4(0);
 }
 
-// F has a root somewhere on the line.
+// Whether F has a root somewhere on the line.
 fn has_root(form: Form) -> b4 {
   return product(form.g, form.g) >= product(form.a + form.a, form.c + form.c);
 }
 
-// For a > 0: F has both its roots between ends where it is positive, even if they coincide.
+// For a > 0: whether F has two roots, maybe equal, between ends where it is positive.
 fn turns_within(form: Form, piece: Piece) -> b4 {
   let bend = form.a + form.a;
   let falls = product(bend, piece.c_in) < product(form.g, piece.b_in);
@@ -115,7 +115,7 @@ fn polyhedron_exit(piece: Piece) -> Root {
   );
 }
 
-// Where a ray meets a patch that it passes from + to -.
+// The root where a ray hits a patch.
 fn patch_entry(plane: Patch) -> Root {
   return Root(plane.hit, i4(0), v4(0), plane.b, plane.c, b4(false));
 }

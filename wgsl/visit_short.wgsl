@@ -1,5 +1,5 @@
-// A copy of a group of cells whose program is short -> its visible point: all words are read at
-// once, and each has the crossing of its own literal.
+// A copy of a group of cells whose program is short -> its visible point. All words are read at
+// once, and each word has the crossing of its own literal.
 //
 // The program is an OR of ANDs: it opens one level at a time, and each AND closes it. An AND is the
 // complement of the OR of complements. All cells are shown, and rays start outside of them.
@@ -89,7 +89,7 @@ fn visit_short(which: u32, region: Region, solid: Solid, y: i32) {
         inner.until = select(inner.until, i4(LEAST), closes);
         place += select(0i, 1i, (words[w] & CELL_ENDS) != 0u);
       }
-      // What is behind the last grid point is not seen.
+      // Points behind the last grid point are not seen.
       let goes = (total.until < i4(0)) & (q <= i4(region.last)) & within;
       side = select(side, total.side, goes);
       q = select(q, ~total.until, goes);

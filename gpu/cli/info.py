@@ -9,10 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.output import print_json, print_text
 from halfstep.errors import HalfstepError, UsageError
 
 if TYPE_CHECKING:
+    from halfstep.models import Look
     from halfstep.scene import Fragment, Scene
 
 
@@ -24,14 +26,18 @@ def add(commands: Any) -> None:
     info.add_argument(
         "--pixel", metavar="X,Y", type=_pixel, help="what a pixel of an .npz file shows"
     )
+    add_look(info)
     info.add_argument("--json", action="store_true", help="the same for machines")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the file and report; the exit code."""
+    look, is_scene = look_of(arguments), _is_scene(arguments.file)
+    if not is_scene and look != type(look)():
+        raise UsageError(f"{arguments.file}: is a picture, which keeps its look")
     if arguments.pixel is not None:
         return _tell_pixel(arguments.file, *arguments.pixel, as_json=arguments.json)
-    facts = _scene(arguments.file) if _is_scene(arguments.file) else _picture(arguments.file)
+    facts = _scene(arguments.file, look) if is_scene else _picture(arguments.file)
     if arguments.json:
         print_json(facts)
         return 0
@@ -94,10 +100,10 @@ def _picture(file: str) -> dict[str, Any]:
     return dict(facts)
 
 
-def _scene(file: str) -> dict[str, Any]:
+def _scene(file: str, look: Look) -> dict[str, Any]:
     from halfstep.models import load
 
-    scene = load(file)
+    scene = load(file, look)
     return {"scene_title": scene.title, "scene_sha256": scene.sha256, **_counts(scene)}
 
 

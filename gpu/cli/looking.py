@@ -18,7 +18,9 @@ def add_look(command: argparse.ArgumentParser) -> None:
         "files of other programs, such as geometry.xml of OpenMC or part.csg of OpenSCAD"
     )
     group.add_argument(
-        "--color-by", metavar="WHAT", help="give each material, cell or group its own colour"
+        "--color-by",
+        metavar="WHAT",
+        help="give each material, cell, group or place its own colour",
     )
     shown = "such as void, material:4, cell:7, or names of the file"
     group.add_argument(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import Commands, add_accuracy, add_conveyor, add_size, names, overrides
 from halfstep.cli.output import print_text
 
@@ -25,6 +26,7 @@ def add(commands: Commands) -> None:
     add_size(shader)
     add_accuracy(shader, steps=True)
     add_conveyor(shader)
+    add_look(shader)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -37,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     from halfstep.scene import with_overrides
     from halfstep.shader.source import compose
 
-    scene = with_overrides(load(arguments.scene), **overrides(arguments))
+    scene = with_overrides(load(arguments.scene, look_of(arguments)), **overrides(arguments))
     outputs = device_outputs(check_outputs(arguments.outputs))
     packed = prepare(scene)
     needs = needs_of_frame(packed, scene.accuracy.method, written_for(outputs, packed))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 
+from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import Commands, add_accuracy, add_conveyor, add_output, add_scene
 from halfstep.cli.output import print_json, print_text, progress_bar, say
 from halfstep.contract.choices import METHODS, NUMBER_FORMATS
@@ -21,6 +22,7 @@ def add(commands: Commands) -> None:
     )
     add_accuracy(tune, steps=False)
     add_conveyor(tune, otherwise="by default both")
+    add_look(tune)
     tune.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
@@ -46,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_output_folder(arguments.output)
     with progress_bar("measuring") as progress:
         report = tune(
-            load(arguments.scene),
+            load(arguments.scene, look_of(arguments)),
             size=arguments.size,
             steps=arguments.steps or STEPS,
             tolerance_pixels=arguments.tolerance_pixels,

@@ -1,9 +1,9 @@
-"""What of a group's formula matters in each tile: excerpts of its program.
+"""Excerpts of programs: the part of a group's formula that matters in a tile.
 
-Over a block of pixels and a piece of a ray most surfaces keep their sign, and so do most parts of
-the formula. What is left there is an excerpt: a few surfaces and a short program. Blocks are halved
-until they are tiles, and a smaller block asks only what the larger one has left open. Tiles where
-nothing of a copy can be seen leave it out.
+Over a block of pixels and a piece of a ray most surfaces keep their sign, and most parts of the
+formula keep their truth. The rest is an excerpt: a few surfaces and a short program. Blocks are
+halved until they are tiles, and a smaller block tests only what the larger one left open. A tile
+where nothing of a copy can be seen leaves the copy out.
 """
 
 from __future__ import annotations
@@ -32,40 +32,41 @@ from halfstep.host.regions import Program
 from halfstep.host.signs import Rays, signs
 from halfstep.host.tiles import Classes, tile_lists
 
-# A copy has excerpts if its surfaces times its tiles are so many: less costs the host more than it
-# saves the device.
+# A copy has excerpts if its surfaces times its tiles reach this number. Below it, excerpts cost the
+# host more than they save the device.
 LEAST_TESTS = 64
-# The largest blocks: about this many lie across a copy. A block is halved twice at once.
+# About so many of the largest blocks lie across a copy. A block is halved twice at once.
 FIRST_BLOCKS, HALVED = 4, 2
 # A copy has excerpts in any case if its group has more surfaces than this.
 MOST_WHOLE = 16
-# Outputs of devices for which it matters what lies behind the first point of a cell.
+# Outputs that depend on surfaces behind the first point of a cell.
 LOOKING_BEHIND = frozenset({"exit", "overlap", "gap"})
-# Excerpts that are kept from frame to frame.
+# Number of excerpts that are kept from frame to frame.
 MOST_KNOWN = 1 << 14
-# The length of a program that is no OR of ANDs.
+# Stands for the length of a program that is no OR of ANDs.
 ENDLESS = 1 << 30
-# Surfaces of a group that a ray crosses in one tile: it holds where it crosses each.
+# Limit of the surfaces of a group that rays may cross in one tile, because shaders keep the
+# crossings of each.
 MOST_CROSSED = 255
 
 
 class Lists(NamedTuple):
-    """What each tile tries: rows of solids, for classes of regions those of ``regions.records``."""
+    """The solids that each tile tries, by class; for regions, rows of ``regions.records``."""
 
-    classes: Classes  # of the lists
-    starts: U32  # as of `tiles.tile_lists`
+    classes: Classes  # classes of the lists
+    starts: U32  # as from `tiles.tile_lists`
     members: U32
     regions: PackedRegions | None
 
 
 def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str]) -> Lists:
-    """What the tiles of a band try, by the classes that the frame has.
+    """The solids that the tiles of a band try, by the classes of the frame.
 
     Args:
         packed: the frame.
-        first_row: of the picture, where the band begins.
-        rows: how many it has.
-        outputs: of the device.
+        first_row: row of the picture where the band begins.
+        rows: number of rows of the band.
+        outputs: the device outputs.
 
     Raises:
         SceneError: too many surfaces of a group may be seen in one tile.
@@ -103,7 +104,7 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     lengths = written.lengths[found[1, some]]
     classes, slot[places] = _short(packed, outputs, tile[places], slot[places], lengths)
     regions = written.regions(found[:, some[first]])
-    # Each list of regions from front to back, so that what comes late is often hidden.
+    # Each list of regions goes from front to back, so that later regions are often hidden.
     keys = joined_key(regions.records["near_high"], regions.records["near_low"])
     lists = tile * len(classes) + slot
     kept[places] = True
@@ -125,17 +126,17 @@ def _short(
     slot: Ints,
     lengths: Ints,
 ) -> tuple[Classes, Ints]:
-    """The classes of the lists, and which of them that of regions in each tile has.
+    """The classes of the lists, and the class of each tile's list of regions.
 
-    A tile that sees short programs alone has a class of its own, if all cells of these are shown
-    and nothing is asked of what lies behind their first points.
+    A tile that sees only short programs has a class for these, if all cells are shown and no output
+    depends on surfaces behind the first point.
 
     Args:
         packed: the frame.
-        outputs: of the device.
-        tile: (P,), of each entry in a list of regions.
-        slot: (P,), of the list.
-        lengths: (P,), of the entry's program.
+        outputs: the device outputs.
+        tile: (P,), tile of each entry in a list of regions.
+        slot: (P,), index of the list.
+        lengths: (P,), length of the entry's program.
     """
     present = packed.present
     room = MOST_CLASSES - len(present)
@@ -153,9 +154,9 @@ def _short(
 def _found(
     packed: Packed, copies: Copies, tiles: _Blocks, written: _Written, leaving: bool
 ) -> Ints:
-    """Of P tiles the copy, the excerpt, -1 for none, and the first and last grid point (4, P).
+    """For P tiles (4, P): the copy, the excerpt or -1, and the first and last grid point.
 
-    It depends on the frame, not on the band, so that bands make up the same picture.
+    They depend on the frame, not on the band, so that all bands together give the same picture.
     """
     assert packed.regions is not None
     records = packed.regions.records
@@ -184,7 +185,7 @@ def _found(
 
 
 def _distinct(columns: Ints) -> tuple[Ints, Ints]:
-    """Where each distinct one of columns (K, P) stands first, and which one each column is."""
+    """The first position of each distinct column of (K, P), and the index of each column's."""
     order = np.lexsort(columns)
     ordered = columns[:, order]
     begins = np.ones(columns.shape[1], bool)
@@ -198,7 +199,7 @@ class _Blocks(NamedTuple):
     """P blocks of 2^level x 2^level tiles, each with a copy that may be seen there."""
 
     copy: Ints
-    x: Ints  # which block from the left
+    x: Ints  # number of the block from the left
     y: Ints  # and from the top of the picture
     first: Ints  # grid points of rays between which it may be
     last: Ints
@@ -207,7 +208,7 @@ class _Blocks(NamedTuple):
         return _Blocks(*(part[places] for part in self))
 
     def joined(self, level: int) -> tuple[_Blocks, Ints]:
-        """The blocks of a higher level that hold these, and which of them holds each."""
+        """The blocks of a higher level that contain these, and the index of each one's block."""
         x, y = self.x >> level, self.y >> level
         key = (self.copy << 40) | (y << 20) | x
         _, place, which = np.unique(key, return_index=True, return_inverse=True)
@@ -218,7 +219,7 @@ class _Blocks(NamedTuple):
 
 
 def _levels(across: int) -> list[int]:
-    """Of blocks that are tested one after another, where the widest copy has so many tiles."""
+    """The levels of blocks to test one after another, if the widest copy has so many tiles."""
     top = ((across - 1) // FIRST_BLOCKS).bit_length()
     return [*range(top, 0, -HALVED), 0]
 
@@ -231,10 +232,10 @@ def _left(
     levels: Sequence[int],
     leaving: bool,
 ) -> _Left:
-    """What is left of a program in each of the tiles; a tile stands with one copy."""
+    """The rest of a program in each of the tiles, each of which has one copy."""
     assert packed.regions is not None
     setup, formula = packed.setup, program.formula
-    # Where rays start outside of cells, nothing is seen behind the first piece that is in one.
+    # If rays start outside of all cells, nothing is seen behind the first piece that is in a cell.
     opened = leaving | setup.eye_inside | setup.near_cut
     cut = ~opened[copies.row]
     first_surface = np.searchsorted(copies.owner, np.arange(len(copies.row)))
@@ -268,26 +269,26 @@ def _left(
 
 
 class _Left(NamedTuple):
-    """What is left of a program in P tiles."""
+    """The rest of a program in P tiles."""
 
-    live: Bools  # (L, P), literals
-    holds: Bools  # (C, P), cells all along the rays
+    live: Bools  # (L, P), literals that are left
+    holds: Bools  # (C, P), cells that hold all along the rays
     first: Ints  # (P,), grid points where rays start, and where they end
     last: Ints
 
 
 class _Block(NamedTuple):
-    """An excerpt as the numbers that shaders and twin read: its words, then what it lists."""
+    """An excerpt as the numbers that shaders and twin read: its words, then its list."""
 
-    content: U32  # whole groups
-    groups: int  # of words
+    content: U32  # whole groups of words
+    groups: int  # number of groups of words
     counts: tuple[int, int, int]  # planes, quadrics, cells
     crossings: int  # the most that a ray has with the surfaces
-    length: int  # words of an OR of ANDs, else `ENDLESS`
+    length: int  # number of words of an OR of ANDs, else `ENDLESS`
 
 
 def _block(excerpt: Excerpt, program: Program, *, lists_higher: bool) -> _Block:
-    """An excerpt of a program; surfaces of an order above two are listed last, if they are."""
+    """An excerpt of a program; its list may end with surfaces of an order above two."""
     flat, lower = np.searchsorted(excerpt.surfaces, (program.planes, program.lower)).tolist()
     surfaces, higher = excerpt.surfaces[:lower], excerpt.surfaces[lower:]
     count = len(excerpt.words)
@@ -307,7 +308,7 @@ def _block(excerpt: Excerpt, program: Program, *, lists_higher: bool) -> _Block:
 
 
 class _Written:
-    """Excerpts as shaders and twin read them, one after another."""
+    """Collects excerpts as shaders and twin read them, one after another."""
 
     def __init__(self, packed: Packed, copies: Copies) -> None:
         assert packed.regions is not None
@@ -315,7 +316,7 @@ class _Written:
         self._blocks: list[_Block] = []
 
     def add_all(self, number: int, left: _Left) -> Ints:
-        """Rows (P,) of what is left of a program in P tiles, -1 where nothing is."""
+        """Rows (P,) of the excerpts of a program in P tiles, -1 if nothing is left."""
         formula = self._copies.regions.programs[number].formula
         bits = np.packbits(np.concatenate([left.live, left.holds]), axis=0).T
         keys = np.ascontiguousarray(bits).view(f"V{bits.shape[1]}").reshape(-1)
@@ -333,7 +334,7 @@ class _Written:
         return np.array(rows, np.int64)[which]
 
     def add_whole(self, number: int) -> int:
-        """The row of a whole program."""
+        """The row of the whole program as an excerpt."""
         formula = self._copies.regions.programs[number].formula
         return self._add(number, b"", lambda: formula.whole)
 
@@ -341,7 +342,7 @@ class _Written:
         """The row of an excerpt of a program, kept from frame to frame by its key."""
         regions, looks = self._copies.regions, self._packed.surfaces.appearances
         assert looks is not None
-        # If a copy in the frame has such a surface, all excerpts list theirs.
+        # If a copy in the frame has a surface of an order above two, all excerpts list theirs.
         lists_higher = self._copies.higher is not None
         known = number, key, lists_higher
         block = looks.written.get(known)
@@ -356,7 +357,7 @@ class _Written:
 
     @property
     def lengths(self) -> Ints:
-        """Words of each excerpt, without end where it is no OR of ANDs."""
+        """The length of each excerpt's program."""
         return np.array([block.length for block in self._blocks], np.int64)
 
     def regions(self, distinct: Ints) -> PackedRegions:
@@ -374,21 +375,22 @@ class _Written:
         rows = np.empty(self._packed.setup.count, np.int64)
         rows[order] = np.arange(len(order))
         solid = rows[self._copies.row[copy]]
-        records = regions.records[copy]
+        records = regions.records.take(copy)  # a fancy index copies member by member
         records["solid"] = solid
-        # Rays that start or end beyond a base plane's uncertainty know nothing of it.
+        # The error of a base plane has no effect on rays that start or end beyond it.
         records["start_end"][first > records["start_end"] + 2] = -1
         records["last_sure"] = np.minimum(records["last_sure"], last)
         records["first"], records["last"] = first, last
-        solids = self._packed.solids[solid]
-        start = joined_key(solids["key_high"], solids["key_low"])
-        key = start + (2 * first.astype(np.uint64) << solids["key_shift"].astype(np.uint64))
+        high, low, shift = (
+            self._packed.solids[name].take(solid) for name in ("key_high", "key_low", "key_shift")
+        )
+        key = joined_key(high, low) + (2 * first.astype(np.uint64) << shift.astype(np.uint64))
         records["near_high"], records["near_low"] = (
             key >> np.uint64(32),
             key & np.uint64(0xFFFFFFFF),
         )
         sizes = np.array([len(block.content) for block in self._blocks], np.int64)
-        # What does not depend on the frame comes first.
+        # The words that do not depend on the frame come first.
         first_group = (len(regions.words) + np.cumsum(sizes) - sizes) // GROUP
         end_group = first_group + [block.groups for block in self._blocks]
         places = np.stack([first_group, end_group, end_group * GROUP])
@@ -404,7 +406,7 @@ class _Written:
         )
 
 
-# Members of records that tell where an excerpt is.
+# Members of records that tell the position of an excerpt.
 _WRITTEN = (
     "first_group",
     "end_group",

@@ -1,8 +1,8 @@
-"""Solids as rays from mirrors meet them, float64, once for a scene.
+"""Bodies: solids in the form for rays from mirrors, float64, once for a scene.
 
-A ray from a mirror comes from anywhere, so no base plane is made for it.  About each solid there is
-a ball; its middle is on the grid of the world, and its radius is a power of two.  F and half-spaces
-are given in coordinates from that middle along the axes of the world, in radii.
+A ray from a mirror may come from anywhere, so it has no base planes.  Each solid has a ball around
+it, whose middle is on the grid of the world and whose radius is a power of two.  F and half-spaces
+are in coordinates from that middle along the axes of the world, in radii.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from halfstep.host.geometry import Geometry
 from halfstep.host.world import World, planes_of
 from halfstep.scene import Scene
 
-# A ball is so much larger than its solid, of which rounding must leave nothing out.
+# A ball is larger than its solid by this factor, against rounding.
 ROOM = 1 + 2.0**-9
-# A ball that nothing meets.
+# The radius of a ball that no ray meets.
 NOTHING = -3e38
-# As many balls behind the last as a subgroup has invocations at most.
+# Number of balls behind the last one: the most invocations of a subgroup.
 SPARE_BALLS = 16
 
 
 def has_mirrors(scene: Scene) -> bool:
-    """Whether some solid of ``scene`` reflects, and is asked to."""
+    """Whether a solid of ``scene`` reflects, and the scene allows bounces."""
     shines = any(scene.material_of(solid).reflection > 0 for solid in scene.solids)
     return shines and scene.image.bounces > 0
 
 
 class MirrorTables:
-    """Records of what a scene's mirrors may show, which do not depend on the camera."""
+    """Records of a scene's bodies, which do not depend on the camera."""
 
     def __init__(self, scene: Scene, geometry: Geometry, world: World) -> None:
         self._world, self._bounces = world, scene.image.bounces
@@ -68,7 +68,7 @@ class MirrorTables:
 
 
 def _fill(body: np.void, geometry: Geometry, world: World, ix: int) -> Floats:
-    """Write what a record says of a solid; its half-spaces (M, 4), of unit normals."""
+    """Write the record of a solid, and return its half-spaces (M, 4), with unit normals."""
     grid, box = world.grid, world.boxes[..., ix]
     center = grid.whole(box.mean(axis=0))
     half = float(np.linalg.norm(box[1] - box[0])) / 2 / grid.unit

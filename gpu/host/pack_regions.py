@@ -11,30 +11,37 @@ from halfstep.contract import layout
 from halfstep.contract.arrays import U32, Floats, Ints, Records
 from halfstep.contract.formats import Format
 from halfstep.contract.regions import PackedRegions
+from halfstep.errors import SceneError
 from halfstep.host.copies import Batch, Copies, Places, evenly
 from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, Linear, fixed_point_scale, length
 from halfstep.host.regions import NO_MATERIAL, Regions
 from halfstep.host.setup import BASE_PLANE_SLACK, Setup
 from halfstep.scene import Material, Scene
+from halfstep.scene.hues import colors_of
 from halfstep.scene.solids import Part
 
-# A base plane is known to this much, in u, besides its slack.
+# Error of a base plane, in u, beyond its slack.
 BASE_PLANE_ERROR = 2.0**-19
+# As many as fit a buffer, of which WebGPU asks a device for 128 MiB.
+MOST_APPEARANCES = (128 << 20) // layout.APPEARANCE.dtype().itemsize
 
 
 @dataclass(frozen=True)
 class Appearances:
-    """How the cells of each program look, and then its surfaces, one program after another."""
+    """Appearances of the cells, then of the surfaces, of one program after another.
+
+    If colours depend on the copy, each copy has appearances of its own.
+    """
 
     records: Records
-    start: Ints  # (G,), of each program
-    # What excerpts of programs are as numbers, by program and what is left: see `excerpts`.
+    start: Ints  # (I,), first appearance of each copy
+    # Excerpts of programs as numbers, by program and the parts that are left; see `excerpts`.
     written: dict[tuple[int, bytes, bool], Any] = field(default_factory=dict)
 
 
 def appearances(scene: Scene, regions: Regions) -> Appearances:
-    """How all cells and surfaces look."""
+    """The appearances of all cells and surfaces."""
     rows: list[tuple[Material, bool]] = []
     start: list[int] = []
     for owned in regions.owned:
@@ -45,7 +52,7 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
         ]
         functions = owned.group.functions()
         for ix in owned.program.functions.tolist():
-            # Those of regions that cut the copy come behind the group's own.
+            # Functions of regions that cut the copy come behind the group's own.
             owner = functions[ix].owner if ix < len(functions) else None
             if isinstance(owner, Part) and (owner.material or owner.color) is not None:
                 rows.append((scene.material_of(owner), True))
@@ -56,7 +63,32 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
     records["specular"] = [material.specular for material, _ in rows]
     records["shininess"] = [material.shininess for material, _ in rows]
     records["is_own"] = [is_own for _, is_own in rows]
-    return Appearances(records, np.array(start, np.int64))
+    first = np.array(start, np.int64)
+    if scene.image.color_by == "place":
+        return _by_place(scene, regions, records, first)
+    return Appearances(records, first[regions.of])
+
+
+def _by_place(scene: Scene, regions: Regions, records: Records, first: Ints) -> Appearances:
+    """The appearances of each copy, whose cells have the colour of its number.
+
+    Cells of the scene itself are in no copy, and keep their colours.
+    """
+    counts = np.diff(first, append=len(records))[regions.of]
+    total = int(counts.sum())
+    if total > MOST_APPEARANCES:
+        raise SceneError(
+            f"{scene.name}: image.color_by: cells and surfaces in all copies are {total:,}, not <= "
+            f"{MOST_APPEARANCES:,}"
+        )
+    start = np.cumsum(counts) - counts
+    copy = np.repeat(np.arange(regions.count), counts)
+    within = np.arange(total) - start[copy]
+    found = records[first[regions.of][copy] + within]
+    cells = np.array([len(one.cells) for one in regions.programs], np.int64)[regions.of]
+    painted = (within < cells[copy]) & (regions.number[copy] >= 0)
+    found["color"][painted] = colors_of(regions.number)[copy[painted]]
+    return Appearances(found, start)
 
 
 def pack_regions(
@@ -75,13 +107,13 @@ def pack_regions(
     points = np.exp2(steps[row])
 
     def grid(u: Floats) -> Floats:
-        """Grid points of places on a ray, not whole."""
+        """Positions u on a ray as grid points, not rounded."""
         return (u + 1) / 2 * points
 
     near_u, far_u, slack = setup.near_u[row], setup.far_u[row], BASE_PLANE_SLACK
     near_cut, far_cut = setup.near_cut[row], far_u != 1.0
     room = slack + BASE_PLANE_ERROR
-    # Two cells of room, so that rays surely start before the first cell.
+    # Rays start two grid cells earlier, so that they surely start before the first cell.
     begin, end = np.floor(grid(copies.span[0])) - 2, np.ceil(grid(copies.span[1])) + 2
     records["first"] = np.clip(np.where(near_cut, np.ceil(grid(near_u)), begin), 0, points)
     records["start_end"] = np.where(near_cut, np.floor(grid(near_u + room)), -1)
@@ -99,7 +131,7 @@ def pack_regions(
     records["surfaces"] = np.array([one.count for one in programs])[program]
     records["planes"] = np.array([one.planes for one in programs])[program]
     records["cells"] = np.array([len(one.cells) for one in programs])[program]
-    records["looks_start"] = looks.start[program]
+    records["looks_start"] = looks.start[copies.copy]
     flat, curved = _surfaces(copies, setup, number_format)
     return PackedRegions(
         records=records,
@@ -134,7 +166,7 @@ def _write(
     setup: Setup,
     number_format: Format,
 ) -> None:
-    """Write the forms of surfaces, their errors, and what is known of them at the eye."""
+    """Write the forms of surfaces, their errors, and the ``EYE_…`` of each."""
     found, owner = batch.forms, copies.row[batch.of]
     if isinstance(found, Linear):
         forms = {"c": found.c, "b": found.b}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 import functools
 import math
 import re
@@ -20,7 +19,8 @@ from halfstep.scene.tables import VIEW_KEYS
 from halfstep.scene.values import LARGEST, Array, Vector
 
 Table = dict[str, Any]
-COLORS = ("material", "cell", "group")
+PLACE = "place"
+COLORS = ("material", "cell", "group", PLACE)
 # For each view, the direction from the model to the camera, and the direction up in the picture.
 VIEWS = {
     "iso": ((0.62, -1.0, 0.62), (0.0, 0.0, 1.0)),
@@ -33,11 +33,6 @@ FOV_DEGREES = 30.0
 # The part of the picture that a model fills.
 FILLING = 0.94
 WIDTH, HEIGHT = 640, 480
-# Turns of the colour wheel from one number to the next. By the golden ratio, neighbours differ and
-# later numbers fall between earlier ones.
-_TURN = (math.sqrt(5) - 1) / 2
-# Saturation and value, which successive numbers take in turn.
-_SHADES = ((0.62, 0.9), (0.45, 0.98), (0.8, 0.72))
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _OTHER = re.compile(r"[^\s|&~()]")
 _SIDE = re.compile(rf"([xyz])\s*(<=|>=|<|>)\s*({_NUMBER})")
@@ -103,20 +98,6 @@ class Look:
         """The camera's key for its angle or height of view, if an option gives it."""
         keys = {"fov_degrees": self.fov_degrees, "orthographic_height": self.orthographic_height}
         return {key: value for key, value in keys.items() if value is not None}
-
-
-def color_of(number: int) -> list[float]:
-    """The colour, linear RGB, of a number. Neighbouring numbers have other colours."""
-    saturation, value = _SHADES[number % len(_SHADES)]
-    encoded = colorsys.hsv_to_rgb(number * _TURN % 1.0, saturation, value)
-    return [linear(each) for each in encoded]
-
-
-def linear(encoded: float) -> float:
-    """Linear light of a component of sRGB, 0…1."""
-    if encoded <= 0.04045:
-        return round(encoded / 12.92, 4)
-    return round(((encoded + 0.055) / 1.055) ** 2.4, 4)
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from halfstep.errors import UsageError
-from halfstep.models.look import Look, Table, color_of
+from halfstep.models.look import PLACE, Look, Table
 from halfstep.models.openmc import Cell, Geometry
 from halfstep.models.openmc_plots import WHITE, Plot
 from halfstep.scene.faults import hint, show
+from halfstep.scene.hues import colors_of
 
 VOID = "void"
 
@@ -37,9 +38,13 @@ class Shown:
     def __init__(self, geometry: Geometry, look: Look, plot: Plot | None) -> None:
         self._geometry, self._plot = geometry, plot
         self._color_by = look.color_by or ("material" if plot is None else plot.color_by)
+        if self._color_by == PLACE:
+            # The scene replaces the colours of materials.
+            self._color_by = "material"
         # A plot's colours apply only to the kind of number that it colours by.
-        is_of_plot = plot is not None and self._color_by == plot.color_by
-        self._colors = plot.colors if plot is not None and is_of_plot else {}
+        of_plot = plot if plot is not None and self._color_by == plot.color_by else None
+        self._colors = {} if of_plot is None else of_plot.colors
+        self._mask = None if of_plot is None else of_plot.mask
         self._hidden = self._named("--hide", look.hide)
         self._only = self._named("--only", look.only) if look.only else None
         materials = {material for cell in geometry.cells for material in cell.materials}
@@ -100,10 +105,9 @@ class Shown:
         return {"material": name}
 
     def _color(self, number: int) -> list[float]:
-        mask = None if self._plot is None else self._plot.mask
-        if mask is not None and number not in mask.components:
-            return mask.color
-        return self._colors.get(number) or color_of(number)
+        if self._mask is not None and number not in self._mask.components:
+            return self._mask.color
+        return self._colors.get(number) or colors_of([number])[0].tolist()
 
     def _named(self, option: str, names: Iterable[str]) -> _Named:
         """The materials and cells that names stand for.

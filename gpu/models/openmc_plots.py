@@ -15,8 +15,9 @@ import numpy as np
 
 from halfstep.errors import UsageError
 from halfstep.models.fields import Fields
-from halfstep.models.look import COLORS, VIEWS, Table, linear
+from halfstep.models.look import COLORS, VIEWS, Table
 from halfstep.models.markup import Document, Element, read
+from halfstep.scene.hues import linear
 from halfstep.scene.values import Array
 
 SLICE, SOLID, WIRES = "slice", "solid_raytrace", "wireframe_raytrace"
@@ -239,4 +240,4 @@ def _rgb(fields: Fields, key: str) -> list[float] | None:
     if len(numbers) != 3 or max(numbers) > 255:
         fields.fault(f"{key}: is not three numbers 0…255")
         return None
-    return [linear(each / 255) for each in numbers]
+    return linear(np.array(numbers) / 255).tolist()

@@ -13,7 +13,7 @@ from halfstep.errors import SceneError
 from halfstep.host.formulas import Senses, normal_form
 from halfstep.host.higher import box_with, higher_of
 from halfstep.host.regions import compiled
-from halfstep.models.look import Clip, Look, Table, both, camera_of, lights_of, plane
+from halfstep.models.look import PLACE, Clip, Look, Table, both, camera_of, lights_of, plane
 from halfstep.scene import Fragment, Scene
 from halfstep.scene.formula import Formula, Sense
 from halfstep.scene.region import Intersection
@@ -57,7 +57,7 @@ def scene_of(model: Model, look: Look) -> Scene:
         raise SceneError(f"{model.name}: it is not within {LARGEST:g} of its origin")
     camera = camera_of(look, model.box, model.camera)
     margin = VOLUME_MARGIN * max(float(np.ptp(model.box, axis=0).max()), 1e-9)
-    mapping = {
+    mapping: Table = {
         "format": 1,
         "title": model.name,
         "camera": camera,
@@ -71,6 +71,8 @@ def scene_of(model: Model, look: Look) -> Scene:
         },
         **{key: tables for key, tables in model.tables.items() if tables},
     }
+    if look.color_by == PLACE:
+        mapping["image"] = {**mapping["image"], "color_by": PLACE}
     scene = without_empty(Scene.from_dict(mapping, model.name))
     if not _is_something_shown(scene):
         raise SceneError(f"{model.name}: {NOTHING}")

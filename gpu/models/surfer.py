@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.errors import SceneError, UsageError
-from halfstep.models.look import Look, Table, camera_of, linear
+from halfstep.models.look import Look, Table, camera_of
 from halfstep.models.source import Source
 from halfstep.scene import Scene
 from halfstep.scene.expression import CONSTANTS
 from halfstep.scene.faults import show
+from halfstep.scene.hues import linear
 from halfstep.scene.values import LARGEST, Array
 
 # SURFER's pictures are square.
@@ -177,17 +178,17 @@ class _Reading:
         tables: Table = {
             "format": 1,
             "title": self._text("surface_title", name),
-            "ambient": {"color": 3 * [linear(finish.ambient)]},
+            "ambient": {"color": 3 * [float(linear(finish.ambient))]},
             "image": {
                 "width": SIDE,
                 "height": SIDE,
-                "background": [linear(each) for each in self._color("background_color", 1.0)],
+                "background": linear(self._color("background_color", 1.0)).tolist(),
             },
             "light": self._lights(whole, finish),
             "material": [
                 {
                     "name": "front",
-                    "color": [linear(each) for each in finish.color],
+                    "color": linear(finish.color).tolist(),
                     "specular": min(finish.specular / (finish.diffuse or 1.0), 1.0),
                     "shininess": min(max(round(finish.shininess), 1), MOST_SHININESS),
                 }

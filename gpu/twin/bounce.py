@@ -1,6 +1,7 @@
-"""Twin of ``bounce.wgsl``: what mirrors show, bounce after bounce.
+"""Twin of ``bounce.wgsl``: the colours that mirrors show, bounce after bounce.
 
-All bodies are tried: one that is left out meets no ray, and their order does not matter.
+The twin tries all bodies. The shader leaves out bodies that no ray meets, and tries the others in
+another order, which does not matter.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ MIRROR_STEP = np.float32(2.0**-MIRROR_STEPS)
 
 
 class Caught(NamedTuple):
-    """What a ray from a mirror meets first."""
+    """The first point that a ray from a mirror hits."""
 
     distance: F32  # in units of the grid
-    surface: U32  # its number in the scene, from 1; 0 is none
-    turned: U32  # which side of it is seen, as of `other_side`
+    surface: U32  # number of the surface in the scene, from 1; 0 for no hit
+    turned: U32  # which side of the surface is seen, as `other_side` has it
     point: Point
     slope: Vector  # along the normal
     material: Finish
@@ -69,7 +70,7 @@ def nothing_caught(shape: tuple[int, ...]) -> Caught:
 def catch_first(
     old: Caught, body: np.void, glance: Glance, sight: Sight, normal: Vector, inside: Bools
 ) -> Caught:
-    """The point of a body where a ray meets it, if that is nearer than what it met so far."""
+    """The point where a ray hits a body, if it is nearer than the point found so far."""
     u = sight.position.astype(np.float32) * MIRROR_STEP
     distance = (u - glance.start) * body["radius"]
     on_curve = (sight.surface == 0) | (sight.surface > int(body["face_count"]))
@@ -106,7 +107,7 @@ def try_body(
     open_: Bools,
     chosen: Chosen,
 ) -> Caught:
-    """Try a body on the rays from mirrors; ``open_``: where there is one."""
+    """Try a body on the rays from mirrors; ``open_`` tells the pixels with a ray."""
     count, base = int(body["face_count"]), int(body["surface"])
     is_flat = bool(int(body["flags"]) & Shade.FLAT)
     glance = glance_at(body, point, ray)
@@ -138,7 +139,7 @@ def try_body(
 
 
 class Asked(NamedTuple):
-    """What mirrors are asked with: the picture's pixels, and what stays the same in all bounces."""
+    """The picture's pixels, and all that is the same in every bounce."""
 
     mirrors: PackedMirrors
     frame: np.void
@@ -149,7 +150,7 @@ class Asked(NamedTuple):
 
 
 def catch_bodies(asked: Asked, nearest: Nearest, point: Point, ray: Vector, weight: F32) -> Caught:
-    """What rays from mirrors meet first."""
+    """The first points that rays from mirrors hit."""
     caught = nothing_caught(weight.shape)
     for body in asked.mirrors.bodies:
         caught = try_body(
@@ -168,13 +169,13 @@ def catch_bodies(asked: Asked, nearest: Nearest, point: Point, ray: Vector, weig
 def follow_mirrors(
     asked: Asked, nearest: Nearest, points: Mirror, color: Vector, i: I32, j: I32
 ) -> Vector:
-    """The colours of pixels with what mirrors add, bounce after bounce.
+    """The colours of pixels with the light that mirrors add, bounce after bounce.
 
     Args:
-        asked: what stays the same in all bounces.
-        nearest: the points as they are seen.
-        points: the same on the grid.
-        color: how they look by themselves.
+        asked: all that is the same in every bounce.
+        nearest: the visible points.
+        points: their positions on the grid.
+        color: their colours without mirrors.
         i: columns of the picture.
         j: rows.
     """
@@ -206,7 +207,7 @@ def follow_mirrors(
         material = caught.material
         lit = shade(normal, ray, place, material, nearest.dark, frame["ambient"], asked.lights)
         shown = either(caught.surface > 0, lit, background)
-        # The last mirror shows a colour of its own.
+        # The last mirror shows only its own colour.
         share = caught.reflection if bounce + 1 < mirrors.bounces else np.float32(0)
         passed_on = seen(weight * share)
         own = scaled(shown, weight - passed_on)

@@ -1,18 +1,18 @@
 """Twin of ``cells.wgsl``: the first root of a polynomial, cell by cell and then by halvings.
 
-The interval of a solid has 2^n leaves, numbered from 0; a cell is 2^e of them that begin at a
-multiple of 2^e.  Cells are tried from the near end, so their state is two integers.  In each the
-polynomial is known about the middle, F(m + s h) = Σ T_j s^j, to E.  A cell is
+The interval of a solid has 2^n leaves, numbered from 0. A cell is 2^e leaves that begin at a
+multiple of 2^e. Cells are tried from the near end, so their state is two integers. In each cell the
+polynomial is known about the middle, F(m + s h) = Σ T_j s^j, with an error of at most E. A cell is
 
 * passed, if F > 0 all over it: the parabola of the first three terms exceeds the others and E;
-* single, if F < 0 at its end and F is monotone or bends one way all over it.  F > 0 at its
-  beginning, as all cells before were passed, so it has exactly one root;
-* else it is halved.  A leaf that can be neither is left: with a hit where F <= 0 at its end.  So is
-  a cell in which F changes by less than E: all that is smaller looks alike.
+* single, if F < 0 at its end and F is monotone or bends one way all over it. F > 0 at its
+  beginning, because all cells before were passed, so it has exactly one root;
+* halved, if it is neither. But a leaf, and a cell in which F changes by less than E, is not halved:
+  it has the root if F <= 0 at its end, else it is passed.
 
-A cell with a root is halved by the sign of F in its middle until it is a leaf.  Cells and halvings
-together make n, as for all solids.  What was left and not certain makes the pixel doubtful.  The
-number of cells that a pixel may try is fixed; where it does not suffice the pixel is doubtful too.
+The cell with the root is halved by the sign of F in its middle until it is a leaf. From the whole
+interval to a leaf there are n halvings, as for all solids. A pixel is doubtful if one of its
+decisions is not certain, or if the number of cells that it may try did not suffice.
 """
 
 from __future__ import annotations
@@ -26,44 +26,44 @@ from halfstep.twin.certify import UNBOUNDED
 from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.taylor import Curve, Powers, about, curve_error, curve_value, value_at
 
-# The middle of a cell that is cut off is rounded; so far it is beyond its ends.
+# Added to the half width of a cell that is cut off, because its middle is rounded.
 CLIPPING = np.float32(2.0**-23)
 
 
 class Judged(NamedTuple):
-    """What is known of F in a cell."""
+    """The properties of F in a cell."""
 
-    passed: Bools  # it has no root
-    single: Bools  # it has one root
+    passed: Bools  # F has no root in the cell
+    single: Bools  # F has exactly one root
     vague: Bools  # F changes by less than its error
     within: Bools  # F <= 0 at the end
     below: Bools  # F < 0 at the end, surely
-    defined: Bools  # F has a value all over the cell
+    defined: Bools  # F has a value everywhere in the cell
 
 
 class Cell(NamedTuple):
-    """A cell that is tried, or what was found."""
+    """The cell to try next, or the one found."""
 
     first: I32  # leaf
     size: I32  # it has 2^size leaves
-    going: Bools  # there is more to try
+    going: Bools  # the search goes on
     met: Bools  # a root lies in it
-    sure: Bools  # nothing doubtful was left behind
+    sure: Bools  # no doubtful leaf was passed
 
 
 class Span(NamedTuple):
-    """Where a cell is on a ray, cut off at both ends."""
+    """The part of a cell on a ray between the ends of an interval."""
 
     following: I32  # the leaf behind it
-    right: F32  # where the whole cell ends
+    right: F32  # end of the whole cell
     low: F32
     high: F32
     middle: F32
-    half: F32  # of its width, and a little more where it is cut off
+    half: F32  # half the width, and a little more if the cell is cut off
 
 
 def judged_of(t: Powers, error: F32) -> Judged:
-    """What holds of F = Σ t_j s^j, |s| <= 1, which is off by at most ``error``."""
+    """The properties of F = Σ t_j s^j for |s| <= 1, if F has an error of at most ``error``."""
     degree = len(t) - 1
     rest, slope, bend = error, np.float32(degree) * error, error * np.float32(0.5 * degree)
     bend = bend * np.float32(degree - 1)
@@ -104,7 +104,7 @@ def largest_at(first: I32, steps: int) -> I32:
 
 
 def span_of(cell: Cell, start: F32, stop: F32, last_step: np.float32) -> Span:
-    """Where a cell is between ``start`` and ``stop``."""
+    """The part of a cell between ``start`` and ``stop``."""
     width = last_step + last_step
     following = cell.first + (np.int32(1) << cell.size)
     left = cell.first.astype(np.float32) * width - np.float32(1)
@@ -162,7 +162,7 @@ def walked(
 
 
 def middle_of(cell: Cell, last_step: np.float32) -> F32:
-    """The middle of a cell, where it is halved."""
+    """The u in the middle of a cell."""
     half = np.int32(1) << np.maximum(cell.size - 1, np.int32(0))
     return (cell.first + half).astype(np.float32) * (last_step + last_step) - np.float32(1)
 
@@ -180,7 +180,7 @@ def half_of(old: Cell, far: Bools) -> Cell:
 def narrowed(
     powers: Powers, middle: F32, start: F32, stop: F32, old: Cell, last_step: np.float32
 ) -> Cell:
-    """The half of a cell in which a root lies of what has powers of u - middle; a leaf stays."""
+    """The half of a cell with the root of a polynomial in u - middle; a leaf stays."""
     u = middle_of(old, last_step)
     before = (u < start) | (value_at(powers, u - middle) > 0)
     return half_of(old, (u < stop) & before)
@@ -199,7 +199,7 @@ def bound_in(
     position: I32,
     last_step: np.float32,
 ) -> F32:
-    """How far the only root of a cell is from a position at most."""
+    """A bound of the distance of the only root of a cell from a position."""
     span = span_of(cell, start, stop, last_step)
     u = position.astype(np.float32) * last_step
     off = np.abs(u - curve.middle)

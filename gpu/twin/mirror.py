@@ -15,18 +15,18 @@ ONE, TWO = np.float32(1), np.float32(2)
 
 
 class Glance(NamedTuple):
-    """A ray from a mirror about a solid."""
+    """A ray from a mirror, relative to a solid."""
 
-    base: Vector  # the point nearest to the middle, counted from there
+    base: Vector  # the point nearest to the middle, from the middle
     along: Vector  # unit
     start: F32  # u of the mirror
-    near: Bools  # it may meet the solid
+    near: Bools  # it may hit the solid
 
 
 def mirrored(direction: Vector, normal: Vector) -> Vector:
-    """The direction that a mirror turns another one into.
+    """The direction of a ray after a mirror.
 
-    Its normal is a unit vector.
+    ``normal`` is the unit normal of the mirror.
     """
     d = normalized(direction)
     twice = TWO * dot_product(d, normal)
@@ -34,12 +34,12 @@ def mirrored(direction: Vector, normal: Vector) -> Vector:
 
 
 def further(start: Vector, along: Vector, u: F32) -> Vector:
-    """The point of a ray so far on."""
+    """The point of a ray at u."""
     return Vector(*(a + u * b for a, b in zip(start, along, strict=True)))
 
 
 def glance_at(body: np.void, point: Point, along: Vector) -> Glance:
-    """The ray from a point of the grid about a solid."""
+    """The ray from a point of the grid, relative to a solid."""
     from_center = point_from(point, *body["center"])
     d = scaled(Vector(*(part.astype(np.float32) for part in from_center)), body["unit"])
     start = dot_product(d, along)
@@ -87,14 +87,14 @@ def face_of(face: np.void, glance: Glance) -> Line:
 
 
 def piece_of(glance: Glance) -> Piece:
-    """From where the ray begins to where the solid surely has ended."""
+    """The piece of the ray from its start to surely behind the solid."""
     one = np.ones_like(glance.start)
     none = np.zeros(one.shape, np.int32)
     return Piece(glance.start, -one, none, -one, one, none)
 
 
 def point_on(body: np.void, spot: Vector) -> Point:
-    """The point of the grid that is at a place, in radii from the middle."""
+    """The point of the grid at a spot, which is in radii from the middle."""
     center = body["center"]
     return Point(
         *(

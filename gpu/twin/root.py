@@ -1,4 +1,4 @@
-"""Twin of ``root.wgsl``: the joint logic, which crossing of which surface a ray shows.
+"""Twin of ``root.wgsl``: the joint logic, which tells the root that a ray shows.
 
 The answer is a convex quadratic (or a line) whose first crossing from + to - is the root that is
 seen, so that one sequence of halvings finds it.  Signs of F and F' at the ends of the piece are
@@ -18,7 +18,7 @@ from halfstep.twin.values import Products, Values, product, reduced
 
 
 class Root(NamedTuple):
-    """The first + to - crossing of a v² + g v + c, v = -u if flipped: what the halvings find."""
+    """The first + to - crossing of a v² + g v + c, v = -u if flipped. The halvings find it."""
 
     hit: Bools
     surface: I32  # 0 is F, half-spaces count from 1
@@ -35,22 +35,22 @@ def end_value(form: Form, c: Values, b: Values) -> Products:
 
 
 def outside_at_entry(form: Form, piece: Piece) -> Bools:
-    """F > 0 where the piece begins."""
+    """Whether F > 0 where the piece begins."""
     return end_value(form, piece.c_in, piece.b_in) > 0
 
 
 def outside_at_exit(form: Form, piece: Piece) -> Bools:
-    """F > 0 where the piece ends."""
+    """Whether F > 0 where the piece ends."""
     return end_value(form, piece.c_out, piece.b_out) > 0
 
 
 def has_root(form: Form) -> Bools:
-    """F has a root somewhere on the line."""
+    """Whether F has a root somewhere on the line."""
     return product(form.g, form.g) >= product(form.a + form.a, form.c + form.c)
 
 
 def turns_within(form: Form, piece: Piece) -> Bools:
-    """For a > 0: F has both its roots between ends where it is positive, even if they coincide."""
+    """For a > 0: whether F has two roots, maybe equal, between ends where it is positive."""
     bend = form.a + form.a
     falls = product(bend, piece.c_in) < product(form.g, piece.b_in)
     rises = product(form.g, piece.b_out) > product(bend, piece.c_out)
@@ -127,7 +127,7 @@ def polyhedron_exit(piece: Piece) -> Root:
 
 
 def patch_entry(plane: Patch) -> Root:
-    """Where a ray meets a patch that it passes from + to -."""
+    """The root where a ray hits a patch."""
     none = np.zeros(plane.c.shape, np.int32)
     never = np.zeros(none.shape, bool)
     return Root(plane.hit, none, np.zeros_like(plane.c), plane.b, plane.c, never)

@@ -15,8 +15,8 @@ from halfstep.files.inferno import inferno
 from halfstep.files.picture import picture
 from halfstep.frames.frame import Frame
 from halfstep.frames.outputs import OUTPUTS, Levels
-from halfstep.models.look import color_of
 from halfstep.run.twin import image_of
+from halfstep.scene.hues import colors_of
 
 # The colour of pixels whose hit or miss is not certain.
 UNCERTAIN = (0, 230, 230)
@@ -58,7 +58,7 @@ def _colored(numbers: Array, hit: Array) -> Bytes:
 @functools.cache
 def _colors() -> Bytes:
     """The sRGB colours of numbers, (COLORS, 3)."""
-    return image_of(np.array([color_of(number) for number in range(COLORS)], np.float32))
+    return image_of(colors_of(np.arange(COLORS)).astype(np.float32))
 
 
 def _errors(error: Array, hit: Array) -> Bytes:
