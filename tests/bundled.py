@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+
 from halfstep.scene import bundled_scenes, load
 
 
-def drawn_by_all() -> list[str]:
-    """Those that every number format and method can draw: no torus, no formula."""
-    return [name for name in bundled_scenes() if not load(name).has_algebraic]
+@functools.cache
+def drawn_by_all() -> tuple[str, ...]:
+    """Bundled scenes that every number format and method can draw: no torus, no formula."""
+    return tuple(name for name in bundled_scenes() if not load(name).has_algebraic)
 
 
 def drawn_by_the_article() -> list[str]:
-    """Those of `drawn_by_all` that the method `article` draws otherwise: cells it draws alike."""
+    """Scenes of `drawn_by_all` in which the method `article` differs; it draws cells the same."""
     return [name for name in drawn_by_all() if load(name).solids]

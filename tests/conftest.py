@@ -85,7 +85,7 @@ def adapter(halfstep_adapter: Adapter) -> Adapter:
 
 @pytest.fixture(autouse=True)
 def _types(request: pytest.FixtureRequest) -> None:
-    """Skip a test of types that the device lacks, where that is allowed."""
+    """Skip a test of types that the device lacks, if that is allowed."""
     types = {each for marker in request.node.iter_markers("needs") for each in marker.args}
     if types and request.config.option.allow_missing_types:
         adapter: Adapter = request.getfixturevalue("halfstep_adapter")
@@ -96,7 +96,7 @@ def _types(request: pytest.FixtureRequest) -> None:
 
 @pytest.fixture
 def composed(monkeypatch: pytest.MonkeyPatch) -> list[Needs]:
-    """What the shaders hold that are compiled from here on, in order."""
+    """The needs of the shaders that are compiled from here on, in order."""
     found: list[Needs] = []
 
     def noted(needs: Needs) -> str:
@@ -123,7 +123,7 @@ def plant(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], list[str]]:
 
         def faulty(needs: Needs) -> str:
             texts.append(compose(needs))
-            # A slip may leave a loop without an end, which not every driver ends by itself.
+            # A slip may make a loop endless, and not every driver ends such a loop by itself.
             guarded = texts[-1].replace(old, new).replace("loop {", GUARDED_LOOP)
             return f"{guarded}\nvar<private> planted_rounds: u32;\n"
 

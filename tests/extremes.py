@@ -44,7 +44,7 @@ class View(NamedTuple):
 
 @dataclass
 class Row:
-    """What was found at one extreme."""
+    """The results at one extreme."""
 
     extreme: str
     range: str
@@ -60,7 +60,7 @@ class Row:
         return self.certain / self.verdict.hits
 
     def cells(self) -> list[str]:
-        """What a line of the table says of a number format."""
+        """The cells of a line of the table for a number format."""
         most = f"{self.most:.3g}" if self.certain else "–"
         return [str(self.verdict.wrong), f"{self.flagged:,}", most, f"{self.certified:.2%}"]
 
@@ -244,7 +244,7 @@ def judge(
         )
         truth = truth_of.truth
         hit, certain = truth.solid >= 0, np.isfinite(frame.error)
-        # Judged twice: as it is, and with the truth wherever `error` makes no promise.
+        # Each frame is judged twice: as it is, and with the truth wherever `error` is not finite.
         promised = SimpleNamespace(
             **{
                 name: np.where(certain, getattr(frame, name), getattr(truth, name))

@@ -16,7 +16,7 @@ _WORD, _FLUSH = 7, 0x8040
 
 @contextmanager
 def flushing() -> Iterator[None]:
-    """Flush subnormal numbers in this thread; skip the test where it is not known how."""
+    """Flush subnormal numbers in this thread; skip the test if this machine has no known way."""
     if (platform.machine(), platform.libc_ver()[0]) != ("x86_64", "glibc"):
         pytest.skip("only on x86-64 with glibc it is known how to flush subnormal numbers")
     library = ctypes.CDLL("libm.so.6")

@@ -1,12 +1,12 @@
-"""What a frame claims of one solid that a formula bounds, judged by intervals along every ray.
+"""Judges the claims of a frame about one solid with a formula, by intervals along every ray.
 
 Rays are those of `tests.polynomial_oracle`, with 400 bits, rounded to float64; the formula is
-retyped in `tests.formula_surfaces`.  A claim, what is certain of a pixel, is true
+retyped in `tests.formula_surfaces`.  A claim about a certain pixel is true
 
-* of a hit of F at s: if F has one sign from where the ray enters the bounds to s - error, and the
-  other at s + error;
-* of a hit of a bound: if F <= 0 there and s is within error of it;
-* of a miss: if F > 0 all along.
+* for a hit of F at s, if F has one sign from the point where the ray enters the bounds to
+  s - error, and the other sign at s + error;
+* for a hit of a bound, if F <= 0 there and s is within error of the bound;
+* for a miss, if F > 0 all along the ray.
 
 F has one sign on an interval if its range says so, or if it does at both ends and F is monotone
 between them; else the interval is halved. What is left after DEPTH halvings is not judged.
@@ -26,7 +26,7 @@ from tests.polynomial_oracle import Claims, Count, PolynomialOracle
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 DEPTH = 40
-# Ends of bounds nearer than this to each other are not judged.
+# A ray is not judged if the ends of its piece in the bounds are nearer to each other than this.
 APART = 1e-9
 
 
@@ -53,7 +53,7 @@ class FormulaOracle(PolynomialOracle):
         ]
 
     def _verdicts(self, i: Any, j: Any, claims: Claims) -> tuple[Bools, Bools]:
-        """Whether claims are seen to be true, and to be false."""
+        """Whether claims are surely true, and whether they are surely false."""
         rays = np.array([[float(value) for value in vector] for vector in self._rays])
         x, y = i.astype(float), j.astype(float)
         p, w = (
@@ -106,7 +106,7 @@ class FormulaOracle(PolynomialOracle):
     def _signs(
         self, p: Floats, w: Floats, a: Floats, b: Floats, sign: Floats, asked: Bools
     ) -> tuple[Bools, Bools]:
-        """Whether sign F > 0 between a and b, and whether it surely is not somewhere."""
+        """Whether sign F > 0 everywhere between a and b, and whether it surely is not somewhere."""
         owner = np.flatnonzero(asked & (b > a))
         one, other = asked & (b > a), np.zeros(len(a), bool)
         a, b = a[owner], b[owner]
@@ -133,7 +133,7 @@ class FormulaOracle(PolynomialOracle):
         return one & ~other, other
 
     def _bounds(self, p: Floats, w: Floats) -> tuple[Floats, Any, Floats, Any, Bools]:
-        """Where rays enter the bounds, by which, where they leave, by which; and what is clear."""
+        """Entry into the bounds, its surface, exit, its surface, and whether all are clear."""
         count = p.shape[1]
         start, stop = np.full(count, -self.middle), np.full(count, np.inf)
         first, last = np.zeros(count, int), np.zeros(count, int)

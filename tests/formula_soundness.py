@@ -1,4 +1,4 @@
-"""What ``error`` promises of formulas that are no polynomials, over many rays: a program.
+"""A program that tests the promise of ``error`` for other formulas over many rays.
 
     python -m tests.formula_soundness --pairs 1000000
 
@@ -10,9 +10,7 @@ narrow field of view at an outline. The twin renders each with 8 to 20 halvings,
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
 from typing import Any
 
 import numpy as np
@@ -21,8 +19,7 @@ import halfstep
 from halfstep.scene import Scene
 from tests.formula_oracle import FormulaOracle
 from tests.formula_surfaces import FORMULAS, solid_of
-from tests.polynomial_oracle import Count
-from tests.polynomial_soundness import OUTPUTS, SIZE
+from tests.polynomial_soundness import SIZE, run
 
 PLACES = ("outside", "within", "outline")
 
@@ -65,35 +62,11 @@ def random_scene(rng: np.random.Generator, name: str, place: str) -> Scene:
     return scene
 
 
-def main() -> int:
-    """Run it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1998)
-    parser.add_argument("--formulas", help="names, with commas between them")
-    options = parser.parse_args()
-    names = options.formulas.split(",") if options.formulas else [*FORMULAS]
-    rng, begin = np.random.default_rng(options.seed), time.perf_counter()
-    counts = {(name, place): Count() for name in names for place in PLACES}
-    while sum(count.pixels for count in counts.values()) < options.pairs:
-        for (name, place), count in counts.items():
-            scene = random_scene(rng, name, place)
-            frame = halfstep.render(scene, outputs=OUTPUTS, backend="numpy")
-            before = len(count.wrong)
-            label = f"{name} {place} n {scene.accuracy.steps}"
-            FormulaOracle(scene, FORMULAS[name].function).judge(frame, count, label)
-            if len(count.wrong) > before:
-                print(count.wrong[-1], scene.to_toml(), sep="\n", flush=True)  # noqa: T201
-    for (name, place), count in counts.items():
-        print(f"{name}, {place}: {count}")  # noqa: T201
-    rays, wrong = (
-        sum(count.pixels for count in counts.values()),
-        sum(len(count.wrong) for count in counts.values()),
-    )
-    spent = time.perf_counter() - begin
-    print(f"{rays:,} rays, {wrong} wrong, {spent:.0f} s")  # noqa: T201
-    return int(wrong > 0)
+def drawn(rng: np.random.Generator, name: str, place: str) -> tuple[Scene, FormulaOracle]:
+    """A random scene and its oracle."""
+    scene = random_scene(rng, name, place)
+    return scene, FormulaOracle(scene, FORMULAS[name].function)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(__doc__, drawn, [*FORMULAS], PLACES))

@@ -112,7 +112,7 @@ FORMULAS = {
         lambda x, y, z: iv.power(x, 12) + iv.power(y, 12) + iv.power(z, 12) - 1.0,
     ),
 }
-# Of most hits error says something, but where kinks lie all along what is seen.
+# Most hits have a finite error, except on surfaces with kinks all along.
 KINKED = {"cube", "shell", "joined"}
 
 

@@ -1,4 +1,4 @@
-"""Random interleavings of what threads do with one Renderer: right frames, or it says it is closed.
+"""Random interleavings of threads that share a Renderer: frames are right, or it says it is closed.
 
 By hand, with a traceback of every thread should one wait for ever:
 
@@ -57,7 +57,7 @@ ASKED = tuple(itertools.product((None, *range(len(SCENES))), range(len(CAMERAS))
 
 
 class Faults(list[str]):
-    """What was not as it should be."""
+    """Faults that were found."""
 
 
 class Expected:
@@ -74,7 +74,7 @@ class Expected:
         assert len({tuple(found.values()) for found, _ in self.frames.values()}) == 9
 
     def difference(self, frame: Frame, number: int | None, view: int) -> str | None:
-        """What of ``frame`` is not as expected."""
+        """The fault of ``frame``; None if it is as expected."""
         arrays, sha256 = self.frames[number, view]
         wrong = [name for name, found in _bytes(frame).items() if found != arrays[name]]
         if frame.info["scene_sha256"] != sha256:
@@ -102,7 +102,7 @@ class Shared:
 
 
 class Worker:
-    """What one thread does, drawn beforehand from a generator of its own."""
+    """The actions of one thread, drawn beforehand from a generator of its own."""
 
     def __init__(
         self, shared: Shared, expected: Expected, faults: Faults, seed: int, close: bool
@@ -203,7 +203,7 @@ class Worker:
 
 
 def run(backend: str, rounds: int, seconds: float, seed: int) -> tuple[Counter[str], Faults]:
-    """So many rounds, or as many as begin in so many seconds; what was done and what went wrong."""
+    """Run rounds, at most ``rounds`` and for ``seconds``; return counts of actions and faults."""
     draw, end = random.Random(seed), time.monotonic() + seconds
     counts, faults, expected = Counter[str](), Faults(), Expected(backend)
     shared: Shared | None = None

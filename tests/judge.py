@@ -2,10 +2,10 @@
 
 A pixel's solid and surface are *wrong* if they differ from the oracle's there and at four points
 `delta` of a pixel away, all of which the oracle sees alike: then no edge passes so near that
-rounding could decide it. A pixel that differs beside an edge is a *tie*. Where two solids are
-closer together than the depth error that the number of halvings allows, either may be seen: such
-a pixel is *unresolved*. Depths are judged the same way: from the depths that the oracle sees within
-`delta`, no further off than half a cell and `FLOOR` over the cosine of incidence.
+rounding could decide it. A pixel that differs beside an edge is a *tie*. If two solids are closer
+together than the depth error of the number of halvings, either may be seen, and the pixel is
+*unresolved*. A depth may differ from the depths that the oracle sees within `delta` by half a cell
+and `FLOOR` over the cosine of incidence.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Judge:
         self.truth = self.oracle.trace()
 
     def visible(self, frame: Any, steps: int, verdict: Verdict, label: str) -> None:
-        """Add what a frame of the method ``visible`` gets right and wrong."""
+        """Count the right and wrong pixels of a frame of the method ``visible``."""
         truth = self.truth
         self._count(verdict)
         differ = (frame.solid != truth.solid) | (frame.surface != truth.surface)
@@ -73,7 +73,7 @@ class Judge:
         self._judge_depths(frame, ~differ & (truth.solid >= 0), steps, verdict, label)
 
     def article(self, frame: Any, steps: int, verdict: Verdict, label: str) -> None:
-        """Add the same for the method ``article``, which may miss what lies between grid points.
+        """Count those of the method ``article``, which may miss solids between grid points.
 
         A miss is a pixel that shows nothing or something behind the truth. A chord shorter than a
         cell is expected to be missed with probability 1 - chord/cell.
@@ -89,7 +89,7 @@ class Judge:
         chord = truth.depth_exit - truth.depth
         thin = hit & (chord > 0) & (chord < cell)
         verdict.expected_missed += float((1 - chord[thin] / cell[thin]).sum())
-        # What shows through is judged as if what was missed were not there.
+        # A solid that shows through is judged as if the missed solid were not there.
         seen = behind & (frame.solid >= 0)
         for index in np.unique(frame.solid[seen]):
             i, j = self._pixels(seen & (frame.solid == index))
@@ -123,7 +123,7 @@ class Judge:
         self._blame(verdict, frame, (i, j), stable & ~close, label)
 
     def _is_close(self, frame: Any, i: NDArray[np.intp], j: NDArray[np.intp], steps: int) -> Bools:
-        """Where the solid seen is really there, no further behind the truth than depths may err."""
+        """Whether the solid shown is there, behind the truth by at most the allowed depth error."""
         seen, true = frame.solid[j, i], self.truth.solid[j, i]
         close = np.zeros(i.shape, bool)
         for index in np.unique(seen[seen >= 0]):
@@ -216,7 +216,7 @@ class Judge:
         return np.where(solid >= 0, self.length[solid], np.nan)
 
     def _allowed(self, solid: Any, steps: int) -> Floats:
-        """Half a cell of the solid hit, and what rounding adds."""
+        """Half a cell of the solid hit, plus rounding."""
         return self._length_of(solid) * (2.0 ** -(steps + 1) + FLOOR)
 
     @staticmethod

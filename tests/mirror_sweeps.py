@@ -44,17 +44,17 @@ def caught(scene: Scene, **options: Any) -> list[tuple[Any, Any]]:
     packed = prepare(scene)
     found: list[Any] = []
 
-    def recorded(*arguments: Any) -> bounce.Caught:
+    def recorded(*arguments: Any) -> bounce.Spotted:
         found.append(original(*arguments))
         return found[-1]
 
-    original, bounce.catch_bodies = bounce.catch_bodies, recorded  # type: ignore[assignment]
+    original, bounce.find_bodies = bounce.find_bodies, recorded
     try:
         band = Band(scene, packed, 0, packed.setup.view.height, frozenset({"color"}))
         band.visit()
         first = band.finish()["surface"]
     finally:
-        bounce.catch_bodies = original
+        bounce.find_bodies = original
     numbers = packed.surfaces.numbers
     surfaces = [first, *(each.surface for each in found)]
     return [(numbers.solid[each], numbers.surface[each]) for each in surfaces]

@@ -1,4 +1,4 @@
-"""What ``error`` promises of tori and formulas, over many rays: a program of its own.
+"""A program that tests the promise of ``error`` for tori and polynomials over many rays.
 
     python -m tests.polynomial_soundness --pairs 10000000
 
@@ -14,19 +14,33 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
 import halfstep
+from halfstep.frames.frame import Frame
 from halfstep.scene import Scene
 from tests.algebraic_surfaces import SURFACES, AlgebraicSurface, solid_of, torus_of
 from tests.polynomial_oracle import Count, PolynomialOracle
 
 SIZE = (48, 36)
 OUTPUTS = ("solid", "surface", "depth", "error")
-# By family: where the camera is.
+# Places of the camera.
 PLACES = ("outside", "within", "outline", "on a surface")
+
+Counts = dict[tuple[str, str], Count]  # by name of a surface and place
+
+
+class Oracle(Protocol):
+    """Judges a frame."""
+
+    def judge(self, frame: Frame, count: Count, label: str) -> None:
+        """Add the pixels of a frame to a count."""
+
+
+Draw = Callable[[np.random.Generator, str, str], tuple[Scene, Oracle]]
 
 
 def random_solid(rng: np.random.Generator, name: str) -> tuple[dict[str, Any], AlgebraicSurface]:
@@ -88,19 +102,23 @@ def random_scene(rng: np.random.Generator, name: str, place: str) -> tuple[Scene
     return scene, surface
 
 
+def drawn(rng: np.random.Generator, name: str, place: str) -> tuple[Scene, PolynomialOracle]:
+    """A random scene and its oracle."""
+    scene, surface = random_scene(rng, name, place)
+    return scene, PolynomialOracle(scene, surface.function)
+
+
 def judged(
-    rng: np.random.Generator, names: list[str], pairs: int, say: bool
-) -> dict[tuple[str, str], Count]:
-    """Counts by surface and place."""
-    counts = {(name, place): Count() for name in names for place in PLACES}
+    draw: Draw, counts: Counts, rng: np.random.Generator, pairs: int, *, say: bool = False
+) -> None:
+    """Judge ``pairs`` rays of scenes by ``draw``, in turn for each name and place of ``counts``."""
     total, begin = 0, time.perf_counter()
     while total < pairs:
         for (name, place), count in counts.items():
-            scene, surface = random_scene(rng, name, place)
+            scene, oracle = draw(rng, name, place)
             frame = halfstep.render(scene, outputs=OUTPUTS, backend="numpy")
-            label = f"{name} {place} n {scene.accuracy.steps}"
             before = count.pixels, len(count.wrong)
-            PolynomialOracle(scene, surface.function).judge(frame, count, label)
+            oracle.judge(frame, count, f"{name} {place} n {scene.accuracy.steps}")
             total += count.pixels - before[0]
             if say and len(count.wrong) > before[1]:
                 print(count.wrong[-1], scene.to_toml(), sep="\n", flush=True)  # noqa: T201
@@ -110,22 +128,28 @@ def judged(
             spent = time.perf_counter() - begin
             wrong = sum(len(count.wrong) for count in counts.values())
             print(f"{total:,} rays, {wrong} wrong, {spent:.0f} s", flush=True)  # noqa: T201
-    return counts
 
 
-def main() -> int:
-    """Run it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=10_000_000)
+def run(about: str | None, draw: Draw, known: Sequence[str], places: Sequence[str]) -> int:
+    """Run a program that judges random scenes; return its exit code.
+
+    Args:
+        about: what the program does.
+        draw: gives a random scene and its oracle, by name and place.
+        known: the names of surfaces.
+        places: the places of the camera.
+    """
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--pairs", type=int, default=1_000_000, help="rays to judge")
     parser.add_argument("--seed", type=int, default=1998)
     parser.add_argument("--surfaces", help="names, with commas between them")
     options = parser.parse_args()
-    names = options.surfaces.split(",") if options.surfaces else [*SURFACES, *["torus"]]
-    counts = judged(np.random.default_rng(options.seed), names, options.pairs, say=True)
-    for name in names:
-        for place in PLACES:
-            print(f"{name}, {place}: {counts[name, place]}")  # noqa: T201
-    for place in PLACES:
+    names = options.surfaces.split(",") if options.surfaces else known
+    counts = {(name, place): Count() for name in names for place in places}
+    judged(draw, counts, np.random.default_rng(options.seed), options.pairs, say=True)
+    for (name, place), count in counts.items():
+        print(f"{name}, {place}: {count}")  # noqa: T201
+    for place in places:
         own = [count for (_, other), count in counts.items() if other == place]
         rays, hits, sure = (
             sum(getattr(count, key) for count in own) for key in ("pixels", "hits", "certain_hits")
@@ -135,4 +159,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(__doc__, drawn, [*SURFACES, "torus"], PLACES))

@@ -1,7 +1,8 @@
 """What rays see of cells, in extended precision: where surfaces are met, sorted, and asked between.
 
 It knows nothing of grids, programs or boxes: along a ray every function F is a quadratic in the
-depth, or of degree four, and between two of all their roots no cell begins or ends.
+depth, or of degree four, and between two of all their roots no cell begins or ends. Those of other
+formulas are found in float64, by intervals.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.scene.region import Complement, Intersection, Literal, Region
+from tests.bounded_formulas import Bounded
 from tests.tori import Torus, roots_of, values_of
 
 Floats = NDArray[np.float64]
@@ -31,6 +33,7 @@ class Truth(NamedTuple):
     leaves: Floats  # where it leaves the cell, the far plane where it does not
     overlap: Floats  # where it first is in two cells, NaN where nowhere
     gap: Floats  # where it first is in none, after one and before another one; NaN
+    known: Bools  # float64 could decide it, which matters of formulas alone
 
 
 def holds(region: Region, values: Wide) -> Bools:
@@ -55,6 +58,7 @@ def truth(
     far: float,
     hidden: Sequence[Region] = (),
     tori: Sequence[Torus] = (),
+    formulas: Sequence[Bounded] = (),
 ) -> Truth:
     """What rays show.
 
@@ -67,6 +71,7 @@ def truth(
         far: depth where they end.
         hidden: cells that are not seen, but may overlap others and fill gaps.
         tori: further functions, behind those of the matrices.
+        formulas: further functions, behind those of tori.
     """
     start = np.broadcast_to(eye, directions.shape).astype(np.longdouble)
     start = np.column_stack([start, np.ones(len(start), np.longdouble)])
@@ -82,7 +87,8 @@ def truth(
         events = np.concatenate([q / a, c / q])
     curves = [torus.along_rays(eye, directions) for torus in tori]
     others = [np.where(np.isnan(each), far, each) for each in map(roots_of, curves)]
-    events = np.concatenate([events, *others])
+    met = [formula.along_rays(eye, directions, near, far) for formula in formulas]
+    events = np.concatenate([events, *others, *(each.events for each in met)])
     events = np.where((events > near) & (events < far), events, far)
     rays = np.arange(len(directions))
     ends = np.full((1, len(rays)), far, np.longdouble)
@@ -90,6 +96,7 @@ def truth(
     middle = (times[1:] + times[:-1]) / 2
     values = (a[:, None] * middle + b[:, None]) * middle + c[:, None]
     rest = [values_of(curve.terms, middle - curve.start)[None] for curve in curves]
+    rest += [each.sides(middle.astype(np.float64))[None] for each in met]
     values = np.concatenate([values, *rest])
     claims = np.array([holds(cell, values) for cell in (*cells, *hidden)])
     there = claims[: len(cells)]
@@ -117,6 +124,7 @@ def truth(
         np.where(hit, leaves, np.nan).astype(np.float64),
         _first(times, some & (claims.sum(axis=0) > 1)),
         _first(times, some & _is_between(some & claims.any(axis=0), some & ~claims.any(axis=0))),
+        np.all([np.ones(len(directions), bool), *(each.known for each in met)], axis=0),
     )
 
 

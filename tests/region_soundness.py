@@ -4,15 +4,19 @@
 
     python -m tests.region_soundness --tori --rays 1000000
 
+    python -m tests.region_soundness --formulas --rays 500000
+
 It draws groups of one to three cells, formulas of up to six levels over two to nine surfaces of all
 kinds in a ball, seen from outside and, three times in ten, from within; half of them between base
-planes that cut them. With ``--tori`` one to four of the surfaces are tori, some side by side. Each
-is rendered in both number formats with 8 to 30 halvings, with tori in float32 with 8 to 20, and
-judged by
-`tests.region_oracle`, which sorts all roots in extended precision. A *violation* is a pixel whose
-depth is further from the exact one than ``error`` says, or that is certain of a hit, a miss or a
-cell that is none. *Lost* are pixels that show a hit or a miss that is none, although no two
-surfaces there are nearer than eight cells of the grid. Exit 1 if there is a violation.
+planes that cut them. With ``--tori`` one to four of the surfaces are tori, some side by side; with
+``--formulas`` one to three are formulas that are no polynomials, or tori that cross themselves, and
+some more are tori. Each is rendered in both number formats with 8 to 30 halvings, with tori and
+formulas in float32 with 8 to 20, and judged by `tests.region_oracle`, which sorts all roots in
+extended precision, those of formulas in float64. What float64 cannot decide is not judged. A
+*violation* is a pixel whose depth is further from the exact one than ``error`` says, or that is
+certain of a hit, a miss or a cell that is none. *Lost* are pixels that show a hit or a miss that is
+none, although no two surfaces there are nearer than eight cells of the grid. Exit 1 if there is a
+violation.
 """
 
 from __future__ import annotations
@@ -21,7 +25,9 @@ import argparse
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +36,10 @@ from halfstep.contract.arrays import Floats
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
 from halfstep.host.prepare import prepare
+from halfstep.host.setup import Setup
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.region import Intersection, Literal, Region
+from tests.bounded_formulas import Bounded, random_bounded
 from tests.region_oracle import Truth, truth
 from tests.test_boxes import plain, random_region, random_surface
 from tests.test_regions import (
@@ -60,6 +68,7 @@ class Count:
     inside: int = 0
     lost: int = 0
     violations: int = 0
+    left: int = 0  # not judged
 
     def __str__(self) -> str:
         return (
@@ -67,6 +76,7 @@ class Count:
             f"{100 * self.certain_hits / max(self.hits, 1):.2f} % of hits and "
             f"{100 * self.certain_misses / max(self.rays - self.hits, 1):.2f} % of misses certain, "
             f"{self.lost:,} lost, {self.violations:,} violations"
+            + (f", {self.left:,} not judged" if self.left else "")
         )
 
 
@@ -78,31 +88,52 @@ def random_tori(rng: np.random.Generator) -> list[Torus]:
     return tori
 
 
-def scene_with_tori(
-    rng: np.random.Generator,
-) -> tuple[Floats, list[Region], Scene, list[Torus]] | None:
+class Drawn(NamedTuple):
+    """A random scene, and what the oracle needs of it."""
+
+    matrices: Floats
+    cells: list[Region]
+    scene: Scene
+    tori: Sequence[Torus] = ()
+    formulas: Sequence[Bounded] = ()
+
+    def truth(self, setup: Setup) -> Truth:
+        """What rays of all pixels show."""
+        view = setup.view
+        j, i = np.mgrid[: view.height, : view.width]
+        directions = view.directions(i, j).reshape(-1, 3)
+        ends = setup.near, setup.far
+        given = self.matrices, self.cells, view.eye, directions
+        return truth(*given, *ends, tori=self.tori, formulas=self.formulas)
+
+
+def scene_with_tori(rng: np.random.Generator, formulas: Sequence[Bounded] = ()) -> Drawn | None:
     """Surfaces, some of which are tori, cells and their scene; nothing where a cell is empty."""
     matrices = np.array([ball(), *(random_surface(rng) for _ in range(rng.integers(0, 5)))])
-    tori = random_tori(rng)
-    count = len(matrices) + len(tori)
+    tori = random_tori(rng) if not formulas or rng.random() < 0.3 else []
+    count = len(matrices) + len(tori) + len(formulas)
     inside = Literal(0, positive=False)
     cells: list[Region] = [
         Intersection((inside, random_region(rng, count, int(rng.integers(1, 6)))))
         for _ in range(rng.integers(1, 4))
     ]
     tables = [surface_of(matrix, k) for k, matrix in enumerate(matrices, start=1)]
-    tables += [torus.table(k) for k, torus in enumerate(tori, start=1 + len(matrices))]
+    more: list[Torus | Bounded] = [*tori, *formulas]
+    tables += [one.table(k) for k, one in enumerate(more, start=1 + len(matrices))]
     scene = scene_of(matrices, cells, random_camera(rng), surface=tables, **random_volume(rng))
     try:
         prepare(scene)
     except halfstep.SceneError:  # a cell is empty, or nothing is ahead
         return None
-    return matrices, cells, with_overrides(scene, size=SIZE), tori
+    return Drawn(matrices, cells, with_overrides(scene, size=SIZE), tori, formulas)
 
 
-def random_scene(
-    rng: np.random.Generator,
-) -> tuple[Floats, list[Region], Scene, list[Torus]] | None:
+def scene_with_formulas(rng: np.random.Generator) -> Drawn | None:
+    """The same with one to three formulas among them."""
+    return scene_with_tori(rng, [random_bounded(rng) for _ in range(rng.integers(1, 4))])
+
+
+def random_scene(rng: np.random.Generator) -> Drawn | None:
     """Surfaces, cells and their scene; nothing where a cell is empty."""
     matrices = np.array([ball(), *(random_surface(rng) for _ in range(rng.integers(2, 10)))])
     inside = Literal(0, positive=False)
@@ -114,7 +145,7 @@ def random_scene(
         return None
     scene = scene_of(matrices, cells, random_camera(rng), **random_volume(rng))
     try:
-        return matrices, cells, with_overrides(scene, size=SIZE), []
+        return Drawn(matrices, cells, with_overrides(scene, size=SIZE))
     except halfstep.SceneError:  # the camera is in none of the cells, and nothing is ahead
         return None
 
@@ -133,8 +164,9 @@ def judge(count: Count, frame: halfstep.Frame, exact: Truth, far: float, cell: f
     count.certain_hits += int((hit & bounded).sum())
     count.certain_misses += int((~hit & bounded).sum())
     count.inside += int((exact.inside & hit).sum())
-    count.lost += int(((hit != exact.hit) & (exact.thin > 8 * cell)).sum())
-    count.violations += int((bounded & wrong).sum())
+    count.lost += int(((hit != exact.hit) & exact.known & (exact.thin > 8 * cell)).sum())
+    count.violations += int((bounded & wrong & exact.known).sum())
+    count.left += int((bounded & ~exact.known).sum())
 
 
 def main() -> int:
@@ -143,23 +175,23 @@ def main() -> int:
     parser.add_argument("--rays", type=int, default=10_000_000)
     parser.add_argument("--seed", type=int, default=1998)
     parser.add_argument("--tori", action="store_true")
+    parser.add_argument("--formulas", action="store_true")
     parser.add_argument("--backend", default="numpy", choices=("numpy", "gpu"))
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     counts: dict[tuple[str, int], Count] = defaultdict(Count)
     groups, begin = 0, time.perf_counter()
+    draw = random_scene
+    if options.tori or options.formulas:
+        draw = scene_with_formulas if options.formulas else scene_with_tori
     while sum(count.rays for count in counts.values()) < options.rays:
-        drawn = scene_with_tori(rng) if options.tori else random_scene(rng)
+        drawn = draw(rng)
         if drawn is None:
             continue
-        matrices, cells, scene, tori = drawn
-        setup = prepare(scene).setup
-        j, i = np.mgrid[: SIZE[1], : SIZE[0]]
-        directions = setup.view.directions(i, j).reshape(-1, 3)
-        view, ends = setup.view, (setup.near, setup.far)
-        exact = truth(matrices, cells, view.eye, directions, *ends, tori=tori)
+        scene, setup = drawn.scene, prepare(drawn.scene).setup
+        exact = drawn.truth(setup)
         deepest = float(setup.depth_half.max(initial=0.0))
-        for form, steps in TORUS_SETTINGS if options.tori else SETTINGS:
+        for form, steps in SETTINGS if draw is random_scene else TORUS_SETTINGS:
             frame = halfstep.render(
                 scene,
                 steps=steps,

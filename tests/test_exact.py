@@ -52,6 +52,8 @@ def judged(scene: Scene, label: str) -> tuple[int, int]:
     return int((truth.solid >= 0).sum()), int(clear.sum())
 
 
+# Of many copies some are enough: the twin tries one by one.
+CLOSE = {"assembly_17x17": {"fov_degrees": 6.0}}
 BUNDLED = sorted(set(bundled_scenes()) - {"crowd"})
 OF_CELLS = [name for name in drawn_by_all() if halfstep.load(name).layout().copies()]
 
@@ -173,7 +175,8 @@ def test_cells_are_what_sorted_roots_in_extended_precision_say() -> None:
 
 @pytest.mark.parametrize("name", OF_CELLS)
 def test_bundled_cells_are_what_a_fine_frame_shows(name: str) -> None:
-    scene = with_overrides(halfstep.load(name), size=SIZE, steps=22, number_format="fixed32")
+    scene = with_overrides(halfstep.load(name), camera=CLOSE.get(name), size=SIZE)
+    scene = with_overrides(scene, steps=22, number_format="fixed32")
     ours = exact(scene)
     frame = halfstep.render(scene, backend="numpy", outputs=("depth", "surface", "error"))
     certain = np.isfinite(frame.error)

@@ -188,15 +188,16 @@ def test_loops_that_a_driver_would_cut_short_are_refused(adapter: Adapter) -> No
 
 # A word of the kernel, and what a slip would make of it.
 FAULTS = [
-    ("found &= found - 1u;", "found = 0u;"),
-    ("next + BROADCAST, asked", "next + 3u * BROADCAST, asked"),
+    ("number + 1u, is_wanted", "ball.next, is_wanted"),
+    ("next_ball(number + 1u, end)", "next_ball(number + 2u, end)"),
+    ("number = next_body(number) - 1u;", "number = next_body(NO_BODY) - 1u;"),
     ("distance < old.distance", "distance > old.distance"),
     ("point_0 = caught_0.point;", ""),
-    ("nearest_0.turned = caught_0.turned;", ""),
+    ("nearest_0.turned = spotted_0.turned;", ""),
     ("weight_0 = passed_on;", ""),
     ("if !anywhere(left)", "if anywhere(left)"),
-    ("& !leaves;", ";"),
-    ("either(inside_0, normal_out_0, normal_in_0)", "normal_in_0"),
+    ("& glance_0.near & (gone_0 != u4(number))", ""),
+    ("slope_0 = either(spotted_0.surface == u4(body.surface + k + 1u), normal, slope_0);", ""),
 ]
 
 

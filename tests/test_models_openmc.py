@@ -617,7 +617,7 @@ def test_commands_take_models(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["render", "figure", "-o", "a.png", "--clip", "x > 0"], "figure: says itself how it is "),
+        (["render", "figure", "-o", "a.png", "--clip", "x > 0"], "figure: sets its own look; "),
         (["import", "figure", "-o", "a.toml"], "figure: is no file of another program"),
         (["render", "a.xml", "-o", "a.png", "--eye", "1,2"], "'1,2' is not X,Y,Z, as 10,-20,5"),
         (["import", "a.xml", "-o", "a.txt"], "a.txt: the ending '.txt' is not one of those "),

@@ -241,10 +241,10 @@ def test_all_tables_are_listed_with_their_defaults() -> None:
                 assert (tuple(value) if isinstance(value, list) else value) == default
 
 
-def test_kinds_of_surfaces_are_those_of_solids_listed_the_plane_and_the_torus() -> None:
+def test_kinds_of_surfaces_are_those_of_solids_listed_a_plane_and_those_of_higher_order() -> None:
     quadrics = {kind.model_fields["kind"].default for kind in get_args(QuadricSolid)}
     kinds = {kind.model_fields["kind"].default for kind in SURFACE_KINDS}
-    assert kinds == {*quadrics, "plane", "torus"}
+    assert kinds == {*quadrics, "plane", "torus", "implicit"}
 
 
 def test_kinds_of_lattices_are_listed_with_their_parameters() -> None:

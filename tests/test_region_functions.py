@@ -82,7 +82,7 @@ def dyadic(rng: np.random.Generator) -> list[Fraction]:
 def test_a_surface_is_its_formula_exactly(kind: str, rng: np.random.Generator) -> None:
     """In short binary fractions, and turned by quarters, no rounding is in the way."""
     kinds = {each.model_fields["kind"].default for each in SURFACE_KINDS}
-    assert {*POWERS, "torus"} == kinds
+    assert {*POWERS, "torus", "implicit"} == kinds
     for _ in range(8):
         origin = [float(k) / 4 for k in rng.integers(-20, 21, 3)]
         table = {"id": 1, "kind": kind, "origin": origin, **POWERS[kind]}

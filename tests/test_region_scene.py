@@ -32,7 +32,7 @@ PIN: Table = {"name": "pin", "surface": [ROD], "cell": [{"region": "-1", "color"
 TIN: Table = {"name": "tin", "color": RED}
 ROWS: Table = {"kind": "rectangular", "pitch": [1, 1], "groups": {"P": "pin"}, "rows": ["PP", "P."]}
 RINGS: Table = {"kind": "hexagonal", "pitch": [1], "groups": {"P": "pin"}, "rings": ["PPPPPP", "P"]}
-ID = '"name", "id", "region", "material", "color", "visible", "fill"'
+ID = '"name", "id", "region", "material", "color", "visible", "casts_shadow", "fill"'
 
 
 def scene(**tables: Any) -> Table:
@@ -139,6 +139,10 @@ RULES: list[tuple[Table, str]] = [
     ),
     (scene(cell=[{**CELL, "id": -1}]), "cell[0].id: -1 is not >= 0"),
     (scene(cell=[{**CELL, "id": 4.0}]), "cell[0].id: 4.0 is not an integer; write 4"),
+    (
+        scene(cell=[{"region": "-1", "fill": "pin", "casts_shadow": False}]),
+        "cell[0]: casts_shadow = false stands beside fill; the cells of that group have their own",
+    ),
     (
         scene(cell=[{"region": "-1"}]),
         "cell[0]: has none of material, color, fill; one must be given, or visible = false",

@@ -16,8 +16,7 @@ from halfstep.host import excerpts
 from halfstep.host.prepare import prepare
 from halfstep.host.regions import regions_of
 from halfstep.scene import Scene, with_overrides
-from tests.region_oracle import truth
-from tests.region_soundness import scene_with_tori
+from tests.region_soundness import Drawn, scene_with_formulas, scene_with_tori
 from tests.test_regions import NEAR_TIE
 from tests.tori import random_torus, roots_of
 
@@ -122,41 +121,44 @@ def test_the_roots_of_the_oracle_are_all_there_are(rng: np.random.Generator) -> 
     assert min(counts[0], counts[2], counts[4]) > 10
 
 
+# A random cell may be all of both sides of a formula, which are regions of up to seven surfaces:
+# what is seen behind these is not certain then.
+@pytest.mark.parametrize(("draw", "share"), [(scene_with_tori, 0.97), (scene_with_formulas, 0.4)])
 @pytest.mark.parametrize("in_tiles", [False, True])
 def test_depths_are_within_their_bounds(
-    in_tiles: bool, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+    in_tiles: bool,
+    draw: Callable[..., Drawn | None],
+    share: float,
+    rng: np.random.Generator,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     if in_tiles:
         monkeypatch.setattr(excerpts, "LEAST_TESTS", 0)
-    hits = certain = inside = tori_hit = 0
+    hits = certain = inside = 0
     scenes = 0
     while scenes < 10:
-        drawn = scene_with_tori(rng)
+        drawn = draw(rng)
         if drawn is None:
             continue
-        matrices, cells, whole, tori = drawn
         steps = (8, 12, 17)[scenes % 3]
-        whole = with_overrides(whole, size=(40, 30), steps=steps)
+        drawn = drawn._replace(scene=with_overrides(drawn.scene, size=(40, 30), steps=steps))
+        whole = drawn.scene
         scenes += 1
         setup = prepare(whole).setup
-        j, i = np.mgrid[:30, :40]
-        directions = setup.view.directions(i, j).reshape(-1, 3)
-        ends = setup.near, setup.far
-        exact = truth(matrices, cells, setup.view.eye, directions, *ends, tori=tori)
+        exact = drawn.truth(setup)
         frame = halfstep.render(whole, backend="numpy")
         depth, error = frame.depth.ravel(), frame.error.ravel()
         hit, bounded = frame.solid.ravel() >= 0, np.isfinite(error)
         with np.errstate(invalid="ignore"):
             off = np.abs(depth - exact.depth) > error + 1e-12 * setup.far
+        bounded &= exact.known
         assert not (bounded & np.where(hit, ~exact.hit | off, exact.hit)).any(), scenes
         named = bounded & hit & (exact.thin > NEAR_TIE * setup.far)
         assert (frame.cell.ravel()[named] == exact.cell[named] + 1).all(), scenes
         hits, certain = hits + hit.sum(), certain + (hit & bounded).sum()
         inside += (exact.inside & hit).sum()
-        of_torus = frame.surface.ravel() >= 0
-        tori_hit += (of_torus & hit).sum()
-    assert hits > 3000
-    assert certain > 0.97 * hits
+    assert hits > 2000
+    assert certain > share * hits
     assert inside > 200
 
 
@@ -252,15 +254,6 @@ def test_the_device_agrees_and_a_fault_is_seen(plant: Callable[[str, str], list[
 @pytest.mark.parametrize(
     ("table", "fault"),
     [
-        (
-            {"kind": "torus", "major": 1, "minor": 1.5},
-            "part[0].minor: 1.5 is not <= major = 1: a torus that crosses itself cannot bound "
-            "cells yet",
-        ),
-        (
-            {"kind": "implicit", "formula": "sin(x) - y", "bounds": {"radius": 1}},
-            "part[0].formula: it is no polynomial: other formulas cannot bound cells yet",
-        ),
         (
             {"kind": "implicit", "formula": "x - y^3", "bounds": {"radius": 1}, "sheet": True},
             "part[0].sheet: true: a part has an inside, and a sheet has none",

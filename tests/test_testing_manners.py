@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Any
@@ -325,6 +326,8 @@ def test_many_texts_cost_no_more_than_three_times_one(wgsl: Kit) -> None:
     if "llvmpipe" not in wgsl.device.adapter_info["device"]:
         pytest.skip("the driver may keep no compiled shaders")
     # The first time the driver compiles, which it keeps on disk; what is judged is the kit.
-    seconds(other)
+    first = seconds(other) / seconds(same)
     # In pairs, as what else the machine does changes too.
-    assert min(seconds(other) / seconds(same) for _ in range(3)) < 3
+    ratio = min(seconds(other) / seconds(same) for _ in range(3))
+    logging.info("150 texts over one text: %.1f at first, %.1f again", first, ratio)
+    assert ratio < 3

@@ -12,6 +12,7 @@ import pytest
 import halfstep
 from halfstep.device.adapters import Adapter
 from halfstep.errors import SceneError
+from halfstep.frames.renderer import WARM_UP
 from halfstep.host.prepare import prepare
 from halfstep.host.veils import MOST_VEILED
 from halfstep.run.needs import needs_of_frame
@@ -115,8 +116,11 @@ def test_a_tile_knows_what_matters_to_it() -> None:
 # ------------------------------------------------------------------------------ device and twin
 
 
-def lit_room() -> Scene:
-    """A sun, a lamp in a hollow block, a lamp before it, and balls of a group on a solid floor."""
+def lit_room(*, block: bool = True, knobs: bool = True) -> Scene:
+    """A sun, a lamp in a hollow block, a lamp before it, and balls of a group on a solid floor.
+
+    ``block`` and ``knobs`` tell which cast shadows.
+    """
     parts = [
         {"name": "block", "kind": "box", "size": [2, 2, 2]},
         {"name": "hollow", "kind": "sphere", "radius": 0.9},
@@ -127,16 +131,15 @@ def lit_room() -> Scene:
     floor = {"kind": "plane", "bounds": {"min": [-4, -4, -2], "max": [4, 4, 2]}}
     lights = [SUN, {"position": [0.1, 0, 0], "shadows": True}]
     lights.append({"position": [-3, -9, 6], "shadows": True})
+    knob = {"region": "ball | pin", "casts_shadow": knobs, **GRAY}
     return Scene.from_dict(
         {
             "format": 1,
             "camera": {"center": [2, -8, 4], "look_at": [0, 0, 0]},
             "light": lights,
             "part": parts,
-            "cell": [{"region": "block - hollow - door", **GRAY}],
-            "group": [
-                {"name": "knob", "part": [ball, pin], "cell": [{"region": "ball | pin", **GRAY}]}
-            ],
+            "cell": [{"region": "block - hollow - door", "casts_shadow": block, **GRAY}],
+            "group": [{"name": "knob", "part": [ball, pin], "cell": [knob]}],
             "place": [{"group": "knob", "origin": [x, -1.8, -0.3]} for x in (-1.6, 0, 1.6)],
             "solid": [{**floor, **GRAY, "origin": [0, 0, -1]}],
         }
@@ -163,10 +166,50 @@ def test_the_device_gives_the_bits_of_the_twin() -> None:
     assert differing(lit_room()) == []
 
 
+@pytest.mark.usefixtures("adapter")
+def test_later_frames_have_the_shadows_of_the_first() -> None:
+    """From the second frame on, tiles have shaders for what they see of cells."""
+    scene = with_overrides(halfstep.load("assembly_17x17"), shadows=True, size=SMALL)
+    with halfstep.Renderer(scene, outputs=("image", "shadow"), backend="gpu") as renderer:
+        first, *later = [renderer.render() for _ in range(WARM_UP + 1)]
+    assert (first.shadow > 0).any()
+    for frame in later:
+        np.testing.assert_array_equal(frame.shadow, first.shadow)
+        np.testing.assert_array_equal(frame.image, first.image)
+
+
 def test_a_room_has_the_shadows_of_the_oracle() -> None:
     total = judged([lit_room()], (64, 48))
     assert total.wrong == 0
     assert total.dark > 500
+
+
+@pytest.mark.parametrize(("block", "knobs"), [(False, True), (True, False), (False, False)])
+def test_copies_without_a_shadow_hide_nothing(block: bool, knobs: bool) -> None:
+    scenes = [lit_room(), lit_room(block=block, knobs=knobs)]
+    assert judged(scenes[1:], (64, 48)).wrong == 0
+    shadow, less = (
+        halfstep.render(scene, size=(64, 48), backend="numpy", outputs=("shadow",)).shadow
+        for scene in scenes
+    )
+    assert not (less & ~shadow).any()
+    assert (less != shadow).sum() > 20
+
+
+@pytest.mark.usefixtures("adapter")
+def test_the_device_spares_the_same_cells() -> None:
+    assert differing(lit_room(block=False)) == []
+
+
+def test_a_cell_without_a_shadow_hides_nothing() -> None:
+    """The slab below the post is lit all over; the post is dark where it is turned away."""
+    cells = standing(1.0).cells
+    post = cells[1].model_copy(update={"casts_shadow": False})
+    scene = standing(1.0).model_copy(update={"cells": (cells[0], post)})
+    frame = halfstep.render(scene, size=(96, 72), backend="numpy", outputs=("shadow", "cell"))
+    assert not frame.shadow[(frame.cell == 1)].any()
+    assert frame.shadow[frame.cell == 2].any()
+    assert judged([scene], (96, 72)).wrong == 0
 
 
 # A word of the kernel, and what a slip would make of it.

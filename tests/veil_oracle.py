@@ -47,6 +47,7 @@ class Group:
 
     matrices: Wide
     region: Region
+    casting: Region  # what of it hides lights
 
     def widened(self, by: float, size: float) -> Group:
         """With all sides of functions so much further out, in sizes of what is seen."""
@@ -55,7 +56,8 @@ class Group:
         room = np.zeros_like(self.matrices)
         room[:, 3, 3] = 2 * slopes * size * by
         both = np.concatenate([self.matrices - room, self.matrices + room])
-        return Group(both, _sided(self.region, len(self.matrices)))
+        count = len(self.matrices)
+        return Group(both, _sided(self.region, count), _sided(self.casting, count))
 
 
 class VeilOracle:
@@ -130,20 +132,22 @@ class VeilOracle:
 def _groups(scene: Scene) -> Iterator[Group]:
     for copies in Layout(scene).copies():
         group = copies.group
-        shown = [
-            region
+        cells = [
+            (region, cell.casts_shadow)
             for cell, region in zip(group.cells, group.names().regions, strict=True)
             if cell.is_shown
         ]
-        if not shown:
+        if not cells:
             continue
+        shown = Union(tuple(region for region, _ in cells))
+        casting = Union(tuple(region for region, casts in cells if casts))
         own = np.array([each.matrix for each in group.functions()]).reshape(-1, 4, 4)
         for ix, one in enumerate(copies.maps):
             to_world = np.eye(4)
             to_world[:3] = one
             back = np.linalg.inv(to_world).astype(LD)
             matrices = [back.T @ m.astype(LD) @ back for m in own]
-            region: Region = Union(tuple(shown))
+            regions: tuple[Region, Region] = shown, casting
             for cut in copies.within:
                 around = np.eye(4)
                 around[:3] = cut.maps[ix]
@@ -151,8 +155,9 @@ def _groups(scene: Scene) -> Iterator[Group]:
                 first = len(matrices)
                 functions = [np.asarray(each.matrix).astype(LD) for each in cut.group.functions()]
                 matrices += [moved.T @ m @ moved for m in functions]
-                region = Intersection((region, _renamed(cut.region, first)))
-            yield Group(np.array(matrices), region)
+                within = _renamed(cut.region, first)
+                regions = Intersection((regions[0], within)), Intersection((regions[1], within))
+            yield Group(np.array(matrices), *regions)
 
 
 def _renamed(region: Region, first: int) -> Region:
@@ -197,10 +202,12 @@ class _Along(NamedTuple):
     some: Bools  # there is anything between them
 
 
-def _along(group: Group, starts: Wide, ways: Wide, end: float, on: Ints | None) -> _Along:
+def _along(
+    matrices: Wide, region: Region, starts: Wide, ways: Wide, end: float, on: Ints | None
+) -> _Along:
     x = np.column_stack([starts, np.ones(len(starts), LD)])
     d = np.column_stack([ways, np.zeros(len(ways), LD)])
-    m = group.matrices
+    m = matrices
     md, mx = np.einsum("sab,nb->sna", m, d), np.einsum("sab,nb->sna", m, x)
     a, b, c = (md * d).sum(axis=2), 2 * (mx * d).sum(axis=2), (mx * x).sum(axis=2)
     if on is not None and (on >= 0).any():
@@ -224,12 +231,12 @@ def _along(group: Group, starts: Wide, ways: Wide, end: float, on: Ints | None) 
     values = (a[:, None] * middle + b[:, None]) * middle + c[:, None]
     # Between the roots of one surface that is given twice there is nothing.
     some = times[1:] - times[:-1] > 1e-12 * last
-    return _Along(a, b, c, times, holds(group.region, values), some)
+    return _Along(a, b, c, times, holds(region, values), some)
 
 
 def _entry(group: Group, starts: Wide, ways: Wide) -> tuple[Wide, Ints, Bools]:
     """Where rays come into a copy, infinite where they do not; through which function; or begin."""
-    along = _along(group, starts, ways, np.inf, None)
+    along = _along(group.matrices, group.region, starts, ways, np.inf, None)
     there = along.holds & along.some
     first, rays = there.argmax(axis=0), np.arange(len(starts))
     t = np.where(there.any(axis=0), along.times[first, rays], np.inf)
@@ -243,7 +250,8 @@ def _entry(group: Group, starts: Wide, ways: Wide) -> tuple[Wide, Ints, Bools]:
 
 def _hides(group: Group, points: Wide, ways: Wide, light: Light, on: Ints) -> Bools:
     """Whether a copy hides a light from points, some of which are on its functions."""
-    along = _along(group, points, ways, np.inf if light.position is None else 1.0, on)
+    end = np.inf if light.position is None else 1.0
+    along = _along(group.matrices, group.casting, points, ways, end, on)
     meets = (along.holds & along.some).any(axis=0)
     leaves = (~along.holds & along.some).any(axis=0)
     return np.asarray(meets & leaves)

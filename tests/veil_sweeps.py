@@ -104,6 +104,8 @@ def random_cells(rng: Random, kind: str) -> Scene:
                  "rotation_degrees": rng.uniform(0, 360, 3).tolist()}
                 for _ in range(3)
             ]  # fmt: skip
+        if rng.random() < 0.2:
+            tables["cell"][0]["casts_shadow"] = False
         try:
             scene = Scene.from_dict(tables)
             Solids.of(scene)

@@ -1,11 +1,11 @@
-// Where a solid that a polynomial bounds is cut, and how it looks.
+// A solid that a polynomial bounds -> its cuts by planes and a ball, and its outline.
 
-// Beyond both ends of every interval.
+// A distance from any u to beyond both ends of every interval.
 const BEYOND: f32 = 2.0;
 
-// Where a solid is on the screen, and what it is.
+// The rectangle of a solid on the screen, and its kind.
 struct Outline {
-  scale: f32,  // of pixel offsets
+  scale: f32,  // scale of pixel offsets
   left: i32,
   right: i32,
   top: i32,
@@ -14,7 +14,7 @@ struct Outline {
   ball: u32,
 }
 
-// That of a polynomial.
+// The outline of a polynomial.
 fn outline_of(form: Polynomial) -> Outline {
   return Outline(
     form.scale, form.left, form.right, form.top, form.bottom, form.sheet, form.ball
@@ -27,7 +27,7 @@ fn line_place(c: f4, b: f4) -> f4 {
   return min(max(u, f4(-1.0)), f4(1.0));
 }
 
-// How far it is from its place at most; the end of an interval that nothing cuts is exact.
+// The largest error of `line_place`; an end of the interval that no plane cuts is exact.
 fn line_slack(c: f4, b: f4, error: f4, number: i4) -> f4 {
   let size = abs(b);
   let some = size > 2.0 * error;
@@ -37,10 +37,10 @@ fn line_slack(c: f4, b: f4, error: f4, number: i4) -> f4 {
   return select(slack, f4(0.0), (number == i4(0)) & (error == f4(0.0)));
 }
 
-// Where a ray is in a ball, and how far each end is from its place at most.
+// The part of a ray in a ball, and the largest error of each end.
 struct Chord {
   met: b4,
-  sure: b4,  // whether it is met
+  sure: b4,  // surely not empty
   enter: f4,
   leave: f4,
   enter_slack: f4,
@@ -48,7 +48,7 @@ struct Chord {
   middle: f4,
 }
 
-// The ball a u² + g u + c, a > 0, or no ball; coefficients off by at most their errors.
+// The chord in the ball a u² + g u + c <= 0, a > 0; it may be empty.
 fn chord_of(a: f4, g: f4, c: f4, error_a: f4, error_g: f4, error_c: f4) -> Chord {
   let square = g * g;
   let fourfold = (a + a) * (c + c);
@@ -57,7 +57,7 @@ fn chord_of(a: f4, g: f4, c: f4, error_a: f4, error_g: f4, error_c: f4) -> Chord
     + 4.0 * (abs(a) * error_c + (abs(c) + error_c) * error_a)
     + (3.0 * EPSILON) * (square + abs(fourfold)));
   let root = sqrt(max(d, f4(0.0)));
-  // Of the two forms of each root, the one in which nothing cancels.
+  // Of the two formulas of each root, take the one without cancellation.
   let sum = abs(g) + root;
   let twice = select(a + a, f4(1.0), a == f4(0.0));
   let far = select(sum, -sum, g > f4(0.0)) / twice;
@@ -80,7 +80,7 @@ fn chord_of(a: f4, g: f4, c: f4, error_a: f4, error_g: f4, error_c: f4) -> Chord
   );
 }
 
-// How far a root of the ball is from u at most: F there says how well it was met.
+// The largest distance of a root of the ball from u, by the value of F at u.
 fn root_slack(
   a: f4,
   g: f4,
@@ -99,13 +99,13 @@ fn root_slack(
   return select(f4(UNBOUNDED), ROOM * (2.0 * level / roots), some);
 }
 
-// How far the later of two places is from its place at most, each known to a slack.
+// The largest error of the later of two u, each known to a slack.
 fn later_slack(u: f4, slack: f4, other: f4, other_slack: f4) -> f4 {
   let clear = abs(u - other) > slack + other_slack;
   return select(max(slack, other_slack), select(other_slack, slack, u > other), clear);
 }
 
-// The cell to be halved on: what was found, or all of the interval where a cap is seen.
+// The cell to halve: the one found, or the whole interval where a cap is seen.
 fn begun_cell(found: Cell, is_cap: b4, steps: u32) -> Cell {
   var cell = found;
   cell.first = select(i4(0), found.first, found.met);
@@ -113,8 +113,8 @@ fn begun_cell(found: Cell, is_cap: b4, steps: u32) -> Cell {
   return cell;
 }
 
-// The position of the root in a cell, or that of the cap c + b u + a u² where it is seen, which has
-// one root between `cap_start` and `cap_stop`.
+// The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen. That
+// form has one root between `cap_start` and `cap_stop`.
 fn finished(
   curve: Curve,
   start: f4,
@@ -143,7 +143,7 @@ fn finished(
   return position_in(cell, steps);
 }
 
-// The gradient in world axes from the derivatives along x, y and u, u from the middle on.
+// The gradient in world axes, from the derivatives along x, y and u.
 fn world_slope(form: Polynomial, x: f4, y: f32, u: f4, slopes: Slopes) -> Vector {
   let right = form.tangents[0] + x * form.tangents[2];
   let down = form.tangents[1] + y * form.tangents[2];

@@ -7,12 +7,12 @@
 
 const START: i32 = -1;
 
-// The visible point and the point where the ray leaves the solid after it.
+// The visible point, and the exit, where the ray leaves the solid after it.
 struct Found {
   hit: b4,
   surface: i4,  // 0 is F, half-spaces count from 1
   position: i4,  // odd integer: u = position 2^-n
-  inside: b4,  // the ray starts inside: the point is where it leaves
+  inside: b4,  // the ray starts inside, so the exit is the visible point
   left: b4,  // the ray leaves through a surface before the far base plane
   exit_position: i4,
 }
@@ -23,14 +23,14 @@ struct Cells {
   last: i4,
 }
 
-// A plane that still excludes a grid point, the one met furthest from it.
+// The plane that excludes a grid point and that the ray crosses furthest from it.
 struct Blocker {
   number: i4,  // 0 is a base plane
   value: v4,
   slope: v4,  // magnitude
 }
 
-// c + b u, times what reduces a product.
+// c + b u, divided by REDUCTION.
 fn line_value(line: Line, u: v4) -> w4 {
   return product(line.c, v4(ONE)) + product(line.b, u);
 }
@@ -55,7 +55,7 @@ fn blocked_out(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> 
   return blocked;
 }
 
-// Of the entered planes that exclude u, the one entered last after it.
+// The last entered of the planes that the ray enters and that exclude u.
 fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -> Blocker {
   var found = Blocker(i4(0), max(v4(near_u) - u, v4(0)), v4(ONE));
   for (var j = 0u; j < count; j++) {
@@ -72,7 +72,7 @@ fn last_entered(lines: ptr<function, Lines>, count: u32, near_u: Value, u: v4) -
   return found;
 }
 
-// Of the left planes that exclude u, the one left first before it.
+// The first left of the planes that the ray leaves and that exclude u.
 fn first_left(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> Blocker {
   var found = Blocker(i4(0), max(u - v4(far_u), v4(0)), v4(ONE));
   for (var j = 0u; j < count; j++) {
@@ -89,7 +89,7 @@ fn first_left(lines: ptr<function, Lines>, count: u32, far_u: Value, u: v4) -> B
   return found;
 }
 
-// The cell whose middle is an odd position.
+// The cell with an odd position as its middle.
 fn cell_of(position: i4, cells: i32) -> i4 {
   return (position + i4(cells - 1)) >> u4(1u);
 }
@@ -135,23 +135,23 @@ fn planes_out(
   return select(cell, i4(START), blocked_out(lines, count, far_u, v4(-ONE)));
 }
 
-// F at u, times what reduces a product.
+// F at u, divided by REDUCTION.
 fn value_of(form: Form, u: v4) -> w4 {
   return product(reduced(product(form.a, u)) + form.g, u) + product(form.c, v4(ONE));
 }
 
-// F' at u, times what reduces a product.
+// F' at u, divided by REDUCTION.
 fn slope_of(form: Form, u: v4) -> w4 {
   return product(form.a + form.a, u) + product(form.g, v4(ONE));
 }
 
-// Whether F is met further from the excluded u than the plane is.
+// Whether the ray crosses F = 0 further from the excluded u than the plane.
 fn further_than(form: Form, u: v4, plane: Blocker) -> b4 {
   let slope = reduced(abs(slope_of(form, u)));
   return product(reduced(value_of(form, u)), plane.slope) > product(plane.value, slope);
 }
 
-// The extra step (20)-(22): what the ray shows of the piece, and where it leaves it.
+// The extra step (20)-(22): the point that the ray shows of the piece, and the exit.
 fn visible_point(
   piece: Cells,
   entered_f: b4,
@@ -285,7 +285,7 @@ fn article_quadric(
   let u_out = grid_point(piece.last + i4(1), steps, last_step);
   let entered = last_entered(lines, count, near_u, u_in);
   let left = first_left(lines, count, far_u, u_out);
-  // In one cell the surface met furthest from the excluded grid point is the one that counts.
+  // If several surfaces lie in one cell, the one furthest from the excluded grid point counts.
   let f_later = further_than(form, u_in, entered);
   let f_earlier = further_than(form, u_out, left);
   return visible_point(

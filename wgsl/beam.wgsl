@@ -1,13 +1,13 @@
 // An occluder and points along the rays to a light -> its forms along these rays, in float32; and
-// hits -> where they are.
+// hits -> their positions.
 
-// Parts of places on the grid.
+// Parts of positions on the grid.
 alias Length = f32;
 
-// No slope of a half-space is smaller.
+// The least slope of a half-space.
 const LEAST_SLOPE: Value = 0x1p-60f;
 
-// A ray to a light about an occluder: what forms are polynomials in, and its two ends.
+// A ray to a light, relative to an occluder: the variables of forms, and its two ends.
 struct Ray {
   x: v4,
   y: v4,
@@ -17,15 +17,15 @@ struct Ray {
   b_in: v4,
   c_out: v4,
   b_out: v4,
-  near: b4,  // it may meet the occluder
+  near: b4,  // it may hit the occluder
 }
 
-// Radii are 1.
+// The product of two values in radii.
 fn times(a: v4, b: v4) -> v4 {
   return a * b;
 }
 
-// The ray from a point, counted from the occluder's middle, to a light far away.
+// The ray from a point, counted from the occluder's middle, to a far light.
 fn far_ray(beam: Beam, occluder: Occluder) -> Ray {
   let x = f4(beam.a) * occluder.unit;
   let y = f4(beam.b) * occluder.unit;
@@ -34,7 +34,7 @@ fn far_ray(beam: Beam, occluder: Occluder) -> Ray {
   return Ray(x, y, v4(1.0), v4(1.0), v, v4(-1.0), v4(-1.0), v4(occluder.end), near);
 }
 
-// The ray to any light. Where a lamp is near, points are counted from it.
+// The ray to any light. Points are counted from a lamp that is near.
 fn light_ray(beam: Beam, occluder: Occluder) -> Ray {
   let at_lamp = b4((occluder.flags & SHADE_AT_LAMP) != 0u);
   let x = f4(beam.a) * occluder.unit;
@@ -67,12 +67,12 @@ fn first_order(k: array<Value, 3>, ray: Ray, t: v4) -> v4 {
   return (k[0] * t + k[1] * ray.x) + k[2] * ray.y;
 }
 
-// What is affine in the offset of a pixel.
+// An affine function of the pixel offset.
 fn affine(one: f32, by_x: f32, by_y: f32, x: f4, y: f32) -> f4 {
   return f4(one + y * by_y) + x * by_x;
 }
 
-// One coordinate: of the anchor, and of the point from there.
+// One coordinate of a point: that of the anchor and that from there.
 fn coordinate(anchor: i32, level: f4, along: f4, u: f4) -> i4 {
   return i4(anchor) + i4(round(level + along * u));
 }

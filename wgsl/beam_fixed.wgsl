@@ -1,16 +1,16 @@
 // An occluder and points along the rays to a light -> its forms along these rays, in integers;
-// and hits -> where they are.
+// and hits -> their positions.
 //
-// A radius is 2^28, and what may meet an occluder is within two of them. Rays to lamps have a
-// scale of their own: their forms are homogeneous, so no sign knows it.
+// A radius is 2^28. Rays that may meet an occluder stay within two radii. Rays to lamps have a
+// scale of their own, which changes no sign, because their forms are homogeneous.
 
-// Parts of places on the grid, times a power of two.
+// Parts of positions on the grid, times a power of two.
 alias Length = i64;
 
-// No slope of a half-space is smaller.
+// The least slope of a half-space.
 const LEAST_SLOPE: Value = 1;
 
-// A ray to a light about an occluder: what forms are polynomials in, and its two ends.
+// A ray to a light, relative to an occluder: the variables of forms, and its two ends.
 struct Ray {
   x: v4,
   y: v4,
@@ -20,12 +20,12 @@ struct Ray {
   b_in: v4,
   c_out: v4,
   b_out: v4,
-  near: b4,  // it may meet the occluder
+  near: b4,  // it may hit the occluder
 }
 
 const RADIUS_BITS: u32 = 28u;
 const RADIUS: i32 = 268435456;
-// Nothing of an occluder is before -1 1/8 radii.
+// An occluder lies behind -1 1/8 radii.
 const BEFORE: i64 = -301989888li;
 
 // A product in radii, rounded to nearest.
@@ -42,17 +42,17 @@ fn radii_of(units: i4, level: u32) -> w4 {
   return ((w4(units) << u4(RADIUS_BITS)) + w4((1li << level) >> 1u)) >> u4(level);
 }
 
-// No further than so far either way.
+// The number, kept from -most to most.
 fn within(wide: w4, most: w4) -> w4 {
   return min(max(wide, -most), most);
 }
 
-// Where a ray begins, no further off than anything of the occluder.
+// The start of a ray, moved no further away than the occluder reaches.
 fn start_on(v: w4) -> v4 {
   return v4(min(max(v, w4(BEFORE)), w4(2li << RADIUS_BITS)));
 }
 
-// The ray from a point, counted from the occluder's middle, to a light far away.
+// The ray from a point, counted from the occluder's middle, to a far light.
 fn far_ray(beam: Beam, occluder: Occluder) -> Ray {
   let x = radii_of(beam.a, occluder.level);
   let y = radii_of(beam.b, occluder.level);
@@ -72,7 +72,7 @@ fn far_ray(beam: Beam, occluder: Occluder) -> Ray {
   );
 }
 
-// The ray to any light. Where a lamp is near, points are counted from it.
+// The ray to any light. Points are counted from a lamp that is near.
 fn light_ray(beam: Beam, occluder: Occluder) -> Ray {
   let at_lamp = b4((occluder.flags & SHADE_AT_LAMP) != 0u);
   let x = radii_of(beam.a, occluder.level);
@@ -116,10 +116,10 @@ fn first_order(k: array<Value, 3>, ray: Ray, t: v4) -> v4 {
   return in_radii(w4(t) * i64(k[0]) + (w4(ray.x) * i64(k[1]) + w4(ray.y) * i64(k[2])));
 }
 
-// Bits of a place on a ray: more halvings than these are no nearer on the grid.
+// Bits of a position on a ray: more halvings give no better position on the grid.
 const PLACE_BITS: u32 = 20u;
 
-// One coordinate: of the anchor, and of the point from there, times 2^shift.
+// One coordinate of a point: that of the anchor and that from there, times 2^shift.
 fn coordinate(anchor: i32, level: vec4<i64>, along: vec4<i64>, u: vec4<i64>, shift: u32) -> i4 {
   let half_step = vec4<i64>(1li << (PLACE_BITS - 1u));
   let sum = level + ((along * u + half_step) >> u4(PLACE_BITS));
@@ -127,7 +127,7 @@ fn coordinate(anchor: i32, level: vec4<i64>, along: vec4<i64>, u: vec4<i64>, shi
   return i4(anchor) + i4((sum + half) >> u4(shift));
 }
 
-// What is affine in the offset of a pixel.
+// An affine function of the pixel offset.
 fn affine(one: i64, by_x: i64, by_y: i64, x: i4, y: i32) -> vec4<i64> {
   return vec4<i64>(one + i64(y) * by_y) + vec4<i64>(x) * by_x;
 }

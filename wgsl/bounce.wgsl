@@ -1,10 +1,24 @@
-// The nearest points of a block -> what mirrors among them show, bounce after bounce.
+// The nearest points of a block -> the colours that mirrors among them show, bounce after bounce.
 
-// What a ray from a mirror meets first.
-struct Caught {
+// What a ray from a mirror meets first, of the bodies tried so far.
+struct Spotted {
   distance: f4,  // in units of the grid
   surface: u4,  // its number in the scene, from 1; 0 is none
+  body: u4,  // that of the body
   turned: u4,  // which side of it is seen, as of `other_side`
+  root: Root,
+}
+
+const NOTHING_SPOTTED: Spotted = Spotted(
+  f4(3e38),
+  u4(0u),
+  u4(0u),
+  u4(0u),
+  Root(b4(false), i4(0), f4(0.0), f4(0.0), f4(0.0), b4(false)),
+);
+
+// What is seen of it.
+struct Caught {
   point: Point,
   slope: Vector,  // along the normal
   material: Finish,
@@ -13,49 +27,43 @@ struct Caught {
 
 // No point.
 const NOTHING_CAUGHT: Caught = Caught(
-  f4(3e38),
-  u4(0u),
-  u4(0u),
   NO_POINT,
   NO_VECTOR,
   Finish(NO_VECTOR, f4(0.0), u4(0u)),
   f4(0.0),
 );
 
-// The point of a body where a ray meets it, if that is nearer than what it met so far.
-fn catch_first(
-  old: Caught,
+// What a ray meets first, and a body, which it meets at a root.
+fn spot_first(
+  old: Spotted,
+  number: u32,
   body: Body,
   glance: Glance,
-  sight: Sight,
-  normal: Vector,
+  root: Root,
   inside: b4,
-) -> Caught {
-  let u = f4(sight.position) * (1.0 / f32(1u << MIRROR_STEPS));
-  let distance = (u - glance.start) * body.radius;
-  let on_curve = (sight.surface == i4(0)) | (sight.surface > i4(i32(body.face_count)));
+) -> Spotted {
+  let u = max(place_of_root(root), f4(-body.bound));
+  let distance = (u - glance.start) * (1.0 / body.unit);
+  let on_curve = (root.surface == i4(0)) | (root.surface > i4(i32(body.face_count)));
   let is_flat = b4((body.flags & SHADE_FLAT) != 0u);
-  let number = select(u4(sight.surface), u4(0u), on_curve);
-  let surface = u4(body.surface) + select(number, u4(1u), is_flat);
-  let nearer = sight.hit
+  let face = select(u4(root.surface), u4(0u), on_curve);
+  let surface = u4(body.surface) + select(face, u4(1u), is_flat);
+  let nearer = root.hit
     & ((distance < old.distance) | ((distance == old.distance) & (surface < old.surface)));
-  let at = further(glance.base, glance.along, u);
-  let slope = either(on_curve, gradient_of(body, at), normal);
-  let other = inside | (is_flat & (number == u4(2u)));
-  let point = point_on(body, at);
-  let color = Vector(f4(body.color[0]), f4(body.color[1]), f4(body.color[2]));
-  return Caught(
+  let other = inside | (is_flat & (face == u4(2u)));
+  return Spotted(
     select(old.distance, distance, nearer),
     select(old.surface, surface, nearer),
+    select(old.body, u4(number), nearer),
     select(old.turned, select(u4(0u), u4(1u), other), nearer),
-    either_point(nearer, point, old.point),
-    either(nearer, slope, old.slope),
-    Finish(
-      either(nearer, color, old.material.color),
-      select(old.material.specular, f4(body.specular), nearer),
-      select(old.material.shininess, u4(body.shininess), nearer),
+    Root(
+      old.root.hit | nearer,
+      i4(0),
+      select(old.root.a, root.a, nearer),
+      select(old.root.g, root.g, nearer),
+      select(old.root.c, root.c, nearer),
+      select(old.root.flipped, root.flipped, nearer),
     ),
-    select(old.reflection, f4(body.reflection), nearer),
   );
 }
 
@@ -72,37 +80,28 @@ fn either_piece(some: b4, chosen: Piece, other: Piece) -> Piece {
 }
 
 // Tries a body on the rays from the mirrors of a block.
-fn try_body(body: Body) {
+fn try_body(number: u32, body: Body) {
   let last = i32(body.face_count) + 1;
-  let is_flat = b4((body.flags & SHADE_FLAT) != 0u);
   // each quad
   let glance_0 = glance_at(body, point_0, ray_0);
-  // each quad
-  let own_0 = is_own(nearest_0.surface, body.first, body.count);
   // each quad
   var piece_0 = piece_of(glance_0);
   for (var k = 0u; k < body.face_count; k++) {
     let face = face_at(body.face_start + k);
-    let normal = normal_of_face(face);
-    let number = i32(k) + 1;
     // each quad
     {
       // A ray from a face leaves it, or is inside it all along.
-      let on = own_0 & (nearest_0.surface == u4(body.surface + k + 1u));
+      let on = nearest_0.surface == u4(body.surface + k + 1u);
       let line = face_of(face, glance_0);
       let beyond = Line(select(line.c, f4(-1.0), on), select(line.b, f4(0.0), on));
-      piece_0 = clip(piece_0, beyond, number);
-      normal_in_0 = either(piece_0.id_in == i4(number), normal, normal_in_0);
-      normal_out_0 = either(piece_0.id_out == i4(number), normal, normal_out_0);
+      piece_0 = clip(piece_0, beyond, i32(k) + 1);
     }
   }
   // each quad
-  var inside_0 = b4(false);
-  // each quad
   {
-    // On F that root is divided out, and a half-space is left.
+    // If the ray starts on F, the root there is divided out, and a half-space is left.
     let whole = curve_of(body, glance_0);
-    let on_curve = own_0 & (nearest_0.surface == u4(body.surface));
+    let on_curve = nearest_0.surface == u4(body.surface);
     let rest = clip(piece_0, Line(whole.a * glance_0.start + whole.g, whole.a), last);
     let piece = either_piece(on_curve, rest, piece_0);
     let form = Form(
@@ -111,130 +110,106 @@ fn try_body(body: Body) {
       select(whole.c, f4(-1.0), on_curve),
     );
     let outside = outside_at_entry(form, piece);
-    inside_0 = (piece.id_in == i4(0)) & !outside;
-    root_0 = choose(
-      inside_0, quadric_entry(form, piece, outside), quadric_exit(form, piece, !outside)
+    let inside = (piece.id_in == i4(0)) & !outside;
+    var root = choose(
+      inside, quadric_entry(form, piece, outside), quadric_exit(form, piece, !outside)
     );
-    let leaves = own_0 & !on_curve & (is_flat | (nearest_0.turned == u4(0u)));
-    root_0.hit = root_0.hit & glance_0.near & (weight_0 > f4(0.0)) & !leaves;
+    root.hit = root.hit & glance_0.near & (gone_0 != u4(number));
+    spotted_0 = spot_first(spotted_0, number, body, glance_0, root, inside);
   }
-  conveyor(MIRROR_STEPS);
-  // each quad
-  caught_0 = catch_first(
-    caught_0, body, glance_0, sight_0, either(inside_0, normal_out_0, normal_in_0), inside_0
-  );
 }
 
-// Rays of invocations that work together: all begin near a point and go on near an axis.
-struct Bundle {
-  middle: vec3<f32>,
-  spread: f32,
-  axis: vec3<f32>,
-  cosine: f32,  // of the widest angle between the axis and a ray
-}
-
-// Scalar product, summed from left to right.
-fn inner_product(a: vec3<f32>, b: vec3<f32>) -> f32 {
-  return (a.x * b.x + a.y * b.y) + a.z * b.z;
-}
-
-// Whether a ray of a bundle may meet a ball.
-fn may_meet(ball: Ball, bundle: Bundle) -> bool {
-  let w = vec3<f32>(ball.center[0], ball.center[1], ball.center[2]) - bundle.middle;
-  let along = inner_product(w, bundle.axis);
-  let square = inner_product(w, w);
-  let across = sqrt(max(square - along * along, 0.0));
-  let sine = sqrt(max(1.0 - bundle.cosine * bundle.cosine, 0.0));
-  let room = (ball.radius + bundle.spread) * 1.001 + 1e-3 * sqrt(square);
-  let beside = across * bundle.cosine - along * sine;
-  return (bundle.cosine <= 0.0) | ((beside <= room) & (along >= -room));
-}
-
-// The least components of some of four vectors.
-fn least_of(a: Vector, some: b4) -> vec3<f32> {
-  let none = f4(BEYOND);
-  return vec3<f32>(
-    least(select(none, a.x, some)),
-    least(select(none, a.y, some)),
-    least(select(none, a.z, some)),
-  );
-}
-
-// The greatest.
-fn greatest_of(a: Vector, some: b4) -> vec3<f32> {
-  return -least_of(Vector(-a.x, -a.y, -a.z), some);
-}
-
-// The rays of the invocations that look at balls together.
-fn bundle_of() -> Bundle {
-  var low = vec3<f32>(BEYOND);
-  var high = vec3<f32>(-BEYOND);
-  var first = vec3<f32>(BEYOND);
-  var last = vec3<f32>(-BEYOND);
-  // each quad
-  {
-    let some = weight_0 > f4(0.0);
-    let at = Vector(f4(point_0.x), f4(point_0.y), f4(point_0.z));
-    low = min(low, least_of(at, some));
-    high = max(high, greatest_of(at, some));
-    first = min(first, least_of(ray_0, some));
-    last = max(last, greatest_of(ray_0, some));
+// The first ball from one on around a body that a ray may meet first, or else the end. A loop is
+// what invocations side by side skip code by.
+fn next_ball(first: u32, end: u32) -> u32 {
+  var number = first;
+  loop {
+    // The loop is left at the end of its body: what is looked at behind the last does not matter.
+    let ball = ball_at(min(number, end - 1u));
+    var wanted = b4(false);
+    // each quad
+    {
+      let c = ball.center;
+      let from_middle = Vector(from_0.x - c[0], from_0.y - c[1], from_0.z - c[2]);
+      let near = may_meet(ball, from_middle, ray_0, spotted_0.distance);
+      wanted = wanted | (near & (gone_0 != u4(ball.body)));
+    }
+    let is_wanted = anywhere(wanted);
+    let found = is_wanted & (ball.body > 0u);
+    number = select(select(ball.next, number + 1u, is_wanted), number, found | (number >= end));
+    if found | (number >= end) {
+      break;
+    }
   }
-  low = subgroupMin(low);
-  high = subgroupMax(high);
-  let middle = 0.5 * subgroupMin(first) + 0.5 * subgroupMax(last);
-  let size = inner_product(middle, middle);
-  let axis = middle * (1.0 / sqrt(max(size, 1e-12)));
-  var cosine = select(-1.0, 1.0, (size > 1e-6) & (size < 2.0));
-  // each quad
-  {
-    let across = (ray_0.x * axis.x + ray_0.y * axis.y) + ray_0.z * axis.z;
-    cosine = min(cosine, least(select(f4(1.0), across, weight_0 > f4(0.0))));
-  }
-  let half = 0.5 * (high - low);
-  // Without a ray there is nothing that it may meet.
-  let spread = select(-BEYOND, sqrt(inner_product(half, half)), low.x <= high.x);
-  return Bundle(low + half, spread, axis, subgroupMin(cosine));
+  return number;
 }
 
 // What the rays from the mirrors of a block meet first.
-fn catch_bodies() {
-  let count = mirrors_at(0u).count;
-  for (var t = 0u; t < count; t++) {  //? !broadcast
-    try_body(body_at(t));
-  }
-  {  //? broadcast
-    let bundle = bundle_of();
-    let mask = (1u << BROADCAST) - 1u;
-    var next = 0u;
-    var base = 0u;
-    var found = 0u;
-    loop {
-      loop {
-        let near = may_meet(ball_alone(next + lane), bundle) & (next + lane < count);
-        let seen = subgroupBallot(near).x & mask;
-        let asked = (found == 0u) & (next < count);
-        base = select(base, next, asked);
-        found = select(found, seen, asked);
-        next = select(next, next + BROADCAST, asked);
-        if (found != 0u) | (next >= count) {
-          break;
-        }
-      }
-      if found == 0u {
-        break;
-      }
-      let t = base + countTrailingZeros(found);
-      found &= found - 1u;
-      try_body(body_at(t));
-      if (found == 0u) & (next >= count) {
-        break;
-      }
-    }
+fn find_bodies() {
+  let end = mirrors_at(0u).count;
+  let first = next_ball(0u, end);
+  for (var number = first; number < end; number++) {
+    let body = ball_at(number).body;
+    try_body(body, tried_at(body - 1u));
+    number = next_ball(number + 1u, end) - 1u;
   }
 }
 
-// What mirrors add to the colours of a block, bounce after bounce.
+// The least number above another one of a body that is met.
+fn next_body(number: u32) -> u32 {
+  var least = u4(NO_BODY);
+  // each quad
+  least = min(least, select(u4(NO_BODY), spotted_0.body, spotted_0.body > u4(number)));
+  return least_number(least);
+}
+
+// Halves the roots of what was found, and looks at it.
+fn catch_bodies() {
+  // each quad
+  root_0 = spotted_0.root;
+  conveyor(MIRROR_STEPS);
+  // each quad
+  caught_0 = NOTHING_CAUGHT;
+  // each quad
+  gone_0 = u4(NO_BODY);
+  // each quad
+  let u_0 = f4(sight_0.position) * (1.0 / f32(1u << MIRROR_STEPS));
+  let first = next_body(0u);
+  for (var number = first; number < NO_BODY; number++) {
+    let body = body_at(number - 1u);
+    let is_flat = b4((body.flags & SHADE_FLAT) != 0u);
+    // each quad
+    var slope_0 = NO_VECTOR;
+    for (var k = 0u; k < body.face_count; k++) {
+      let normal = normal_of_face(face_at(body.face_start + k));
+      // each quad
+      slope_0 = either(spotted_0.surface == u4(body.surface + k + 1u), normal, slope_0);
+    }
+    // each quad
+    {
+      let mine = spotted_0.body == u4(number);
+      let on_curve = spotted_0.surface == u4(body.surface);
+      let glance = glance_at(body, point_0, ray_0);
+      let at = further(glance.base, glance.along, u_0);
+      let left = is_left(body.flags, on_curve, spotted_0.turned);
+      gone_0 = select(gone_0, select(u4(NO_BODY), u4(number), left), mine);
+      let color = Vector(f4(body.color[0]), f4(body.color[1]), f4(body.color[2]));
+      caught_0 = Caught(
+        either_point(mine, point_on(body, at), caught_0.point),
+        either(mine, either(on_curve, gradient_of(body, at), slope_0), caught_0.slope),
+        Finish(
+          either(mine, color, caught_0.material.color),
+          select(caught_0.material.specular, f4(body.specular), mine),
+          select(caught_0.material.shininess, u4(body.shininess), mine),
+        ),
+        select(caught_0.reflection, f4(body.reflection), mine),
+      );
+    }
+    number = next_body(number) - 1u;
+  }
+}
+
+// The light that mirrors add to the colours of a block, bounce after bounce.
 fn follow_mirrors(j: i32) {
   let mirrors = mirrors_at(0u);
   // each quad
@@ -251,13 +226,17 @@ fn follow_mirrors(j: i32) {
     {
       let back = Vector(-ray_0.x, -ray_0.y, -ray_0.z);
       ray_0 = mirrored(ray_0, normalized(or_else(caught_0.slope, back)));
-      caught_0 = NOTHING_CAUGHT;
+      from_0 = Vector(f4(point_0.x), f4(point_0.y), f4(point_0.z));
+      spotted_0 = NOTHING_SPOTTED;
+      // Nothing is near enough where there is no ray.
+      spotted_0.distance = select(f4(-3e38), f4(3e38), weight_0 > f4(0.0));
     }
+    find_bodies();
     catch_bodies();
     // each quad
     {
-      nearest_0.surface = caught_0.surface;
-      nearest_0.turned = caught_0.turned;
+      nearest_0.surface = spotted_0.surface;
+      nearest_0.turned = spotted_0.turned;
       nearest_0.dark = u4(0u);  //? shadows
       point_0 = caught_0.point;
     }
@@ -277,7 +256,7 @@ fn follow_mirrors(j: i32) {
       let some = nearest_0.surface > u4(0u);
       let b = frame.background;
       let shown = either(some, lit, Vector(f4(b.x), f4(b.y), f4(b.z)));
-      // The last mirror shows a colour of its own.
+      // The last mirror shows only its own colour.
       let share = select(caught_0.reflection, f4(0.0), b4(bounce + 1u >= BOUNCES));
       let passed_on = seen(weight_0 * share);
       let own = scaled(shown, weight_0 - passed_on);
@@ -288,7 +267,7 @@ fn follow_mirrors(j: i32) {
       );
       weight_0 = passed_on;
     }
-    // What reflects nothing has no more bounces.
+    // A ray without weight ends.
     var left = b4(false);
     // each quad
     left = left | (weight_0 > f4(0.0));

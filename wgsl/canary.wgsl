@@ -1,6 +1,6 @@
-// Known operands -> answers that a driver may not get wrong, and some in which it has a choice.
+// Known operands -> answers that a driver must get right, and answers in which it has a choice.
 //
-// All operands come from a buffer, so that no compiler works them out.
+// All operands come from a buffer, so that no compiler folds them.
 
 struct Operands {
   v: vec4<f32>,
@@ -37,7 +37,7 @@ struct Answers {
 @group(0) @binding(0) var<storage, read> operands: array<Operands>;
 @group(0) @binding(1) var<storage, read_write> answers: array<Answers>;
 
-// Skips, breaks, and ends where a number from a buffer says.
+// A loop that continues, breaks and ends by numbers from a buffer.
 fn looped(count: u32, seed: u32) -> u32 {
   var total = seed;
   for (var k = 0u; k < count; k++) {
@@ -77,7 +77,7 @@ fn arithmetic(@builtin(global_invocation_id) id: vec3<u32>) {
 
 @group(0) @binding(0) var<storage, read_write> places: array<u32>;
 
-// Every word of a buffer of any size from its index.
+// Fills a buffer of any size; each word depends on its index.
 @compute @workgroup_size(64)
 fn fill(@builtin(global_invocation_id) id: vec3<u32>) {
   if id.x < arrayLength(&places) {
@@ -98,7 +98,7 @@ fn leave(
   places[id.x] = atomicLoad(&memory[63u - ix]);
 }
 
-// One more than what memory holds at the start.
+// Adds one to the content of the workgroup memory at the start.
 @compute @workgroup_size(64)
 fn count(
   @builtin(global_invocation_id) id: vec3<u32>,

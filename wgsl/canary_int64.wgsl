@@ -1,4 +1,4 @@
-// The same as canary.wgsl for 64-bit integers, which not every device has.
+// The answers of canary.wgsl for 64-bit integers, which not every device has.
 
 struct Operands {
   i: i64,

@@ -1,30 +1,34 @@
 // The first root of a polynomial: cell by cell from the near end, then by halvings.
 //
-// The interval has 2^n leaves; a cell is 2^size of them.  What makes a cell pass, and what makes it
-// hold one root, is derived in gpu/twin/cells.py.  A pixel may try so many CLOCKS.
+// The interval has 2^n leaves; a cell is 2^size of them. gpu/twin/cells.py derives when a cell has
+// no root and when it has one. A pixel may try CLOCKS cells.
 
-// The middle of a cell that is cut off is rounded; so far it is beyond its ends.
+// Added to the half width of a cell that is cut off, because its middle is rounded.
 const CLIPPING: f32 = 0x1p-23f;
-// What is known of F in a cell.
+// A sum with it is no more than one with 1, however it is rounded.
+const NEARLY_ONE: f32 = 0x1.fffffp-1f;
+
+// The properties of F in a cell.
 struct Judged {
-  passed: b4,  // it has no root
-  single: b4,  // it has one root
+  passed: b4,  // F has no root in the cell
+  ahead: b4,  // F has no root in its first half
+  single: b4,  // F has exactly one root
   vague: b4,  // F changes by less than its error
   within: b4,  // F <= 0 at the end
   below: b4,  // F < 0 at the end, surely
-  defined: b4,  // F has a value all over the cell
+  defined: b4,  // F has a value everywhere in the cell
 }
 
-// A cell that is tried, or what was found.
+// The cell to try next, or the one found.
 struct Cell {
   first: i4,  // leaf
   size: i4,  // it has 2^size leaves
-  going: b4,  // there is more to try
+  going: b4,  // the search goes on
   met: b4,  // a root lies in it
-  sure: b4,  // nothing doubtful was left behind
+  sure: b4,  // no doubtful leaf was passed
 }
 
-// What holds of F = Σ t_j s^j, |s| <= 1, which is off by at most `error`.
+// The properties of F = Σ t_j s^j for |s| <= 1, if F has an error of at most `error`.
 fn judged_of(t: array<f4, POWERS>, error: f4) -> Judged {
   var rest = error;
   var slope = f32(DEGREE) * error;
@@ -47,6 +51,7 @@ fn judged_of(t: array<f4, POWERS>, error: f4) -> Judged {
   let below = last < -error;
   return Judged(
     select((least - size_1) + t[2] > f4(0.0), above, dips),
+    select(min((least - t[1]) + t[2], least) > f4(0.0), above, dips & (t[1] > f4(0.0))),
     below & ((size_1 > slope + twice) | (size_2 > bend)),
     (size_1 + size_2) + (rest - error) < error,
     last <= f4(0.0),
@@ -60,6 +65,15 @@ fn largest_at(first: i4, steps: u32) -> i4 {
   return i4(min(countTrailingZeros(u4(first)), u4(steps)));
 }
 
+// The cells with which rays begin at `start`: so many halvings of the interval are taken for made.
+fn cells_about(start: f4, going: b4, made: u32, steps: u32) -> Cell {
+  let size = i32(max(steps, made) - made);
+  let place = (start + NEARLY_ONE) * f32(1u << (steps - 1u));
+  let leaf = i4(min(max(place, f4(0.0)), f4(f32((1u << steps) - 1u))));
+  let first = (leaf >> u4(u32(size))) << u4(u32(size));
+  return Cell(first, i4(size), going, b4(false), b4(true));
+}
+
 // The largest cell that begins at a leaf.
 fn cells_from(first: i4, going: b4, steps: u32) -> Cell {
   return Cell(
@@ -71,27 +85,30 @@ fn cells_from(first: i4, going: b4, steps: u32) -> Cell {
   );
 }
 
-// Where a cell is on a ray, cut off at both ends.
+// The part of a cell on a ray between the ends of an interval.
 struct Span {
   following: i4,  // the leaf behind it
-  right: f4,  // where the whole cell ends
+  right: f4,  // end of the whole cell
+  center: f4,  // place where it is halved
   low: f4,
   high: f4,
   middle: f4,
-  half: f4,  // of its width, and a little more where it is cut off
+  half: f4,  // half the width, and a little more if the cell is cut off
 }
 
-// Where a cell is between `start` and `stop`.
+// The part of a cell between `start` and `stop`.
 fn span_of(cell: Cell, start: f4, stop: f4, last_step: f32) -> Span {
   let width = last_step + last_step;
-  let following = cell.first + (i4(1) << u4(cell.size));
+  let leaves = i4(1) << u4(cell.size);
+  let following = cell.first + leaves;
   let left = f4(cell.first) * width - 1.0;
+  let center = f4(cell.first + (leaves >> u4(1u))) * width - 1.0;
   let right = f4(following) * width - 1.0;
   let low = max(left, start);
   let high = min(right, stop);
   let clipped = (low > left) | (high < right);
   let half = max((high - low) * 0.5, f4(0.0)) + select(f4(0.0), f4(CLIPPING), clipped);
-  return Span(following, right, low, high, (low + high) * 0.5, half);
+  return Span(following, right, center, low, high, (low + high) * 0.5, half);
 }
 
 // The next cell before `stop`, after one was judged.
@@ -104,12 +121,15 @@ fn next_cell(old: Cell, span: Span, judged: Judged, stop: f4, steps: u32) -> Cel
   let skips = passed | (ends & !met);
   let known = (passed | (leaf & judged.below)) & judged.defined;
   let sure = nowhere | known | judged.single | !(passed | ends);
-  let size = select(
-    select(old.size - 1, old.size, met), largest_at(span.following, steps), skips
-  );
+  // Where it is cut off at its end, half of what is left may be less than the first half.
+  let far = judged.ahead & judged.defined & (span.center <= span.middle) & !met;
+  let larger = min(largest_at(span.following, steps), old.size + 1);
+  let size = select(select(old.size - 1, old.size, met), larger, skips);
+  let leaves = span.following - old.first;
+  let first = old.first + select(select(i4(0), leaves >> u4(1u), far), leaves, skips);
   let going = !met & !(skips & (span.right >= stop));
   return Cell(
-    select(old.first, span.following, old.going & skips),
+    select(old.first, first, old.going),
     select(old.size, size, old.going),
     old.going & going,
     old.met | (old.going & met),
@@ -146,7 +166,7 @@ fn walked(curve: Curve, start: f4, stop: f4, begun: Cell, steps: u32, last_step:
   return cell;
 }
 
-// The middle of a cell, where it is halved.
+// The u in the middle of a cell.
 fn middle_of(cell: Cell, last_step: f32) -> f4 {
   let half = i4(1) << u4(max(cell.size - 1, i4(0)));
   return f4(cell.first + half) * (last_step + last_step) - 1.0;
@@ -165,7 +185,7 @@ fn half_of(old: Cell, far: b4) -> Cell {
   );
 }
 
-// The half of a cell in which a root lies of what has powers of u - middle; a leaf stays.
+// The half of a cell with the root of a polynomial in u - middle; a leaf stays.
 fn narrowed(
   powers: array<f4, POWERS>,
   middle: f4,
@@ -184,8 +204,8 @@ fn position_in(cell: Cell, steps: u32) -> i4 {
   return (cell.first + cell.first) + i4(1 - (1i << steps));
 }
 
-// How far the only root of a cell is from a position at most: so many BOUNDS are tried, each four
-// times the one before.
+// A bound of the distance of the only root of a cell from a position: BOUNDS bounds are tried, each
+// four times the one before.
 fn bound_in(
   curve: Curve,
   start: f4,

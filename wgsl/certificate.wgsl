@@ -1,6 +1,6 @@
-// A solid and what is known of its forms -> what is certain of it along rays.
+// A solid and the errors of its forms -> its certificates along rays.
 
-// The piece of a ray, from the eye if that is inside all half-spaces.
+// The piece of a ray; it begins at the eye if the eye is inside all half-spaces.
 fn ends_from_eye(solid: Solid, ends: BoundedPiece) -> BoundedPiece {
   if eye_inside(solid) {
     return bounded_from_the_eye(ends, solid.near_u);
@@ -8,19 +8,19 @@ fn ends_from_eye(solid: Solid, ends: BoundedPiece) -> BoundedPiece {
   return ends;
 }
 
-// F along the rays with its errors.
+// F along the rays, with errors.
 fn form_with_errors(solid: Solid, at: Offset) -> BoundedForm {
   let form = form_at(solid.a, solid.g, solid.c, at);
   let errors = form_errors(solid.a, solid.g, solid.c, at, solid.host_error);
   return bounded_form(form, errors);
 }
 
-// What is certain of an uncut ellipsoid seen from outside.
+// The certificate of an uncut ellipsoid seen from outside.
 fn ellipsoid_certificate(solid: Solid, at: Offset) -> Certificate {
   return certify_ellipsoid(form_with_errors(solid, at), HALVINGS, solid.last_step);
 }
 
-// What is certain of a quadric; `tried` is the piece after all half-spaces.
+// The certificate of a quadric; `tried` is the piece after all half-spaces.
 fn quadric_certificate(solid: Solid, at: Offset, tried: BoundedPiece) -> Certificate {
   let ends = ends_from_eye(solid, tried);
   return certify_quadric(
@@ -35,7 +35,7 @@ fn quadric_certificate(solid: Solid, at: Offset, tried: BoundedPiece) -> Certifi
   );
 }
 
-// What is certain of a polyhedron; `tried` is the piece after all half-spaces.
+// The certificate of a polyhedron; `tried` is the piece after all half-spaces.
 fn polyhedron_certificate(solid: Solid, tried: BoundedPiece) -> Certificate {
   let ends = ends_from_eye(solid, tried);
   let inside = starts_inside(solid, ends.piece);

@@ -1,22 +1,22 @@
-// Forms with bounds of their rounding -> what is certain of a ray and a solid.
+// Forms with bounds of their rounding -> what is certain about a ray and a solid.
 //
-// Every sign that decides is compared with the largest error it can have.  If all exceed theirs the
-// result is that of exact arithmetic, and the root lies within `bound` of the position: the cell
-// plus the counted roundings over the slope, the latter from the discriminant, because
-// F'(u*)² = D at a root u*.  The derivation stands in gpu/twin/certify.py.
+// Every value whose sign decides is compared with its largest error.  If each exceeds its error,
+// the result is that of exact arithmetic, and the root lies within `bound` of the position.  The
+// bound is the cell plus the counted roundings over the slope.  The discriminant gives the slope,
+// because F'(u*)² = D at a root u*.  The derivation is in gpu/twin/certify.py.
 
 const EPSILON: f32 = 0x1p-24f;
 // Room for the rounding of the bounds themselves.
 const ROOM: f32 = 1.03;
-// How far a base plane that cuts a solid may be from its place, in u: its slack and rounding.
+// Error of a base plane that cuts a solid, in u: its slack and rounding.
 const BASE_PLANE_ERROR: f32 = 0x1p-19f;
-// No bound above this means anything: the interval is no longer.
+// The largest useful bound: the interval is no longer.
 const LARGEST_BOUND: f32 = 2.0;
-// A bound that is none.
+// The bound of a point that is not certified.
 const UNBOUNDED: f32 = 1e20;
 
-// Roundings of the halvings: of F per |A|, |G| and |C| and of the slope, times EPSILON; of both in
-// units of a value.
+// Roundings of the halvings. Those of F per |A|, |G| and |C|, and those of the slope, are times
+// EPSILON. Those of integers, of F and of the slope, are in units of a value.
 struct Run {
   a: f32,
   g: f32,
@@ -48,16 +48,16 @@ fn size_of(value: v4) -> f4 {
   return abs(f4(value));
 }
 
-// What is known of a ray and a solid, and how far the root is from the position at most, in u.
+// What is certain about a ray and a solid; the root is within `bound` of the position.
 struct Certificate {
   sure: b4,
   hit: b4,
   surface: i4,
-  inside: b4,  // the ray starts inside: the point is where it leaves
+  inside: b4,  // the ray starts inside, so the exit is the visible point
   bound: f4,
 }
 
-// A piece with the error of the pairs at its ends, and what is certain of its planes.
+// A piece, the errors of the pairs at its ends, and what is certain about its planes.
 struct BoundedPiece {
   piece: Piece,
   error_in: f4,
@@ -66,7 +66,7 @@ struct BoundedPiece {
   empty: b4,  // one of them excludes the whole interval
 }
 
-// The interval of the solid; base planes that cut it are only as exact as their slack.
+// The interval of the solid. A base plane that cuts it has an error.
 fn bounded_interval(near_u: Value, far_u: Value, near_cut: bool) -> BoundedPiece {
   return BoundedPiece(
     whole_interval(near_u, far_u),
@@ -77,8 +77,8 @@ fn bounded_interval(near_u: Value, far_u: Value, near_cut: bool) -> BoundedPiece
   );
 }
 
-// Whether pairs of a half-space and of an end of a piece, the latter off by at most `end_error`,
-// surely differ in order.
+// Whether the order of a half-space's root and an end of a piece is certain. The pair of the end
+// has an error of at most `end_error`.
 fn surely_apart(line: Line, errors: LineErrors, end_c: v4, end_b: v4, end_error: f4) -> b4 {
   let first = product(line.c, end_b);
   let second = product(end_c, line.b);
@@ -95,8 +95,8 @@ fn bounded_clip(old: BoundedPiece, line: Line, errors: LineErrors, number: i32) 
   let apart_out = surely_apart(line, errors, old.piece.c_out, old.piece.b_out, old.error_out);
   let slope = size_of(line.b);
   let apart = (slope > errors.b) & select(apart_out, apart_in, line.b < v4(0));
-  // Inside for every u of the interval: whatever the sign of b, the plane plays no part.  Outside
-  // for every u: whatever that sign, nothing remains.
+  // If every u of the interval is inside, the plane has no effect, whatever the sign of b.  If
+  // every u is outside, nothing remains, whatever the sign of b.
   let error = errors.c + errors.b;
   let spread = slope + (ROOM * error + 8.0 * EPSILON * (size_of(line.c) + slope));
   let idle = f4(line.c) + spread < f4(0.0);
@@ -120,7 +120,7 @@ fn bounded_from_the_eye(old: BoundedPiece, near_u: Value) -> BoundedPiece {
   );
 }
 
-// Whether it is certain that the piece is entered before it is left, or not.
+// Whether it is certain which end of the piece comes first.
 fn surely_ordered(ends: BoundedPiece) -> b4 {
   let piece = ends.piece;
   let first = product(piece.c_in, piece.b_out);
@@ -131,7 +131,7 @@ fn surely_ordered(ends: BoundedPiece) -> b4 {
   return abs(f4(first - second)) > error;
 }
 
-// Distance from the position to the root of the line c + b u, both off by at most `error`.
+// Distance from the position to the root of the line; c and b have at most `error`.
 fn line_bound(c: v4, b: v4, error: f4, last_step: f32) -> f4 {
   let size = size_of(b);
   let some = size > 2.0 * error;
@@ -172,7 +172,7 @@ fn curve_bound(bounded: BoundedForm, run: Run, last_step: f32) -> f4 {
   return select(f4(UNBOUNDED), last_step + ROOM * (2.0 * off / roots), some);
 }
 
-// F and F' at an end (c, b) of a piece: signs, and whether they are certain.
+// Signs of F and F' at an end (c, b) of a piece, and whether they are certain.
 struct EndSigns {
   outside: b4,  // F > 0
   falling: b4,  // F' < 0, times the sign of -b
@@ -181,7 +181,7 @@ struct EndSigns {
   sure_slope: b4,
 }
 
-// Signs at the end (c, b), which is off by at most `error`.
+// Signs at the end (c, b), whose c and b have at most `error`.
 fn end_signs(bounded: BoundedForm, c: v4, b: v4, error: f4) -> EndSigns {
   let form = bounded.form;
   let errors = bounded.errors;
@@ -218,7 +218,7 @@ fn certify_ellipsoid(bounded: BoundedForm, run: Run, last_step: f32) -> Certific
   );
 }
 
-// A polyhedron; `inside`: the ray starts in it, which is certain where it is the eye if `eye_sure`.
+// A polyhedron; the ray may start `inside`, at the eye for certain if `eye_sure`.
 fn certify_polyhedron(
   ends: BoundedPiece,
   inside: b4,
@@ -242,9 +242,9 @@ fn certify_polyhedron(
   );
 }
 
-// A quadric.  At the eye, where `from_eye`, the host knows the sign of F: `eye_outside`, and
-// whether it is certain: `eye_sure`.  `may_start_inside`: the eye or the near base plane may be
-// inside the solid.
+// A quadric.  For rays `from_eye` the host tells the sign of F at the eye, `eye_outside`, and
+// whether it is certain, `eye_sure`.  With `may_start_inside` the eye or the near base plane may be
+// inside.
 fn certify_quadric(
   bounded: BoundedForm,
   ends: BoundedPiece,
@@ -263,7 +263,7 @@ fn certify_quadric(
   let some = remains(piece);
   let ordered = surely_ordered(ends);
 
-  // F if the ray starts outside, else -F, may have both its roots within.
+  // F, or -F if the ray starts inside, may have two roots in the piece.
   let form = bounded.form;
   let sure_a = size_of(form.a) > bounded.errors.a;
   let sure_d = abs(bounded.discriminant) > bounded.error_d;
@@ -308,7 +308,7 @@ fn certify_quadric(
   );
 }
 
-// A patch being tried: certainly met so far, certainly not met, and its plane turned to the viewer.
+// A patch being tried: surely hit so far, surely missed, and its plane turned to the eye.
 struct BoundedPatch {
   met: b4,
   missed: b4,
@@ -317,7 +317,7 @@ struct BoundedPatch {
   errors: LineErrors,
 }
 
-// As `facing`; base planes that cut the patch are only as exact as their slack.
+// As `facing`; a base plane that cuts the patch has an error.
 fn bounded_facing(
   line: Line,
   errors: LineErrors,
@@ -373,13 +373,14 @@ fn certify_patch(tried: BoundedPatch, last_step: f32) -> Certificate {
   );
 }
 
-// Whether the point found is what the certificate says.
+// Whether the point found is the certified one.
 fn confirms(certificate: Certificate, hit: b4, surface: i4) -> b4 {
   let right = (certificate.surface == surface) & (certificate.bound <= f4(LARGEST_BOUND));
   return certificate.sure & (certificate.hit == hit) & (!hit | right);
 }
 
-// The least depth key a point can have: its own less its bound, in parts 2^-spare of a last step.
+// The least depth key that a point may have: its own less its bound, which is rounded up to parts
+// 2^-spare of a last step.
 fn least_key(key: Key, bound: f4, steps: u32, spare: u32, shift: u32) -> Key {
   let reach = u4(ceil(min(bound, f4(LARGEST_BOUND)) * f32(1u << (steps + spare))));
   let off = count_key(reach, 0u, 0u, shift - spare);

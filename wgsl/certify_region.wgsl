@@ -1,18 +1,18 @@
-// A region and the errors of its surfaces -> what is certain of a ray: the derivation is in
-// twin/certify_region.py.
+// A region and the errors of its surfaces -> what is certain about a ray. The derivation is in
+// gpu/twin/certify_region.py.
 
 // Below this |A|, in units of a value, a wrong sign of the slope counts.
 const FLAT: f32 = 1024.0;
 // Counts above this may be rounded in float32.
 const EXACT_COUNT: f32 = 0x1p+23f;
 
-// Where the exact point lies: from the beginning of a cell to a grid point.
+// The range of the exact point: from the beginning of a cell to a grid point.
 struct Between {
   cell: i4,
   point: i4,
 }
 
-// E: how far the computed F is off, for all u that the halvings visit.
+// E: the largest error of the computed F at any u that the halvings visit.
 fn spread(form: Form, errors: FormErrors, run: Run) -> f4 {
   let size_a = size_of(form.a);
   let slope = select(f4(0.0), f4(2.0 * run.slope_units), size_a < f4(FLAT));
@@ -22,17 +22,17 @@ fn spread(form: Form, errors: FormErrors, run: Run) -> f4 {
   return ROOM * (counted + EPSILON * rounded);
 }
 
-// F and an error; one that is too large for the number format is cut.
+// The form F + by; an error that is too large for the number format is cut.
 fn shifted_form(form: Form, by: f4) -> Form {
   return Form(form.a, form.g, moved(form.c, by));
 }
 
-// Whether an error is too large to be added.
+// Whether an error is too large for the number format.
 fn is_vague(form: Form, by: f4) -> b4 {
   return by > f4(LARGEST_MOVE);
 }
 
-// Crossings of F + E: nowhere surely F <= 0 where E is too large.
+// Crossings of F + E. If E is too large, F <= 0 is certain nowhere.
 fn surely(crossing: Crossing, vague: b4, never: i32) -> Crossing {
   return Crossing(
     select(crossing.low, i4(never), vague),
@@ -40,7 +40,7 @@ fn surely(crossing: Crossing, vague: b4, never: i32) -> Crossing {
   );
 }
 
-// Crossings of F - E: everywhere perhaps F <= 0 where E is too large.
+// Crossings of F - E. If E is too large, F <= 0 is possible everywhere.
 fn perhaps(crossing: Crossing, vague: b4, never: i32) -> Crossing {
   return Crossing(
     select(crossing.low, i4(0), vague),
@@ -48,14 +48,14 @@ fn perhaps(crossing: Crossing, vague: b4, never: i32) -> Crossing {
   );
 }
 
-// Which part of the grid a point is in: before, between or behind the crossings.
+// The part of the grid with a point: before, between or behind the crossings.
 fn part_of(crossing: Crossing, q: i4) -> i4 {
   let ends = ends_of(crossing);
   return select(i4(0), i4(1), q >= ends.low) + select(i4(0), i4(1), q >= ends.high);
 }
 
-// Whether a surface surely keeps its sign from a cell's beginning to a grid point, sure and maybe
-// being the crossings of F + E and F - E.
+// Whether a surface surely keeps its sign from a cell's beginning to a grid point. `sure` and
+// `maybe` are the crossings of F + E and F - E.
 fn settled(sure: Crossing, maybe: Crossing, between: Between) -> b4 {
   let sure_part = part_of(sure, between.cell);
   let maybe_part = part_of(maybe, between.cell);
@@ -66,8 +66,8 @@ fn settled(sure: Crossing, maybe: Crossing, between: Between) -> b4 {
   return inside | outside;
 }
 
-// A region. Within is its rectangle; certain are all other surfaces, begun what holds where the ray
-// starts.
+// A region. `within`: the pixel is in its rectangle. `certain`: the signs of all other surfaces are
+// certain. `begun`: it is certain that the ray starts inside or outside.
 fn certify_region(
   shown: Place,
   hit: b4,

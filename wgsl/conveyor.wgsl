@@ -1,6 +1,6 @@
-// Roots of a block -> what is seen: n halvings of all roots in one loop.
+// Roots of a block -> positions of these roots: n halvings of all in one loop.
 //
-// An operation waits for the one before it, and those on the other roots fill the gap.
+// An operation waits for the one before it. Operations on the other roots fill the gap.
 fn conveyor(steps: u32) {
   // each quad
   var search_0 = begun(root_0);

@@ -1,12 +1,12 @@
-// A surface of a region -> where it is crossed: both its searches halve in one loop.
+// A surface of a region -> its crossings. Both searches of a quadric halve in one loop.
 
-// A region's crossings: of F itself, and for certificates of F + E and F - E. There is room for
-// SURFACES of each.
+// Kinds of crossings of a region: those of F, and for certificates those of F + E and F - E. There
+// is room for SURFACES crossings of each kind.
 const CROSSED: u32 = 0u;
 const SURELY: u32 = SURFACES;
 const PERHAPS: u32 = 2u * SURFACES;
 
-// Where a quadric is crossed.
+// The crossing of a quadric.
 fn crossed(form: Form, steps: u32, eye: u32) -> Crossing {
   let bowl = convex(form);
   let enters = way_in(bowl);
@@ -22,7 +22,7 @@ fn crossed(form: Form, steps: u32, eye: u32) -> Crossing {
   return crossing(form, first, last, steps, eye);
 }
 
-// Where a plane is crossed.
+// The crossing of a plane.
 fn line_crossed(line: Line, steps: u32, eye: u32) -> Crossing {
   let way = line_way(line);
   var search = begun(way);
@@ -32,7 +32,7 @@ fn line_crossed(line: Line, steps: u32, eye: u32) -> Crossing {
   return line_crossing(line, reached(search, way, steps), steps, eye);
 }
 
-// Where F + E is crossed if raised, else F - E.
+// The crossing of F + E if raised, else of F - E.
 fn doubted(form: Form, by: f4, raised: bool, steps: u32, eye: u32) -> Crossing {
   let vague = is_vague(form, by);
   let never = (1i << steps) + 1;

@@ -1,6 +1,6 @@
-// Crossings of the region at hand, any number.
+// The crossings of the region being tried, any number of them.
 
-// Plain arrays, each of one vector, are what llvmpipe indexes at little cost.
+// llvmpipe indexes plain arrays of vectors at little cost.
 var<private> crossed_low: array<i4, CROSSINGS>;
 var<private> crossed_high: array<i4, CROSSINGS>;
 

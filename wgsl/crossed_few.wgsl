@@ -1,5 +1,5 @@
-// Crossings of the region at hand, a few: each in variables of its own, which cost llvmpipe less
-// than arrays.
+// The crossings of the region being tried, a few: each in its own variables, which cost llvmpipe
+// less than arrays.
 
 var<private> crossed_low_at_0: i4;
 var<private> crossed_low_at_1: i4;

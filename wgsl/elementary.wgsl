@@ -1,23 +1,23 @@
-// Functions of numbers, of additions, products and quotients alone, so that a twin has their bits.
+// Functions made of additions, products and quotients alone, so that the twin has the same bits.
 //
 // Their errors are stated in gpu/twin/elementary.py.
 
-// Angles beyond this are not known well enough.
+// The largest angle whose sine and cosine are exact enough.
 const LARGEST_ANGLE: f32 = 8192.0;
-// The sine of an angle that is not beyond it is off by at most this, and so is the cosine.
+// The largest error of a sine or cosine of angles up to it.
 const TURN_ERROR: f32 = 0x1p-22f;
-// The exponential function is off by at most so much of itself.
+// The largest relative error of the exponential function.
 const GROWTH_ERROR: f32 = 0x1p-22f;
-// It takes numbers beyond this for this.
+// The exponential function limits its argument to this magnitude.
 const LARGEST_EXPONENT: f32 = 80.0;
-// The logarithm is off by at most so much, and by as much of itself.
+// The logarithm has at most this error, plus this times itself.
 const LOGARITHM_ERROR: f32 = 0x1p-23f;
-// Logarithms and reciprocals take magnitudes below this for this.
+// Logarithms and reciprocals raise smaller magnitudes to this.
 const SMALLEST_ARGUMENT: f32 = 0x1p-40f;
-// Products beyond this are taken for this.
+// Products are limited to this magnitude.
 const LARGEST_PRODUCT: f32 = 0x1p60f;
 
-// sin(x) where half_turns is a whole number near x/π, cos(x) where it is one less a half.
+// sin(x) if half_turns is whole and near x/π; cos(x) if it is that less a half.
 fn turned_sine(x: f4, half_turns: f4) -> f4 {
   let r = ((x - half_turns * 3.140625) - half_turns * 0x1.fb4p-11f) - half_turns * 0x1.4442d2p-23f;
   let q = r * r;
@@ -70,13 +70,13 @@ fn reciprocal_of(x: f4) -> f4 {
   return 1.0 / select(x, f4(SMALLEST_ARGUMENT), abs(x) < f4(SMALLEST_ARGUMENT));
 }
 
-// A product that no infinity comes of. Compilers do not take it apart to add otherwise, as they do
-// with the sum of two products and a third number.
+// A product that never becomes infinite. Compilers do not take it apart, as they do with the sum of
+// two products and a third number.
 fn product_of(a: f4, b: f4) -> f4 {
   return min(max(a * b, f4(-LARGEST_PRODUCT)), f4(LARGEST_PRODUCT));
 }
 
-// The square root, 0 of what is negative.
+// The square root; 0 for a negative number.
 fn root_of(x: f4) -> f4 {
   return sqrt(max(x, f4(0.0)));
 }

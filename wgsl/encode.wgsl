@@ -1,13 +1,13 @@
 // Linear light -> 8-bit sRGB through a table, correctly rounded.
 //
 // An entry of the table covers the numbers that agree in their exponent and the first seven bits of
-// their fraction.  It holds the level of the least of them (8 bits) and which of the other 16 bits
-// the next level begins at (17 bits); no entry holds more than one such place.
+// their fraction.  It holds the level of the least of them (8 bits), and the value of the other 16
+// bits at which the next level begins (17 bits). No entry holds more than one beginning of a level.
 
 // Below the first entry the level is 0.
 const SRGB_FIRST: f32 = 0x1p-13f;
 
-// The 8-bit level of a linear value; beyond 0…1 it is the first or the last.
+// The 8-bit level of a linear value; values beyond 0…1 have the first or the last level.
 fn srgb_level(linear_value: f4) -> u4 {
   let bits = bitcast<u4>(min(max(linear_value, f4(SRGB_FIRST)), f4(1.0)));
   let cell = (bits >> u4(16u)) - u4(bitcast<u32>(SRGB_FIRST) >> 16u);

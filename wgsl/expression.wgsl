@@ -1,11 +1,10 @@
 // A formula along rays: jets and values, the cell with its first root, and the root by halvings.
 //
-// gpu/shader/formulas.py writes `formula_jet` and `formula_value` for the formulas of a scene.
+// gpu/shader/formulas.py writes `formula_jet`, `formula_value` and `formula_grade` for the
+// formulas of a scene.
 
-// Cells about a place where F must be of one sign there are no wider than the interval.
+// The widest cell that is tried about a u at which F must have one sign: the whole interval.
 const WIDEST: f32 = 2.0;
-// What is taken for a direction where slopes are asked for: so short that nothing bends.
-const NUDGE: f32 = 0x1p-12f;
 
 // One coordinate of the points of rays, level + u along, with the magnitudes of its terms.
 struct Track {
@@ -22,7 +21,7 @@ struct Trace {
   z: Track,
 }
 
-// Where a solid that a formula bounds is on the screen, and what it is.
+// The outline of a solid that a formula bounds.
 fn outline_of_formula(form: Expression) -> Outline {
   return Outline(
     form.scale, form.left, form.right, form.top, form.bottom, form.sheet, form.ball
@@ -39,7 +38,7 @@ fn track_of(level: array<f32, 3>, along: array<f32, 3>, x: f4, y: f32) -> Track 
   );
 }
 
-// The points of rays at pixel offsets of which each is at most 1.
+// The points of rays at pixel offsets of at most 1.
 fn trace_of(form: Expression, x: f4, y: f32) -> Trace {
   return Trace(
     track_of(form.level_x, form.along_x, x, y),
@@ -48,14 +47,14 @@ fn trace_of(form: Expression, x: f4, y: f32) -> Trace {
   );
 }
 
-// A coordinate in the cell about m of half the width h.
+// The jet of a coordinate in the cell from m - h to m + h.
 fn jet_on(track: Track, host_error: f32, m: f4, h: f4) -> Jet {
   return coordinate_jet(
     track.level, track.along, track.level_size, track.along_size, host_error, m, h
   );
 }
 
-// F, or -F where turned, in the cell about m of half the width h.
+// F, or -F where turned, in the cell from m - h to m + h.
 fn expression_jet(form: Expression, trace: Trace, turned: b4, m: f4, h: f4) -> Jet {
   let jet = formula_jet(
     form,
@@ -66,7 +65,7 @@ fn expression_jet(form: Expression, trace: Trace, turned: b4, m: f4, h: f4) -> J
   return opposite_jet(turned, jet);
 }
 
-// F at the places u.
+// F at u.
 fn expression_value(form: Expression, trace: Trace, u: f4) -> f4 {
   return formula_value(
     form,
@@ -100,8 +99,8 @@ fn walked_formula(
   return cell;
 }
 
-// The position of the root in a cell, or that of the cap c + b u + a u² where it is seen, which has
-// one root between `cap_start` and `cap_stop`.
+// The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen. That
+// form has one root between `cap_start` and `cap_stop`.
 fn finished_formula(
   form: Expression,
   trace: Trace,
@@ -134,17 +133,18 @@ fn finished_formula(
   return position_in(cell, steps);
 }
 
-// What is sure of F on a piece of a ray: whether it has the sign that was found where the piece
-// begins, whether it is above 0 where it ends, and how far the only root of the cell is from its
-// position at most.
+// What is certain about F on a piece of a ray: that it has the sign found at the beginning of the
+// piece, that it is above 0 at the end, and a bound of the distance of the only root of the cell
+// from its position.
 struct Surety {
   begins: b4,
   ends: b4,
   bound: f4,
 }
 
-// That of F, or -F where turned; ends of pieces are known to a slack. So many BOUNDS are tried,
-// each four times the one before. All is asked in one loop: a formula takes long to compile.
+// The surety of F, or -F where turned; ends of pieces are known to a slack. BOUNDS bounds are
+// tried, each four times the one before. One loop does it all, because a formula takes long to
+// compile.
 fn surety_of(
   form: Expression,
   trace: Trace,
@@ -164,7 +164,7 @@ fn surety_of(
   var before = b4(false);
   var surety = Surety(b4(false), b4(false), f4(UNBOUNDED));
   for (var k = 0u; k < 2u * BOUNDS + 2u; k++) {
-    // Both ends of the piece, then both sides of the position in turn.
+    // First the two ends of the piece, then the two sides of the position.
     let is_start = k == 0u;
     let is_end = k < 2u;
     let is_far = (k & 1u) == 1u;
@@ -187,27 +187,22 @@ fn surety_of(
   return surety;
 }
 
-// A coordinate at the places u, nudged if it is the one.
-fn nudged(track: Track, host_error: f32, u: f4, is_one: bool) -> Jet {
-  var jet = jet_on(track, host_error, u, f4(0.0));
-  jet.slope = f4(select(0.0, NUDGE, is_one));
-  return jet;
-}
-
-// The gradient of F in world axes at the places u, but for its length.
+// The gradient of F in world axes at u, up to its length.
 fn slope_of_formula(form: Expression, trace: Trace, u: f4) -> Vector {
-  var own = NO_VECTOR;
-  for (var axis = 0u; axis < 3u; axis++) {
-    let jet = formula_jet(
-      form,
-      nudged(trace.x, form.host_error, u, axis == 0u),
-      nudged(trace.y, form.host_error, u, axis == 1u),
-      nudged(trace.z, form.host_error, u, axis == 2u),
-    );
-    own.x = select(own.x, jet.slope, b4(axis == 0u));
-    own.y = select(own.y, jet.slope, b4(axis == 1u));
-    own.z = select(own.z, jet.slope, b4(axis == 2u));
-  }
+  let one = f4(1.0);
+  let zero = f4(0.0);
+  let grade = formula_grade(
+    form,
+    Grade(trace.x.level + u * trace.x.along, one, zero, zero),
+    Grade(trace.y.level + u * trace.y.along, zero, one, zero),
+    Grade(trace.z.level + u * trace.z.along, zero, zero, one),
+  );
+  // A zero may have any sign: compilers leave out products with zeros.
+  let own = Vector(
+    select(grade.x, zero, grade.x == zero),
+    select(grade.y, zero, grade.y == zero),
+    select(grade.z, zero, grade.z == zero),
+  );
   let largest = max(max(abs(own.x), abs(own.y)), abs(own.z));
   let unit = 1.0 / select(largest, f4(1.0), largest < f4(FAINTEST));
   let x = own.x * unit;

@@ -1,12 +1,12 @@
 // The nearest visible point -> the normal and the colour that four pixels show.
 
-// What four pixels show.
+// The normals and colours of four pixels.
 struct Shown {
   normal: Vector,  // unit, or 0 where nothing is hit  //? store_normal
   color: Vector,  // linear  //? color
 }
 
-// What the pixels (i, j) of the picture show.
+// The normals and colours of the pixels (i, j) of the picture.
 fn finish(nearest: Nearest, i: i4, j: i32) -> Shown {
   let some = nearest.surface > u4(0u);
   let ray = ray_direction(f4(i), f32(j));

@@ -1,9 +1,9 @@
-// Points of a block that regions show -> their numbers, normals and looks.
+// Points of a block that regions show -> their numbers, normals and appearances.
 //
-// A region, a cell of it and a surface are fetched once for all pixels side by side that show them,
-// and nothing of those that are hidden is looked up.
+// A region, a cell and a surface are fetched once for all neighbouring pixels that show them.
+// Nothing is fetched of hidden ones.
 
-// A point with the look of a cell or a surface where it is what is met.
+// A point, with the appearance of a cell or a surface in the pixels `here`.
 fn painted(old: Nearest, look: Appearance, here: b4) -> Nearest {
   var shown = old;
   shown.color = either(
@@ -28,7 +28,7 @@ fn finish_region(number: u32, j: i32) {
   lowest = min(lowest, left_0);
   var which = least_number(lowest);
   loop {
-    // Where nothing is left, nothing changes: the body runs anyway, with what is there.
+    // The body runs even if no pixel is left. It then takes an existing cell and changes nothing.
     let cell = number_at(region, count + select(which, 0u, which == NO_REGION));
     let look = appearance_at(region.looks_start + cell);  //? color
     lowest = u4(NO_REGION);
@@ -78,15 +78,11 @@ fn finish_region(number: u32, j: i32) {
   }
   for (var k = 0u; k < higher_count(region); k++) {  //? normal & higher
     let higher = higher_in(region, solid, k);
-    let form = polynomial_at(higher.polynomial);
     let surface = higher_number(region, k);
     // each quad
     {
-      let right = f4(i_0 - i4(higher.center_x)) * form.scale;
-      let down = f32(j - higher.center_y) * form.scale;
-      let v = f4(nearest_0.position) * solid.last_step - form.middle;
-      let slopes = slopes_on_rays(form.terms, right, down, v);
-      let normal = world_slope(form, right, down, v, slopes);
+      let u = f4(nearest_0.position) * solid.last_step;
+      let normal = higher_slope(higher, i_0 - i4(higher.center_x), j - higher.center_y, u);
       let here = (nearest_0.met.region == u4(number)) & shows_surface(nearest_0.met, surface);
       nearest_0.slope = either(here, outward(normal, nearest_0.met), nearest_0.slope);
     }
@@ -107,7 +103,7 @@ fn finish_regions(j: i32) {
   lowest = min(lowest, left_0);
   var number = least_number(lowest);
   loop {
-    // Where no region is shown, nothing changes: the body runs anyway, with one that is there.
+    // The body runs even if no region is left. It then takes an existing one and changes nothing.
     finish_region(select(number, 0u, number == NO_REGION), j);
     lowest = u4(NO_REGION);
     // each quad

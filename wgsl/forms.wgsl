@@ -5,7 +5,7 @@ fn line_at(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset) -> Li
   return Line(linear(c, at), linear(b, at));
 }
 
-// Its errors; that of the set-up is known.
+// Its errors, given the error of the set-up.
 fn line_errors(
   c: array<Coefficient, 3>,
   b: array<Coefficient, 3>,
@@ -25,7 +25,7 @@ fn form_at(
   return Form(quadratic(a, at), quadratic(g, at), quadratic(c, at));
 }
 
-// Its errors; that of the set-up is known.
+// Its errors, given the error of the set-up.
 fn form_errors(
   a: array<Coefficient, 6>,
   g: array<Coefficient, 6>,

@@ -10,7 +10,7 @@ fn line_at(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset) -> Li
   return Line(f4(linear(c, at)) * UNIT, f4(linear(b, at)) * UNIT);
 }
 
-// Its errors; that of the set-up is known.
+// Its errors, given the error of the set-up.
 fn line_errors(
   c: array<Coefficient, 3>,
   b: array<Coefficient, 3>,
@@ -36,7 +36,7 @@ fn form_at(
   );
 }
 
-// Its errors; that of the set-up is known.
+// Its errors, given the error of the set-up.
 fn form_errors(
   a: array<Coefficient, 6>,
   g: array<Coefficient, 6>,

@@ -1,13 +1,13 @@
 // Coefficients and a pixel offset -> a solid's forms along the ray, in 32-bit integers.
 //
-// Each ray shifts its values down to 29 bits, c and b together, A, G and C together: the joint
-// logic asks for signs of homogeneous expressions, which no common factor disturbs.
+// Each ray shifts its values down to 29 bits: c and b by one number of bits, A, G and C by another.
+// The joint logic asks for signs of homogeneous expressions, which a common factor does not change.
 
 const VALUE_BITS: u32 = 29u;
 // Errors of more units than this exceed all values; their products stay within float32.
 const LARGEST_ERROR: f32 = 0x1p40;
 
-// How far a number of such size is shifted down to have `VALUE_BITS` bits.
+// The bits to shift a number of a size down, so that it has `VALUE_BITS` bits.
 fn excess_bits(size: vec4<i64>) -> u4 {
   let high = u4(size >> u4(32u));
   let word = select(u4(size), high, high > u4(0u));
@@ -29,7 +29,7 @@ fn shifted_error(error: f4, excess: u4) -> f4 {
   return bitcast<f4>((bitcast<u4>(whole) + u4(255u)) & u4(0xFFFFFF00u));
 }
 
-// What a half-space is shifted by: |c| and |b| fit.
+// The shift of a half-space, after which |c| and |b| fit.
 fn line_excess(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset) -> u4 {
   return excess_bits(max(abs(linear(c, at)), abs(linear(b, at))));
 }
@@ -40,7 +40,7 @@ fn line_at(c: array<Coefficient, 3>, b: array<Coefficient, 3>, at: Offset) -> Li
   return Line(shifted(linear(c, at), excess), shifted(linear(b, at), excess));
 }
 
-// Its errors; that of the set-up is known.
+// Its errors, given the error of the set-up.
 fn line_errors(
   c: array<Coefficient, 3>,
   b: array<Coefficient, 3>,
@@ -51,7 +51,7 @@ fn line_errors(
   return LineErrors(error, error);
 }
 
-// What F is shifted by: |C| fits, and |G| + 3 |A|, which bounds all that the halvings meet.
+// The shift of F, after which |C| fits, and |G| + 3 |A|, a bound of the halvings' values.
 fn form_excess(
   a: array<Coefficient, 6>,
   g: array<Coefficient, 6>,
@@ -78,7 +78,7 @@ fn form_at(
   );
 }
 
-// Its errors; that of the set-up is known.
+// Its errors, given the error of the set-up.
 fn form_errors(
   a: array<Coefficient, 6>,
   g: array<Coefficient, 6>,

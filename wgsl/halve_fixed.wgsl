@@ -1,10 +1,10 @@
 // A root -> its position after exactly n halvings, in integers: shifts, additions, comparisons.
 //
 // `value` is 2^k F, so it keeps its bits while F vanishes.  |C| and |G| + 3 |A| are at most 2^29,
-// and so is the slope; once |2^k F| reaches 2^29 its sign can no longer change, so it stops there,
-// and nothing exceeds 2^31.
+// and so is the slope.  Once |2^k F| reaches 2^29, its sign can no longer change.  So the value
+// stops there, and nothing exceeds 2^31.
 
-// A search under way: where it is, and 2^k F and F' there.
+// A search under way: its position, and 2^k F and F' there.
 struct Search {
   position: i4,
   value: i4,
@@ -12,7 +12,7 @@ struct Search {
   a: i4,
 }
 
-// The search for a root before its first halving: in the middle of the interval.
+// The search for a root before its first halving, in the middle of the interval.
 fn begun(root: Root) -> Search {
   return Search(i4(0), root.c, root.g, root.a);
 }

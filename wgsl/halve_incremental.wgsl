@@ -1,9 +1,9 @@
 // A root -> its position after exactly n halvings, updating F and F' from step to step.
 //
-// F and F' stay relative to the current point, so their rounding shrinks with the step: the more
-// exact variant for n > 16.
+// F and F' stay relative to the current point, so their rounding shrinks with the step.  This
+// variant is more exact for n > 16.
 
-// A search under way: where it is, and F and F' there.
+// A search under way: its position, and F and F' there.
 struct Search {
   position: i4,
   value: f4,
@@ -11,7 +11,7 @@ struct Search {
   a: f4,
 }
 
-// The search for a root before its first halving: in the middle of the interval.
+// The search for a root before its first halving, in the middle of the interval.
 fn begun(root: Root) -> Search {
   return Search(i4(0), root.c, root.g, root.a);
 }

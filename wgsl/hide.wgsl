@@ -1,7 +1,7 @@
-// A solid before a light -> the pixels from which it hides the light.
+// An occluder -> the pixels from which it hides the light.
 //
-// All solids take the same way: what has no quadric has F = -1, and a bounded plane is what is left
-// between its two sides.
+// All solids run the same code. A solid without a quadric has F = -1. A bounded plane is the piece
+// between two half-spaces.
 fn hide(occluder: Occluder, bit: u32) {
   let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
   let casts = (occluder.flags & SHADE_CASTS) != 0u;

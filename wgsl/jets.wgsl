@@ -1,15 +1,15 @@
 // Second-order Taylor forms of formulas along rays, with their errors.
 //
-// What is claimed of a jet, and why each operation keeps to it, is derived in gpu/twin/jets.py.
+// gpu/twin/jets.py tells what a jet claims, and why each operation keeps the claim.
 
-// What exceeds this is not known, and then all that is known is that it is no more than UNKNOWN.
+// The largest magnitude of a jet's numbers. F in a jet with a larger one is within UNKNOWN of 0.
 const LARGEST: f32 = 0x1p42f;
 const UNKNOWN: f32 = 0x1p43f;
-// Functions take jets that change by less, and where they change by less.
+// Functions take jets that change by less than this, and change by less themselves.
 const LARGEST_CHANGE: f32 = 0x1p38f;
-// No error is smaller, because smaller numbers may be lost.
+// The smallest error, because smaller numbers may be lost.
 const FAINTEST: f32 = 0x1p-100f;
-// Of a jet's state: F may have kinks in the cell; F is known by its range alone; F may have no
+// Bits of a jet's state: F may have kinks in the cell; only the range of F is known; F may have no
 // value somewhere.
 const KINKED: u32 = 1u;
 const STEEP: u32 = 2u;
@@ -20,7 +20,7 @@ const ANY_STATE: u32 = 7u;
 struct Jet {
   value: f4,
   slope: f4,  // to the end of the cell
-  bend: f4,  // half the second derivative, the same way
+  bend: f4,  // half the second derivative, likewise
   value_error: f4,
   slope_error: f4,
   bend_error: f4,
@@ -30,7 +30,7 @@ struct Jet {
 // 0 all over a cell.
 const NO_JET = Jet(f4(0.0), f4(0.0), f4(0.0), f4(0.0), f4(0.0), f4(0.0), u4(0u));
 
-// A jet of a product or a function; nothing of it is known if it is too large.
+// The jet of a product or a function; if it is too large, nothing is known of F.
 fn fitted(jet: Jet, known: b4) -> Jet {
   let errors = (jet.value_error + jet.slope_error) + jet.bend_error;
   let size = (abs(jet.value) + abs(jet.slope)) + (abs(jet.bend) + errors);
@@ -46,29 +46,29 @@ fn fitted(jet: Jet, known: b4) -> Jet {
   );
 }
 
-// The same jet, if it is not too large.
+// The same jet; if it is too large, nothing is known of F.
 fn checked_jet(a: Jet) -> Jet {
   return fitted(a, b4(true));
 }
 
-// No bend in the cell is larger.
+// The largest bend in the cell.
 fn bend_at_most(jet: Jet) -> f4 {
   return abs(jet.bend) + jet.bend_error;
 }
 
-// No slope in the cell is larger.
+// The largest slope in the cell.
 fn steepest(jet: Jet) -> f4 {
   return (abs(jet.slope) + jet.slope_error) + 2.0 * bend_at_most(jet);
 }
 
-// F is no further from the value in the cell.
+// The largest distance of F from the value, in the cell.
 fn reach_of(jet: Jet) -> f4 {
   let reach = (jet.value_error + abs(jet.slope)) + (jet.slope_error + bend_at_most(jet));
   return ROOM * reach;
 }
 
-// A coordinate of points level + u along, whose terms have magnitudes of some size, in the cell
-// about m of half the width h.
+// A coordinate of points level + u along, in the cell from m - h to m + h. The sizes are magnitudes
+// of the terms of level and along.
 fn coordinate_jet(
   level: f4,
   along: f4,
@@ -110,7 +110,7 @@ fn scaled_jet(a: Jet, k: f32) -> Jet {
   let value = k * a.value;
   let slope = k * a.slope;
   let bend = k * a.bend;
-  // What does not bend is exactly so.
+  // The bend of a jet without a bend is exactly 0.
   let faint = select(f4(0.0), f4(FAINTEST), a.bend_error > f4(0.0));
   return Jet(
     value,
@@ -174,7 +174,7 @@ fn product_jet(a: Jet, b: Jet) -> Jet {
   let around_b = (b.value_error + tilt_b) + bend_b;
   let value = a.value * b.value;
   let bends = (size_a + around_a) * bend_b + (size_b + around_b) * bend_a;
-  // Sums of products alone, from the left: compilers keep their order.
+  // The sums have only products as terms and go from the left: compilers keep this order.
   let value_error = (size_a + a.value_error) * b.value_error + size_b * a.value_error
     + EPSILON * abs(value);
   let slope_error = a.slope_error * ((size_b + reach_of(b)) + steepest(b))
@@ -230,8 +230,8 @@ fn square_jet(a: Jet) -> Jet {
   );
 }
 
-// A function of F by its value and two derivatives, of the second the half, at the value of F: how
-// far each is off there, and may be elsewhere in the cell.
+// A function of F: its value, its derivative and half its second derivative at F's value; their
+// errors there; and the most by which the derivatives differ elsewhere in the cell.
 struct Outer {
   value: f4,
   first: f4,
@@ -250,7 +250,7 @@ fn composed(given: Jet, outer: Outer, known: b4) -> Jet {
   let most_2 = size_2 + outer.second_change;
   let most = max(max(reach_of(given), steepest(given)), max(most_1, most_2));
   let fits = known & (most < f4(LARGEST_CHANGE));
-  // Products of three would not be finite.
+  // Products of three numbers could be infinite.
   let a = either_jet(fits, given, NO_JET);
   let bend = bend_at_most(a);
   let tilt = abs(a.slope);
@@ -280,7 +280,7 @@ fn composed(given: Jet, outer: Outer, known: b4) -> Jet {
   );
 }
 
-// sin(a), or cos(a), from both.
+// sin(a) or cos(a), given its value and its derivative.
 fn turned_jet(a: Jet, value: f4, first: f4) -> Jet {
   let off = f4(TURN_ERROR);
   let change = min(reach_of(a), f4(2.0)) + off;
@@ -305,7 +305,7 @@ fn exponential_jet(a: Jet) -> Jet {
   let largest = exponential_of(end);
   let off = max(GROWTH_ERROR * value, f4(FAINTEST));
   let change = max((largest - value) + (64.0 * GROWTH_ERROR) * largest, f4(FAINTEST));
-  // Were all of the second derivative half of the first, compilers would factor sums of both.
+  // The second change must not be plain half of the first, or compilers factor sums of both.
   let half = max(0.5 * change, f4(FAINTEST));
   let outer = Outer(value, value, 0.5 * value, off, off, change, half);
   return composed(a, outer, end < f4(0.5 * LARGEST_EXPONENT));
@@ -356,7 +356,7 @@ fn reciprocal_jet(a: Jet) -> Jet {
   return composed(a, outer, known);
 }
 
-// The square root of a. Where a may be negative it is in the state `beyond`.
+// The square root of a. Where a may be negative, the jet is in the state `beyond`.
 fn root_jet(a: Jet, beyond: f32) -> Jet {
   let change = reach_of(a);
   let is_smooth = a.value - change > f4(SMALLEST_ARGUMENT);
@@ -431,7 +431,7 @@ fn least_jet(a: Jet, b: Jet) -> Jet {
   return negated_jet(greatest_jet(negated_jet(a), negated_jet(b)));
 }
 
-// What holds of F in a cell.
+// The properties of F in a cell.
 fn judged_jet(jet: Jet) -> Judged {
   let size_1 = abs(jet.slope);
   let size_2 = abs(jet.bend);
@@ -449,6 +449,7 @@ fn judged_jet(jet: Jet) -> Judged {
   let bends = ((jet.state & u4(KINKED)) == u4(0u)) & (size_2 > unsure);
   return Judged(
     select((least - size_1) + low > f4(0.0), above, dips),
+    select(min((least - jet.slope) + low, least) > f4(0.0), above, dips & (jet.slope > f4(0.0))),
     is_smooth & below & (runs | bends),
     is_smooth & (((size_1 + size_2) + jet.bend_error) + jet.slope_error < jet.value_error),
     last < f4(0.0),

@@ -1,24 +1,24 @@
-// What was seen of a solid -> the nearest visible point so far.
+// The sight of a solid -> the nearest visible point so far.
 
 // The nearest visible point so far.
 struct Nearest {
   key: NearestKey,  // its depth
-  surface: u4,  // its number in the scene, from 1; 0 is none
-  leaves: Key,  // depth where the ray leaves the solid  //? exit
-  low: Key,  // the least depth of what is certain  //? error
-  doubt: Key,  // where begins what is not certain  //? error
-  bound: f4,  // how far the root may be from the position, in u  //? error
+  surface: u4,  // number of the surface in the scene, from 1; 0 for no hit
+  leaves: Key,  // depth of the exit from the solid  //? exit
+  low: Key,  // the least depth that a certain point may have  //? error
+  doubt: Key,  // the depth from which on nothing is certain  //? error
+  bound: f4,  // bound of the distance of the root from the position, in u  //? error
   slope: Vector,  // along the normal  //? normal
   color: Vector,  // of the material  //? color
   specular: f4,  // weight of its highlight  //? gloss
   shininess: u4,  // exponent of its highlight  //? gloss
   depth: f4,  // along the view axis  //? point_lights
-  met: Met,  // of a region, nothing where a solid is none  //? regions
-  overlap: Key,  // depth where two cells of a region are  //? overlap
-  gap: Key,  // depth where none is between two  //? gap
-  position: i4,  // on its ray, of the solid that shows it  //? position
-  turned: u4,  // which side of that is seen, as of `other_side`  //? places
-  dark: u4,  // bits of lights that do not reach it  //? shadows
+  met: Met,  // the point of a region; none if the solid is no region  //? regions
+  overlap: Key,  // depth of a point in two cells of a region  //? overlap
+  gap: Key,  // depth of a point in no cell, between two cells  //? gap
+  position: i4,  // position of the point on its ray  //? position
+  turned: u4,  // which side of the surface is seen, as `other_side` has it  //? places
+  dark: u4,  // bits of the lights that do not reach the point  //? shadows
 }
 
 // No point yet.
@@ -42,7 +42,7 @@ const NOTHING: Nearest = Nearest(
   u4(0u),  //? shadows
 );
 
-// The sight if it is nearer than the nearest point so far, else that.
+// The nearer of a sight and the nearest point so far.
 fn keep(
   old: Nearest,
   solid: Solid,
@@ -93,7 +93,7 @@ fn keep(
   );
 }
 
-// The key of a grid point of a region, if that is on the rays and sooner than the old one.
+// The lesser of the old key and that of a grid point of a region, if it is on the ray.
 fn sooner_key(old: Key, q: i4, region: Region, solid: Solid) -> Key {
   let position = position_before(max(q, i4(1)), solid.steps);
   let key = depth_key(position, solid.steps, solid.key_high, solid.key_low, solid.key_shift);

@@ -2,7 +2,7 @@
 
 alias NearestKey = Key;
 
-// Behind all points.
+// The key behind all points.
 const NO_KEY: NearestKey = FAR;
 
 // The key of a position on a solid.
@@ -10,7 +10,7 @@ fn key_at(position: i4, solid: Solid) -> NearestKey {
   return depth_key(position, solid.steps, solid.key_high, solid.key_low, solid.key_shift);
 }
 
-// Whether a point is nearer than another; at equal depth the earlier surface of the file.
+// Whether a point is nearer than another; at equal depth, whether its surface is earlier.
 fn is_nearer(key: NearestKey, surface: u4, other: NearestKey, other_surface: u4) -> b4 {
   return before(key, surface, other, other_surface);
 }

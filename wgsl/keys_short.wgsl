@@ -1,8 +1,8 @@
-// Depths of visible points as keys of one word, where that holds them whole.
+// Depths of visible points as keys of one word, if one word holds them.
 
 alias NearestKey = u4;
 
-// Behind all points.
+// The key behind all points.
 const NO_KEY: NearestKey = u4(0xFFFFFFFFu);
 
 // The key of a position on a solid.
@@ -11,7 +11,7 @@ fn key_at(position: i4, solid: Solid) -> NearestKey {
   return (count << u4(solid.key_shift & 31u)) + u4(solid.key_low);
 }
 
-// Whether a point is nearer than another; at equal depth the earlier surface of the file.
+// Whether a point is nearer than another; at equal depth, whether its surface is earlier.
 fn is_nearer(key: NearestKey, surface: u4, other: NearestKey, other_surface: u4) -> b4 {
   return (key < other) | ((key == other) & (surface < other_surface));
 }

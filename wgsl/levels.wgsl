@@ -1,4 +1,4 @@
-// Levels of a program that are open around the one at hand, a few: each in a variable of its own.
+// The open levels of a program around the innermost one, a few: each in its own variable.
 
 var<private> level_0: Held;
 var<private> level_1: Held;  //? levels_2
@@ -7,7 +7,7 @@ var<private> level_3: Held;  //? levels_4
 var<private> level_4: Held;  //? levels_5
 var<private> level_5: Held;  //? levels_6
 
-// Opens a level inside one where something holds so far.
+// Opens a level; `held` is the state of the level around it.
 fn open_level(opens: bool, held: Held) {
   level_5 = either_held(opens, level_4, level_5);  //? levels_6
   level_4 = either_held(opens, level_3, level_4);  //? levels_5
@@ -17,12 +17,12 @@ fn open_level(opens: bool, held: Held) {
   level_0 = either_held(opens, held, level_0);
 }
 
-// What holds so far of the level around the one at hand.
+// The state of the level around the innermost one.
 fn outer_level() -> Held {
   return level_0;
 }
 
-// Closes the level at hand.
+// Closes the innermost level.
 fn close_level(closes: bool) {
   level_0 = either_held(closes, level_1, level_0);  //? levels_2
   level_1 = either_held(closes, level_2, level_1);  //? levels_3

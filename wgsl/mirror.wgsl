@@ -1,15 +1,30 @@
 // A point and a direction from there -> the forms of a solid along a ray from a mirror.
 //
-// About each solid the ray is taken from its point nearest to the middle of the solid, and u counts
-// from there, in radii: so nothing in these forms knows how far away the mirror is.
+// For each solid, u counts along the ray in radii, from the point nearest to the middle of the
+// solid. So the distance of the mirror has no effect on the forms.
 
-// A ray from a mirror about a solid.
+// A ray from a mirror, relative to a solid.
 struct Glance {
-  base: Vector,  // the point nearest to the middle, counted from there
+  base: Vector,  // the point nearest to the middle, from the middle
   along: Vector,  // unit
   start: f4,  // u of the mirror
-  near: b4,  // it may meet the solid
+  near: b4,  // it may hit the solid
 }
+
+// Above all numbers of bodies.
+const NO_BODY: u32 = 0xFFFFFFFFu;
+
+// What no square of a difference is below: devices may flush subnormal numbers.
+const LEAST_SQUARE: f32 = 1e-30;
+
+// And what its root is not below.
+const LEAST_TURN: f32 = 1e-15;
+
+// What is left of a sum of three squares, or products, if their rounding is taken from it.
+const EXACT: f32 = 1.0 - 0x1p-20;
+
+// What rounding adds to the square of the least distance from a ray, for the square of the way.
+const BLUR: f32 = 0x1p-36;
 
 // The direction that a mirror turns another one into; its normal is a unit vector.
 fn mirrored(direction: Vector, normal: Vector) -> Vector {
@@ -20,20 +35,54 @@ fn mirrored(direction: Vector, normal: Vector) -> Vector {
   );
 }
 
-// The point of a ray so far on.
+// The point of a ray at u.
 fn further(start: Vector, along: Vector, u: f4) -> Vector {
   return Vector(start.x + u * along.x, start.y + u * along.y, start.z + u * along.z);
 }
 
+// Whether a ray may meet what is in a ball, nearer than so far away.
+fn may_meet(ball: Ball, from_middle: Vector, along: Vector, distance: f4) -> b4 {
+  let start = dot_product(from_middle, along);
+  let square = dot_product(from_middle, from_middle);
+  let beside = square * f4(EXACT) - start * start <= f4(ball.radius * ball.radius);
+  let ahead = start < f4(ball.radius);
+  return beside & ahead & (-(start * f4(EXACT)) - ball.radius <= distance);
+}
+
 // The ray from a point of the grid about a solid.
 fn glance_at(body: Body, point: Point, along: Vector) -> Glance {
-  let c = body.center;
-  let from_center = point_from(point, c[0], c[1], c[2]);
-  let d = scaled(Vector(f4(from_center.x), f4(from_center.y), f4(from_center.z)), f4(body.unit));
+  let d = from_middle_of(body, point);
   let start = dot_product(d, along);
   let nearest = further(d, along, -start);
-  let near = (dot_product(nearest, nearest) <= f4(1.0)) & (start < f4(1.0));
+  let room = f4(body.bound * body.bound) + f4(BLUR) * (start * start);
+  let near = (dot_product(nearest, nearest) <= room) & (start < f4(body.bound));
   return Glance(nearest, along, start, near);
+}
+
+// A point of the grid in the coordinates of a solid.
+fn from_middle_of(body: Body, point: Point) -> Vector {
+  let c = body.center;
+  let from_center = point_from(point, c[0], c[1], c[2]);
+  return scaled(Vector(f4(from_center.x), f4(from_center.y), f4(from_center.z)), f4(body.unit));
+}
+
+// Whether a ray that is mirrored by a solid does not meet it again: from a flat face, or a convex
+// solid, it goes away, if that is seen from outside.
+fn is_left(flags: u32, on_curve: b4, turned: u4) -> b4 {
+  let away = !on_curve | b4((flags & SHADE_CONVEX) != 0u);
+  return b4((flags & SHADE_FLAT) != 0u) | (away & (turned == u4(0u)));
+}
+
+// u of the root that a ray shows, with a division and a square root: which of two solids is nearer
+// needs no halving of the other one's.
+fn place_of_root(root: Root) -> f4 {
+  let square = root.g * root.g - f4(4.0) * (root.a * root.c);
+  let turn = sqrt(max(square, f4(LEAST_SQUARE)));
+  let behind = root.g > f4(0.0);
+  let over = select(root.c + root.c, -(root.g + turn), behind);
+  let under = select(turn - root.g, root.a + root.a, behind);
+  let v = over / max(under, f4(LEAST_TURN));
+  return select(v, -v, root.flipped);
 }
 
 // Half the second derivative of F, times a vector.
@@ -75,17 +124,18 @@ fn face_of(face: Face, glance: Glance) -> Line {
   return Line(dot_product(normal, glance.base) + face.beyond, dot_product(normal, glance.along));
 }
 
-// Where the ray begins and where the solid surely has ended.
+// The piece of the ray from its start to surely behind the solid.
 fn piece_of(glance: Glance) -> Piece {
   return Piece(glance.start, f4(-1.0), i4(0), f4(-1.0), f4(1.0), i4(0));
 }
 
-// The point of the grid at a place.
+// The point of the grid at a spot, which is in radii from the middle.
 fn point_on(body: Body, spot: Vector) -> Point {
   let c = body.center;
+  let radius = 1.0 / body.unit;
   return Point(
-    i4(c[0]) + i4(round(spot.x * body.radius)),
-    i4(c[1]) + i4(round(spot.y * body.radius)),
-    i4(c[2]) + i4(round(spot.z * body.radius)),
+    i4(c[0]) + i4(round(spot.x * radius)),
+    i4(c[1]) + i4(round(spot.y * radius)),
+    i4(c[2]) + i4(round(spot.z * radius)),
   );
 }

@@ -1,12 +1,12 @@
-// Positions -> depths as exact integers, and which point is nearer.
+// Positions -> depths as exact integers, and their comparison.
 
-// A t as a 64-bit fraction of 2^key_bits in two words.
+// A depth key, t 2^key_bits, in two words.
 struct Key {
   high: u4,
   low: u4,
 }
 
-// Behind all points.
+// The key behind all points.
 const FAR: Key = Key(u4(0xFFFFFFFFu), u4(0xFFFFFFFFu));
 
 // Key of a position in an interval that starts at `start`; a last step is 2^shift units.
@@ -14,7 +14,7 @@ fn depth_key(position: i4, steps: u32, start_high: u32, start_low: u32, shift: u
   return count_key(u4(position + i4(1i << steps)), start_high, start_low, shift);
 }
 
-// Key of so many last steps from `start` on.
+// Key of a count of last steps from `start` on.
 fn count_key(count: u4, start_high: u32, start_low: u32, shift: u32) -> Key {
   // A shift by 32 or more is not defined, so each word has its own.
   let low_part = select(count << u4(shift & 31u), u4(0u), shift >= 32u);
@@ -28,7 +28,7 @@ fn count_key(count: u4, start_high: u32, start_low: u32, shift: u32) -> Key {
   return Key(carried + u4(start_high) + carry, low);
 }
 
-// Whether a point is nearer than another; at equal depth the earlier surface of the file.
+// Whether a point is nearer than another; at equal depth, whether its surface is earlier.
 fn before(key: Key, surface: u4, other: Key, other_surface: u4) -> b4 {
   let same_high = key.high == other.high;
   let same = same_high & (key.low == other.low);

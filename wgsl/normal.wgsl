@@ -1,7 +1,7 @@
 // A visible point -> the outward unit normal of its surface, world axes.
 
-// A vector whose square is below this is none: in a greater square, subnormal terms, which devices
-// may flush, change no bit.
+// A vector whose square is below this counts as 0. In a greater square, subnormal terms, which
+// devices may flush to 0, change no bit.
 const VANISHING: f32 = 0x1p-100;
 
 // Three components for each of four pixels.
@@ -42,7 +42,7 @@ fn turned(some: b4, a: Vector) -> Vector {
   return Vector(select(a.x, -a.x, some), select(a.y, -a.y, some), select(a.z, -a.z, some));
 }
 
-// Unit vector along one that does not vanish.
+// The unit vector along a vector that does not vanish.
 fn normalized(a: Vector) -> Vector {
   return scaled(a, f4(1.0) / sqrt(dot_product(a, a)));
 }

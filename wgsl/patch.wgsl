@@ -1,7 +1,7 @@
 // A bounded plane, (13) and (14), seen from both sides.
 
 // The plane c + b u turned so that the ray passes it from + to -, whether it was turned, and
-// whether the ray meets it in bounds.
+// whether the ray hits it inside its bounds.
 struct Patch {
   hit: b4,
   away: b4,
@@ -9,7 +9,7 @@ struct Patch {
   b: v4,
 }
 
-// The plane turned towards the viewer; met if it changes sign between the base planes.
+// The plane turned towards the eye; hit if it changes sign between the base planes.
 fn facing(line: Line, near_u: Value, far_u: Value) -> Patch {
   let away = line.b > v4(0);
   let c = select(line.c, -line.c, away);
@@ -19,7 +19,7 @@ fn facing(line: Line, near_u: Value, far_u: Value) -> Patch {
   return Patch(met & (b < v4(0)), away, c, b);
 }
 
-// The patch inside the half-space at its own root: the extra step (14), without a division.
+// The patch, hit only if its root is in the half-space: step (14), without a division.
 fn bound(plane: Patch, line: Line) -> Patch {
   let met = product(line.c, plane.b) >= product(plane.c, line.b);
   return Patch(plane.hit & met, plane.away, plane.c, plane.b);

@@ -4,7 +4,7 @@
 // enters and b >= 0 where it leaves.  Which plane is entered last, left first, and whether
 // anything remains are signs of products: no division, and no cell that could swallow a thin plate.
 
-// A half-space along the ray: inside where c + b u <= 0.
+// A half-space along the ray; a point is inside if c + b u <= 0.
 struct Line {
   c: v4,
   b: v4,
@@ -46,7 +46,7 @@ fn remains(piece: Piece) -> b4 {
   return product(piece.c_in, piece.b_out) <= product(piece.c_out, piece.b_in);
 }
 
-// The piece entered at its start whatever rounding says: the eye is inside all half-spaces.
+// The piece that starts at the eye, which is inside all half-spaces despite rounding.
 fn from_the_eye(piece: Piece, near_u: Value) -> Piece {
   return Piece(v4(near_u), v4(-ONE), i4(0), piece.c_out, piece.b_out, piece.id_out);
 }

@@ -7,7 +7,7 @@ struct Point {
   z: i4,
 }
 
-// The same along the rays to a light: v towards it, a and b where the ray meets v = 0.
+// Points along rays to a light: v towards the light, a and b where the ray crosses v = 0.
 struct Beam {
   a: i4,
   b: i4,
@@ -35,12 +35,12 @@ fn point_from(point: Point, from_x: i32, from_y: i32, from_z: i32) -> Point {
   return Point(point.x - i4(from_x), point.y - i4(from_y), point.z - i4(from_z));
 }
 
-// The way across that a ray goes while it goes so far along.
+// The distance that a ray goes across while it goes ``along``.
 fn sheared(shear: i32, along: i4) -> i4 {
   return i4((vec4<i64>(along) * i64(shear) + vec4<i64>(536870912li)) >> u4(30u));
 }
 
-// Points along the rays to a light; the axis is that of the world most along them.
+// Points along the rays to a light; ``axis`` is the axis of the world closest to the rays.
 fn beam_of(point: Point, axis: u32, sign: i32, shear_x: i32, shear_y: i32) -> Beam {
   let is_x = b4(axis == 0u);
   let is_y = b4(axis == 1u);

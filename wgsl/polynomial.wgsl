@@ -2,13 +2,13 @@
 
 alias Coefficient = f32;
 
-// Pixels from the middle of a solid's rectangle.
+// The offset of a pixel from the middle of a solid's rectangle.
 struct Offset {
   x: f4,
   y: f32,
 }
 
-// The offset in the arithmetic of the coefficients; exact below 2^24.
+// The offset in the type of the coefficients; exact below 2^24.
 fn offset(x: i4, y: i32) -> Offset {
   return Offset(f4(x), f32(y));
 }
@@ -25,7 +25,8 @@ fn linear(k: array<Coefficient, 3>, at: Offset) -> f4 {
   return (k[0] + at.y * k[2]) + at.x * k[1];
 }
 
-// Bound of the error of `quadratic`: every term passes so many roundings, its coefficient's first.
+// Bound of the error of `quadratic`, from the roundings that each term passes: that of the
+// coefficient and of each operation on the way to the value.
 fn quadratic_error(k: array<Coefficient, 6>, at: Offset) -> f4 {
   let x = abs(at.x);
   let y = abs(at.y);

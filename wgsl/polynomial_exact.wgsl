@@ -1,17 +1,17 @@
 // Coefficients and a pixel offset -> values of polynomials, exactly, in 64-bit integers.
 //
 // The host scales the coefficients so that the sum of the magnitudes of all terms stays below 2^60
-// and a little, for rounding them: nothing overflows.
+// and a little more, for the rounding of the coefficients. So nothing overflows.
 
 alias Coefficient = i64;
 
-// Pixels from the middle of a solid's rectangle.
+// The offset of a pixel from the middle of a solid's rectangle.
 struct Offset {
   x: vec4<i64>,
   y: i64,
 }
 
-// The offset in the arithmetic of the coefficients.
+// The offset in the type of the coefficients.
 fn offset(x: i4, y: i32) -> Offset {
   return Offset(vec4<i64>(x), i64(y));
 }

@@ -1,4 +1,4 @@
-// How many invocations are in the subgroup of each invocation of a workgroup.
+// The number of invocations in the subgroup of each invocation of a workgroup.
 
 @group(0) @binding(0) var<storage, read_write> found: array<u32>;
 

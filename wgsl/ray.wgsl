@@ -1,7 +1,7 @@
 // Pixel index -> the projection ray, (2), per unit of depth.
 
-// World direction through the centres of pixels (i, j), relative to the eye at depth 1; or where
-// parallel rays start.
+// World point on the rays of the centres of pixels (i, j) at depth 1, relative to the eye; for
+// parallel rays the point where they start.
 fn ray_direction(i: f4, j: f32) -> Vector {
   return Vector(
     (frame.first_ray.x + i * frame.right.x) + j * frame.down.x,

@@ -1,8 +1,8 @@
-// A region -> where its pixels are, and what its points show.
+// A region -> its pixels, and the points that it shows.
 
-// Which record of a region shows a point, the side of the surface there, and the place of the cell
-// among those that the record lists. What these are is looked up once, at the end: until then the
-// point has the number of the region's first surface.
+// A point of a region: the region's record, the side of the surface there, and the index of the
+// cell in the record's list. Their numbers are looked up once, at the end; until then the point has
+// the number of the region's first surface.
 struct Met {
   region: u4,
   side: i4,
@@ -22,7 +22,7 @@ fn either_met(some: b4, chosen: Met, other: Met) -> Met {
   );
 }
 
-// Whether a surface of the region is what is met.
+// Whether the point lies on a surface of the region.
 fn shows_surface(met: Met, number: u32) -> b4 {
   return (met.side >> u4(1u)) == i4(i32(number));
 }
@@ -43,8 +43,8 @@ fn plane_normal(plane: Flat) -> Vector {
   return Vector(f4(plane.normal[0]), f4(plane.normal[1]), f4(plane.normal[2]));
 }
 
-// The gradient of a surface, or its opposite, so that it points out of the region: the gradient
-// itself points into it where its side is F > 0.
+// The gradient of a surface, or its opposite, so that it points out of the region. The gradient
+// points into the region if the region's side is F > 0.
 fn outward(gradient: Vector, met: Met) -> Vector {
   let back = Vector(-gradient.x, -gradient.y, -gradient.z);
   return either((met.side & i4(1)) == i4(1), back, gradient);

@@ -1,9 +1,9 @@
-// The entry point: tries the solids of a tile's lists on a block, and writes what it shows.
+// The entry point: tries the solids of a tile's lists on a block, and writes the block's outputs.
 //
 // There is a list for each class of solids, and a loop for each list, so that a solid is fetched
 // once and tried by code of its class alone.
 
-// Keeps what was seen of a solid.
+// Keeps the sights of a solid.
 fn keep_block(solid: Solid) {
   // each quad
   nearest_0 = keep(
@@ -17,13 +17,12 @@ fn keep_block(solid: Solid) {
   );
 }
 
-// The first entry of a list of regions, from one on, that may show something nearer than what is
-// shown so far in some pixel, or else the end. A loop is what invocations side by side skip code
-// by.
+// The first entry of a list of regions, from `first` on, that may show a nearer point in some
+// pixel, or else the end. Invocations of a subgroup can skip code only by loops.
 fn next_entry(first: u32, end: u32, j: i32) -> u32 {
   var entry = first;
   loop {
-    // The loop is left at the end of its body: what is looked at behind the last does not matter.
+    // The loop tests at the end of its body. Behind the last entry it looks at that entry again.
     let region = outline_at(tile_solids[min(entry, max(end, 1u) - 1u)]);
     var wanted = b4(false);
     // each quad
@@ -43,7 +42,7 @@ fn next_entry(first: u32, end: u32, j: i32) -> u32 {
   return entry;
 }
 
-// The row among the solids of what an entry of a tile's lists names.
+// The row among the solids of an entry of a tile's lists.
 fn row_of(tile: Tile, entry: u32) -> u32 {
   let member = tile_solids[entry];
   var is_region = false;
@@ -53,6 +52,21 @@ fn row_of(tile: Tile, entry: u32) -> u32 {
   {  //? list_region_inside
     let first = tile.starts[LIST_REGION_INSIDE];
     let end = tile.starts[LIST_REGION_INSIDE + 1u];
+    is_region = is_region | ((entry >= first) & (entry < end));
+  }
+  {  //? list_region_4
+    let first = tile.starts[LIST_REGION_4];
+    let end = tile.starts[LIST_REGION_4 + 1u];
+    is_region = is_region | ((entry >= first) & (entry < end));
+  }
+  {  //? list_region_8
+    let first = tile.starts[LIST_REGION_8];
+    let end = tile.starts[LIST_REGION_8 + 1u];
+    is_region = is_region | ((entry >= first) & (entry < end));
+  }
+  {  //? list_region_known
+    let first = tile.starts[LIST_REGION_KNOWN];
+    let end = tile.starts[LIST_REGION_KNOWN + 1u];
     is_region = is_region | ((entry >= first) & (entry < end));
   }
   return select(member, region_at(select(0u, member, is_region)).solid, is_region);
@@ -219,6 +233,20 @@ fn render(
       // each quad
       x_0 = i_0 - i4(solid.center_x);
       visit_region_8(number, region, solid, j - solid.center_y);
+      keep_block(solid);
+      entry = next_entry(entry + 1u, end, j) - 1u;
+    }
+  }
+  {  //? list_region_known
+    let end = tile.starts[LIST_REGION_KNOWN + 1u];
+    let first = next_entry(tile.starts[LIST_REGION_KNOWN], end, j);
+    for (var entry = first; entry < end; entry++) {
+      let number = tile_solids[entry];
+      let region = region_at(number);
+      let solid = placed_at(region.solid);
+      // each quad
+      x_0 = i_0 - i4(solid.center_x);
+      visit_region_known(number, region, solid, j - solid.center_y);
       keep_block(solid);
       entry = next_entry(entry + 1u, end, j) - 1u;
     }

@@ -27,22 +27,22 @@ fn end_value(form: Form, c: v4, b: v4) -> w4 {
   return product(sloped, c) + product(reduced(product(form.c, b)), b);
 }
 
-// F > 0 where the piece begins.
+// Whether F > 0 where the piece begins.
 fn outside_at_entry(form: Form, piece: Piece) -> b4 {
   return end_value(form, piece.c_in, piece.b_in) > w4(0);
 }
 
-// F > 0 where the piece ends.
+// Whether F > 0 where the piece ends.
 fn outside_at_exit(form: Form, piece: Piece) -> b4 {
   return end_value(form, piece.c_out, piece.b_out) > w4(0);
 }
 
-// F has a root somewhere on the line.
+// Whether F has a root somewhere on the line.
 fn has_root(form: Form) -> b4 {
   return product(form.g, form.g) >= product(form.a + form.a, form.c + form.c);
 }
 
-// For a > 0: F has both its roots between ends where it is positive, even if they coincide.
+// For a > 0: whether F has two roots, maybe equal, between ends where it is positive.
 fn turns_within(form: Form, piece: Piece) -> b4 {
   let bend = form.a + form.a;
   let falls = product(bend, piece.c_in) < product(form.g, piece.b_in);
@@ -50,7 +50,7 @@ fn turns_within(form: Form, piece: Piece) -> b4 {
   return (form.a > v4(0)) & falls & rises & has_root(form);
 }
 
-// Where a ray that starts outside the solid enters it, (18); outside: F > 0 at entry.
+// The entry of a ray that starts outside the solid, (18); outside: F > 0 at entry.
 fn quadric_entry(form: Form, piece: Piece, outside: b4) -> Root {
   let crosses = outside & (!outside_at_exit(form, piece) | turns_within(form, piece));
   let on_plane = !outside & (piece.id_in > i4(0));
@@ -65,7 +65,7 @@ fn quadric_entry(form: Form, piece: Piece, outside: b4) -> Root {
   );
 }
 
-// Where a ray that is in the solid leaves it, (19); inside: F <= 0 at entry.
+// The exit of a ray that is in the solid, (19); inside: F <= 0 at entry.
 fn quadric_exit(form: Form, piece: Piece, inside: b4) -> Root {
   let within = inside & turns_within(Form(-form.a, -form.g, -form.c), piece);
   let crosses = outside_at_exit(form, piece) | within;
@@ -81,17 +81,17 @@ fn quadric_exit(form: Form, piece: Piece, inside: b4) -> Root {
   );
 }
 
-// Where a ray enters an uncut ellipsoid from outside: only the discriminant decides.
+// The entry of a ray into an uncut ellipsoid from outside: only the discriminant decides.
 fn ellipsoid_entry(form: Form) -> Root {
   return Root(has_root(form), i4(0), form.a, form.g, form.c, b4(false));
 }
 
-// Where a ray leaves an uncut ellipsoid it entered from outside.
+// The exit of a ray from an uncut ellipsoid that it entered from outside.
 fn ellipsoid_exit(form: Form) -> Root {
   return Root(has_root(form), i4(0), form.a, -form.g, form.c, b4(true));
 }
 
-// Where a ray that starts outside a polyhedron enters it: the plane entered last.
+// The entry of a ray that starts outside a polyhedron: the plane entered last.
 fn polyhedron_entry(piece: Piece) -> Root {
   return Root(
     remains(piece) & (piece.id_in > i4(0)),
@@ -103,7 +103,7 @@ fn polyhedron_entry(piece: Piece) -> Root {
   );
 }
 
-// Where a ray leaves a polyhedron: the plane left first.
+// The exit of a ray from a polyhedron: the plane left first.
 fn polyhedron_exit(piece: Piece) -> Root {
   return Root(
     remains(piece) & (piece.id_out > i4(0)),
@@ -115,7 +115,7 @@ fn polyhedron_exit(piece: Piece) -> Root {
   );
 }
 
-// Where a ray meets a patch that it passes from + to -.
+// The root where a ray hits a patch.
 fn patch_entry(plane: Patch) -> Root {
   return Root(plane.hit, i4(0), v4(0), plane.b, plane.c, b4(false));
 }

@@ -1,7 +1,7 @@
 // A normal, a point and a material -> linear colour: Lambert with a Blinn-Phong highlight.
 
-// Light and cosines below this are as good as none. A sum above it has the same bits with its
-// subnormal terms, which devices may flush, and without them.
+// Light and cosines below this count as 0. A sum above it has the same bits with and without its
+// subnormal terms, which devices may flush to 0.
 const FAINT: f32 = 1e-18;
 
 // The material of each of four pixels.
@@ -23,14 +23,14 @@ fn power(base: f4, exponent: u4) -> f4 {
   return result;
 }
 
-// The light, or none where it is faint. In an image both are black.
+// `light`, or 0 where it is faint. In an image both are black.
 fn seen(light: f4) -> f4 {
   return select(f4(0.0), light, light > f4(FAINT));
 }
 
 // Linear colour of a point, seen along a direction; both are relative to the eye.  The normal is
-// turned towards the viewer, so that the inside of an opened solid is lit too.  Of the first
-// lights, which have shadows, `dark` has a bit where they do not reach the point.
+// turned towards the eye, so that the inside of an opened solid is lit too.  `dark` has a bit for
+// each of the first lights, which have shadows; it is set if the light does not reach the point.
 fn shade(normal: Vector, direction: Vector, point: Vector, finish: Finish, dark: u4) -> Vector {
   let away = dot_product(normal, direction) > f4(FAINT);
   let toward = scaled(normal, select(f4(1.0), f4(-1.0), away));

@@ -1,8 +1,8 @@
 // The forms of an occluder along rays to a light -> whether it hides the light: signs of products.
 //
-// A solid hides the light where the ray from a point to the light meets it and is not all inside
-// it. Of a point on its own F that root is known: F is (v' - v) times the rest, so beyond the point
-// the sign of F is that of the rest, which is linear.
+// A solid hides the light from a point if the ray from the point to the light hits the solid and is
+// not wholly inside it. If the point lies on F, one root is known: F is (v' - v) times the rest. So
+// beyond the point F has the sign of the rest, which is linear.
 
 // F along the ray.
 fn curve_along(occluder: Occluder, ray: Ray) -> Form {
@@ -13,7 +13,7 @@ fn curve_along(occluder: Occluder, ray: Ray) -> Form {
   );
 }
 
-// The same to a light far away, where z and t are the radius.
+// F along the ray to a far light, where z and t are the radius.
 fn far_curve(occluder: Occluder, ray: Ray) -> Form {
   let slope = array<Value, 3>(occluder.g[0], occluder.g[1], occluder.g[2]);
   return Form(
@@ -28,7 +28,7 @@ fn slab_along(slab: Slab, ray: Ray) -> Line {
   return Line(first_order(slab.c, ray, ray.t), first_order(slab.b, ray, ray.z));
 }
 
-// The same to a light far away.
+// The first half-space of a slab along the ray to a far light.
 fn far_slab(slab: Slab, ray: Ray) -> Line {
   return Line(first_order(slab.c, ray, ray.t), v4(slab.b[0]));
 }
@@ -38,7 +38,8 @@ fn second_along(slab: Slab, line: Line, ray: Ray) -> Line {
   return Line(-line.c - times(v4(slab.width), ray.t), -line.b);
 }
 
-// The surfaces of the two after that of F: second is 0 where there is none.
+// The surface numbers of the two half-spaces, counted from that of F; the second is 0 if there is
+// none.
 fn first_number(slab: Slab) -> u32 {
   return slab.numbers & ((1u << SLAB_BITS) - 1u);
 }
@@ -47,7 +48,7 @@ fn second_number(slab: Slab) -> u32 {
   return (slab.numbers >> SLAB_BITS) & ((1u << SLAB_BITS) - 1u);
 }
 
-// The light is outside of them.
+// Whether the light is outside of the first half-space, and of the second.
 fn first_is_lit(slab: Slab) -> bool {
   return (slab.numbers & SLAB_LIT) != 0u;
 }
@@ -56,8 +57,9 @@ fn second_is_lit(slab: Slab) -> bool {
   return (slab.numbers & (SLAB_LIT << 1u)) != 0u;
 }
 
-// The part of a piece inside a half-space, and, if there is one, inside the opposite one: a ray
-// enters one of them and leaves the other. One along them passes both, but hardly.
+// The part of a piece inside a half-space and, if there is one, inside the opposite half-space. A
+// ray enters one of them and leaves the other. A ray parallel to them is inside both, or outside
+// one.
 fn between(piece: Piece, line: Line, other: Line, both: bool) -> Piece {
   let enters = line.b < v4(0);
   let slope = max(abs(line.b), v4(LEAST_SLOPE));
@@ -80,44 +82,44 @@ fn whole_ray(ray: Ray) -> Piece {
   return Piece(ray.c_in, ray.b_in, i4(0), ray.c_out, ray.b_out, i4(0));
 }
 
-// F <= 0 somewhere on the piece.
+// Whether F <= 0 somewhere on the piece.
 fn is_met(form: Form, piece: Piece) -> b4 {
   let inside = !outside_at_entry(form, piece) | !outside_at_exit(form, piece);
   return remains(piece) & (inside | turns_within(form, piece));
 }
 
-// What is left of F where the ray begins on it, divided by the distance from there.
+// The rest of F if the ray begins on F: F divided by the distance from there.
 fn rest_of(form: Form, ray: Ray, at_lamp: bool) -> Line {
   let far = times(form.a, ray.c_in) + form.g;
   let near = times(form.c, -ray.b_in);
   return Line(select(far, near, b4(at_lamp)), form.a);
 }
 
-// The line is positive where the piece begins.
+// Whether the line is positive where the piece begins.
 fn starts_beyond(line: Line, piece: Piece) -> b4 {
   return product(piece.c_in, line.b) > product(line.c, piece.b_in);
 }
 
-// And where it ends.
+// Whether the line is positive where the piece ends.
 fn ends_beyond(line: Line, piece: Piece) -> b4 {
   return product(line.c, piece.b_out) > product(piece.c_out, line.b);
 }
 
-// A ray that begins on F, outside, meets it again on the piece.
+// Whether a ray that begins on F, outside, hits F again on the piece.
 fn is_met_again(rest: Line, piece: Piece) -> b4 {
   return (rest.b < v4(0)) & remains(clip(piece, rest, 0));
 }
 
-// F > 0 somewhere on the piece; in some pixels it begins on F.
+// Whether F > 0 somewhere on the piece; in the pixels `on_curve` the piece begins on F.
 fn comes_out(form: Form, rest: Line, piece: Piece, on_curve: b4) -> b4 {
   let turns = turns_within(Form(-form.a, -form.g, -form.c), piece);
   let outside = outside_at_entry(form, piece) | outside_at_exit(form, piece) | turns;
   return select(outside, starts_beyond(rest, piece) | ends_beyond(rest, piece), on_curve);
 }
 
-// Whether points of a solid are dark on its own account: turned away from the light, or behind
-// the solid. In pixels that see it from inside (1, or 2 where a base plane opens it), `enclosed`
-// says that it hides the light.
+// Whether a solid hides the light from its own points, turned away from it or behind the solid. In
+// pixels that see it from inside (1, or 2 if a base plane opens it), `enclosed` tells whether it
+// hides the light.
 fn own_shadow(faces: b4, turned: u4, again: b4, enclosed: b4, casts: bool) -> b4 {
   let is_turned = turned != u4(0u);
   let away = faces == is_turned;

@@ -1,12 +1,12 @@
-// The nearest points of a block -> the lights that do not reach them.
+// The nearest points of a block -> the lights that do not reach these points.
 //
-// Where invocations work together each looks at one box, and all try what one of them found, each
-// occluder once: a processor runs the code for an occluder also where nobody needs it.
+// If invocations fetch together, each looks at one box, and all try the occluders that one of them
+// found, each once: llvmpipe runs the code for an occluder also if no invocation needs it.
 
-// Beyond all coordinates.
+// A number beyond all coordinates.
 const BEYOND: f32 = 3e38;
 
-// Where points are, in the coordinates of the boxes of a light.
+// A box around points, in the coordinates of the boxes of a light.
 struct Around {
   low: vec3<f32>,
   high: vec3<f32>,
@@ -14,12 +14,12 @@ struct Around {
 
 const NOWHERE: Around = Around(vec3<f32>(BEYOND), vec3<f32>(-BEYOND));
 
-// The least of four.
+// The least of four numbers.
 fn least(values: f4) -> f32 {
   return min(min(values.x, values.y), min(values.z, values.w));
 }
 
-// What is around, and some of four more points; those behind a lamp may be anywhere.
+// The box around the old one and some of four more points; points behind a lamp may be anywhere.
 fn joined(old: Around, at: Vector, some: b4, behind: b4) -> Around {
   let open = some & behind;
   let none = f4(BEYOND);
@@ -35,26 +35,26 @@ fn joined(old: Around, at: Vector, some: b4, behind: b4) -> Around {
   );
 }
 
-// The same for all invocations that work together, with the rays to the light.
+// The box around the boxes of all invocations that fetch together, and around their rays.
 fn all_around(around: Around, is_far: bool) -> Around {
   var low = around.low;
   var high = around.high;
   low = subgroupMin(low);  //? broadcast
   high = subgroupMax(high);  //? broadcast
-  // Rays to a lamp end there, from behind it too; others have no end.
+  // Rays to a lamp end there, also from behind it. Rays to a far light have no end.
   low.z = select(-BEYOND, low.z, is_far);
   high.z = select(max(high.z, 0.0), BEYOND, is_far);
   return Around(low, high);
 }
 
-// A box has a point in common with what is around.
+// Whether two boxes have a point in common.
 fn touches(box: Box, around: Around) -> bool {
   return (box.low[0] <= around.high.x) & (box.high[0] >= around.low.x)
     & (box.low[1] <= around.high.y) & (box.high[1] >= around.low.y)
     & (box.low[2] <= around.high.z) & (box.high[2] >= around.low.z);
 }
 
-// Where the points of a solid are, and how much they mirror.
+// Where the points of a solid are, how much they mirror, and whether rays from there leave it.
 fn find_points(location: Location, j: i32) {
   // each quad
   {
@@ -62,11 +62,16 @@ fn find_points(location: Location, j: i32) {
     let x = i_0 - i4(location.center_x);
     let found = point_at(location, x, j - location.center_y, nearest_0.position);
     point_0 = either_point(mine, found, point_0);
-    weight_0 = select(weight_0, f4(location.reflection), mine);  //? mirrors
+    {  //? mirrors
+      weight_0 = select(weight_0, f4(location.reflection), mine);
+      let on_curve = nearest_0.surface == u4(location.surface);
+      let left = is_left(location.flags, on_curve, nearest_0.turned);
+      gone_0 = select(gone_0, select(u4(NO_BODY), u4(location.body), left), mine);
+    }
   }
 }
 
-// Whether boxes touch, of this invocation's and of the others that look together.
+// Whether boxes touch those of points; each invocation that fetches together looks at one box.
 fn touching(number: u32, end: u32, around: Around, other: Around) -> u32 {
   let box = box_alone(number + lane);
   var near = touches(box, around);
@@ -74,7 +79,7 @@ fn touching(number: u32, end: u32, around: Around, other: Around) -> u32 {
   return subgroupBallot(near & (number + lane < end)).x & ((1u << BROADCAST) - 1u);
 }
 
-// Tries what may hide a light from points around which there are two boxes.
+// Tries the occluders that may hide a light from points, which lie in two boxes.
 fn try_occluders(light: LightView, around: Around, other: Around) {
   for (var t = light.first; t < light.end; t++) {  //? !broadcast
     if touches(box_at(t), around) {
@@ -153,7 +158,7 @@ fn try_occluders(light: LightView, around: Around, other: Around) {
   }
 }
 
-// The lights that are hidden from the points, or that they are turned away from.
+// Sets the bits of lights that are hidden from the points, or that the points are turned away from.
 fn find_shadows() {
   for (var ix = 0u; ix < SHADOWS; ix++) {
     let light = light_view_at(ix);
@@ -171,7 +176,7 @@ fn find_shadows() {
       let beam = beam_of(from_origin, light.axis, light.sign, light.shear_x, light.shear_y);
       at_0 = Vector(f4(beam.a), f4(beam.b), f4(beam.v));
       {  //? lamps
-        // As the lamp sees them: across over along, where that is ahead.
+        // In the axes of the lamp: the way across over the way along, if that is ahead.
         behind_0 = !is_far & (at_0.z < f4(1.0));
         let depth = select(at_0.z, f4(1.0), is_far | behind_0);
         at_0 = Vector(at_0.x / depth, at_0.y / depth, at_0.z);
@@ -180,7 +185,7 @@ fn find_shadows() {
     }
     var other = NOWHERE;
     {  //? many_shadows
-      // Two boxes, because points side by side may be far from each other.
+      // Two boxes, because neighbouring pixels may show points far from each other.
       let ends = all_around(around, is_far.x);
       let middle = f4(0.5 * ends.low.x + 0.5 * ends.high.x);
       around = NOWHERE;

@@ -1,4 +1,4 @@
-// What a ray sees of one solid.
+// The point of one solid that a ray sees, and the exit.
 struct Sight {
   hit: b4,
   surface: i4,  // 0 is F, half-spaces count from 1

@@ -1,43 +1,43 @@
-// A solid and its half-spaces -> what holds of them along rays.
+// A solid and its half-spaces -> their properties along rays.
 
-// Rays start at the eye, which the solid contains.
+// Whether rays start at the eye and the solid contains it.
 fn eye_inside(solid: Solid) -> bool {
   return (solid.flags & FLAG_EYE_INSIDE) != 0u;
 }
 
-// The near base plane, not the eye, cuts the solid.
+// Whether the near base plane, not the eye, cuts the solid.
 fn near_cut(solid: Solid) -> bool {
   return (solid.flags & FLAG_NEAR_CUT) != 0u;
 }
 
-// Rays start at the eye.
+// Whether rays start at the eye.
 fn starts_at_eye(solid: Solid) -> bool {
   return (solid.flags & FLAG_STARTS_AT_EYE) != 0u;
 }
 
-// F > 0 at the eye.
+// Whether F > 0 at the eye.
 fn eye_outside(solid: Solid) -> bool {
   return (solid.flags & FLAG_EYE_OUTSIDE_QUADRIC) != 0u;
 }
 
-// Rounding did not decide what the host says of the eye.
+// Whether the flags about the eye hold for exact numbers, too.
 fn eye_sure(solid: Solid) -> bool {
   return (solid.flags & FLAG_EYE_SURE) != 0u;
 }
 
-// F > 0 where the piece begins. At the eye the host knows it, elsewhere F decides.
+// Whether F > 0 where the piece begins. The host tells it at the eye; elsewhere F decides.
 fn starts_outside(solid: Solid, form: Form, piece: Piece) -> b4 {
   let from_eye = (piece.id_in == i4(0)) & b4(starts_at_eye(solid));
   return select(outside_at_entry(form, piece), b4(eye_outside(solid)), from_eye);
 }
 
-// The ray starts inside all half-spaces: at the eye, or at a near base plane that cuts the solid.
+// Whether the ray starts inside all half-spaces, at the eye or at a near base plane.
 fn starts_inside(solid: Solid, piece: Piece) -> b4 {
   return b4(eye_inside(solid)) | (b4(near_cut(solid)) & (piece.id_in == i4(0)));
 }
 
-// Which side of a solid is seen: 0 is that from outside, 1 from inside, 2 from inside where the
-// near base plane opens it.
+// The side of a solid that is seen: 0 is the outer side, 1 the inner side, 2 the inner side if the
+// near base plane opens the solid.
 fn other_side(solid: Solid, inside: b4) -> u4 {
   return select(u4(0u), u4(select(1u, 2u, near_cut(solid))), inside);
 }

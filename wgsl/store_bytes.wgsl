@@ -1,6 +1,6 @@
 // Outputs of bytes of a block -> their part of the buffer, word by word.
 
-// An image: three words of a quad.
+// Stores an image: three words a quad.
 fn store_image(
   place: u32,
   // each quad
@@ -15,7 +15,7 @@ fn store_image(
   }
 }
 
-// Tags: a word of a quad.
+// Stores tags: one word a quad.
 fn store_tag(
   place: u32,
   // each quad

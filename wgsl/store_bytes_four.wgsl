@@ -1,6 +1,6 @@
 // Outputs of bytes of a block of four quads -> their part of the buffer, four words at once.
 
-// An image: three words of a quad.
+// Stores an image: three words a quad.
 fn store_image(
   place: u32,
   image_0: vec3<u32>,
@@ -14,7 +14,7 @@ fn store_image(
   pixels[first + 2u] = whole(vec4<u32>(image_2.z, image_3));
 }
 
-// Tags: a word of a quad.
+// Stores tags: one word a quad.
 fn store_tag(place: u32, tag_0: u32, tag_1: u32, tag_2: u32, tag_3: u32) {
   let first = (BYTES_TAG * frame.plane_quads + place) / 4u;
   pixels[first] = whole(vec4<u32>(tag_0, tag_1, tag_2, tag_3));

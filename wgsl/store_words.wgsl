@@ -1,6 +1,6 @@
 // Outputs of words -> their planes.
 
-// Four pixels of a plane.
+// Stores the words of four pixels of a plane.
 fn store(plane: u32, place: u32, words: u4) {
   planes[place + plane * frame.plane_quads] = words;
 }

@@ -1,18 +1,18 @@
 // A polynomial along rays, of any degree.
 //
-// DEGREE is the highest of the scene.  How far F may be off is derived in gpu/twin/taylor.py.
+// DEGREE is the highest degree in the scene.  gpu/twin/taylor.py derives the error of F.
 
 const POWERS: u32 = DEGREE + 1u;
-// Terms with one power of u, and all.
+// The number of terms with one power of u, and of all terms.
 const ROW_TERMS: u32 = (DEGREE + 1u) * (DEGREE + 2u) / 2u;
 
 // F on the rays of pixels.
 struct Curve {
-  powers: array<f4, POWERS>,  // of u less the middle
+  powers: array<f4, POWERS>,  // coefficients of powers of u - middle
   sizes: array<f4, POWERS>,  // of their terms
   middle: f32,
-  rounding: f32,  // error of F, of the sum of the sizes
-  host_error: f32,  // error of F besides
+  rounding: f32,  // error of F, as a part of the sum of the sizes
+  host_error: f32,  // error of F from the set-up
 }
 
 // Derivatives of F.
@@ -42,7 +42,7 @@ fn on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
   return powers;
 }
 
-// Sums of the magnitudes of what `on_rays` sums.
+// Sums of the magnitudes of the terms that `on_rays` sums.
 fn sizes_on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
   let size_x = abs(x);
   let size_y = abs(y);
@@ -64,7 +64,7 @@ fn sizes_on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
   return sizes;
 }
 
-// Derivatives of the polynomial at the places u.
+// Derivatives of the polynomial at u.
 fn slopes_on_rays(k: array<f32, TERMS>, x: f4, y: f32, u: f4) -> Slopes {
   var value = f4(0.0);
   var in_x = f4(0.0);
@@ -96,7 +96,7 @@ fn slopes_on_rays(k: array<f32, TERMS>, x: f4, y: f32, u: f4) -> Slopes {
   return Slopes(in_x, in_y, in_u);
 }
 
-// F at the places u.
+// F at u.
 fn value_at(p: array<f4, POWERS>, u: f4) -> f4 {
   var value = p[DEGREE];
   // written out
@@ -106,7 +106,7 @@ fn value_at(p: array<f4, POWERS>, u: f4) -> f4 {
   return value;
 }
 
-// No slope of F is larger up to the places u >= 0.
+// The largest slope of F for |u| up to u >= 0.
 fn slope_at_most(sizes: array<f4, POWERS>, u: f4) -> f4 {
   var slope = f32(DEGREE) * sizes[DEGREE];
   // written out
@@ -135,12 +135,12 @@ fn about(p: array<f4, POWERS>, m: f4, h: f4) -> array<f4, POWERS> {
   return t;
 }
 
-// F at the places u of the interval.
+// F at u in the interval.
 fn curve_value(curve: Curve, u: f4) -> f4 {
   return value_at(curve.powers, u - curve.middle);
 }
 
-// How far F may be off in places no further from the middle than `reach`.
+// The largest error of F at distances from the middle up to `reach`.
 fn curve_error(curve: Curve, reach: f4) -> f4 {
   return curve.rounding * value_at(curve.sizes, reach) + curve.host_error;
 }
@@ -155,7 +155,7 @@ fn opposite(some: b4, curve: Curve) -> Curve {
   return turned;
 }
 
-// The powers in some pixels, in the others those of c + b u + a u².
+// `powers` in some pixels, in the others those of c + b u + a u².
 fn cap_or(some: b4, powers: array<f4, POWERS>, c: f4, b: f4, a: f4) -> array<f4, POWERS> {
   var chosen: array<f4, POWERS>;
   chosen[0] = select(c, powers[0], some);

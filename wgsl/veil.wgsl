@@ -1,13 +1,14 @@
-// A copy of a group before a light -> its surfaces along rays to the light, ahead of a point.
+// A copy of a group -> its surfaces along rays to a light, ahead of a point.
 //
-// About the copy, v from -1 to 1 is a grid of 2^n cells, on which all its surfaces are crossed. Of
-// a point on a surface that root is known: F is (v' - v) times the rest, so beyond the point the
-// sign of F is that of the rest, which is linear; of a plane it is constant.
+// The interval of v from -1 to 1 about the copy is a grid of 2^n cells, on which the crossings of
+// all its surfaces are found. If the point lies on a surface, one root is known: F is (v' - v)
+// times the rest. So beyond the point F has the sign of the rest, which is linear, or constant for
+// a plane.
 
-// No point is further beside its surface, along a ray to a light, in radii.
+// The largest distance of a point from its surface, along a ray to a light, in radii.
 const MOST_BESIDE: Value = 0x1p-9f;
 
-// A root so far away that it is behind all places.
+// A root behind all positions of a ray.
 const BEHIND_ALL: Value = 0x1p90f;
 
 // F of a quadric along the ray.
@@ -24,8 +25,8 @@ fn veil_line(flat: VeilFlat, ray: Ray) -> Line {
   return Line(first_order(flat.c, ray, ray.t), first_order(flat.b, ray, ray.z));
 }
 
-// Where a lamp is near, a ray to it that begins far away, from within some radii of the lamp on: a
-// copy is nearer. The scale is a power of two.
+// The ray; if a lamp is near, only the part within some radii of the lamp, where the copy is. The
+// ray is scaled by a power of two.
 fn brought_near(ray: Ray, at_lamp: bool) -> Ray {
   let size = max(max(max(abs(ray.x), abs(ray.y)), abs(ray.z)), f4(8.0));
   let power = bitcast<u4>(size) & u4(0x7F800000u);
@@ -43,15 +44,15 @@ fn brought_near(ray: Ray, at_lamp: bool) -> Ray {
   );
 }
 
-// Whether rays are among those of a veil.
+// Whether rays belong to the bundle of a veil.
 fn is_behind(veil: Veil, ray: Ray) -> b4 {
   let after = (ray.x >= ray.t * veil.low[0]) & (ray.y >= ray.t * veil.low[1]);
   let before = (ray.x <= ray.t * veil.high[0]) & (ray.y <= ray.t * veil.high[1]);
   return after & before & ray.near;
 }
 
-// The first grid point ahead of a place along the ray, in units of the grid of the world: the
-// interval is 2^(level + 1) of them.
+// The first grid point ahead of a position along the ray, in units of the grid of the world. The
+// interval has 2^(level + 1) units.
 fn point_ahead(v: i4, level: u32) -> i4 {
   let radius = i4(1i << level);
   let from_start = bitcast<u4>(min(v, radius) + radius);
@@ -61,12 +62,12 @@ fn point_ahead(v: i4, level: u32) -> i4 {
   return select(passed + i4(1), i4(0), v < -radius);
 }
 
-// What is left of a line where the ray begins on it.
+// A line, or the rest of it if the ray begins on it.
 fn line_ahead(line: Line, on_line: b4) -> Line {
   return Line(select(line.c, line.b, on_line), select(line.b, v4(0), on_line));
 }
 
-// What is left of F where the ray begins on it.
+// F, or the rest of it if the ray begins on F.
 fn form_ahead(form: Form, rest: Line, on_curve: b4) -> Form {
   return Form(
     select(form.a, v4(0), on_curve),
@@ -75,21 +76,21 @@ fn form_ahead(form: Form, rest: Line, on_curve: b4) -> Form {
   );
 }
 
-// The position of the middle of a cell.
+// The position in the middle of the cell with u.
 fn cell_with(u: f4) -> i4 {
   let cells = f32(1u << (VEIL_STEPS - 1u));
   let cell = floor(min(max(u * cells + cells, f4(0.0)), f4(2.0 * cells - 1.0)));
   return i4(cell) + i4(cell) + i4(1 - (1i << VEIL_STEPS));
 }
 
-// Where a plane is crossed.
+// The crossing of a plane.
 fn flat_crossed(line: Line) -> Crossing {
   let u = -line.c / select(line.b, v4(1), line.b == v4(0));
   return line_crossing(line, cell_with(u), VEIL_STEPS, EYE_UNKNOWN);
 }
 
-// Where a quadric is crossed: as of a shadow only the order of all crossings counts, by division
-// and a square root.
+// The crossing of a quadric, by a division and a square root: a shadow depends only on the order of
+// all crossings.
 fn curve_crossed(form: Form) -> Crossing {
   let bowl = convex(form);
   let root = sqrt(max(bowl.g * bowl.g - (4.0 * bowl.a) * bowl.c, v4(0)));
@@ -101,8 +102,9 @@ fn curve_crossed(form: Form) -> Crossing {
   return crossing(form, enters, cell_with(max(far, near)), VEIL_STEPS, EYE_UNKNOWN);
 }
 
-// How many grid points further a ray is on the surface where it begins: a point is as far beside
-// its surface as its place is off, and of others that touch there it may be on the wrong side.
+// The number of grid points from the start of a ray to the surface on which it begins. The point
+// lies beside its surface by the error of its position. So it may be on the wrong side of other
+// surfaces that touch there.
 fn points_to_surface(value: v4, slope: v4) -> i4 {
   let way = -value / select(slope, v4(1), slope == v4(0));
   return i4(ceil(min(max(way, v4(0)), v4(MOST_BESIDE)) * f32(1u << (VEIL_STEPS - 1u))));
@@ -113,8 +115,8 @@ fn value_at_start(form: Form, ray: Ray) -> v4 {
   return (form.a * ray.c_in + form.g) * ray.c_in + form.c;
 }
 
-// Whether a ray leaves a region through the surface where it begins, of which the rest is left and
-// a side is met.
+// Whether a ray leaves a region through the surface on which it begins. `rest` is the rest of that
+// surface, and `side` the side of it that is seen.
 fn is_faced(rest: Line, side: i4, piece: Piece) -> b4 {
   let back = (side & i4(1)) == i4(1);
   let turned = Line(select(rest.c, -rest.c, back), select(rest.b, -rest.b, back));

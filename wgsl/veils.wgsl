@@ -1,9 +1,9 @@
-// Copies of groups before a light -> the pixels from which they hide the light.
+// The veils of a light -> the pixels from which copies of groups hide the light.
 
-// Rounds of loops that are left for shadows of copies.
+// The rounds of loops that an invocation may still take for veils.
 var<private> rounds_left: i32 = VEIL_ROUNDS;
 
-// Whether a region holds, or does not, as wanted, at a grid point from one on to another one.
+// Whether a region holds, or does not, as `want` says, at some point from `begin` to `last`.
 fn holds_ahead(path: Path, want: bool, begin: i4, last: i32) -> b4 {
   var q = begin;
   var found = b4(false);
@@ -22,7 +22,8 @@ fn holds_ahead(path: Path, want: bool, begin: i4, last: i32) -> b4 {
   return found;
 }
 
-// A copy before a light, of which all pixels side by side are behind one veil or none.
+// Tries a veil of a copy. The pixels of all invocations that fetch together are behind this veil,
+// or behind none of the copy.
 fn draw_veil(veil: Veil, bit: u32) {
   let copy = veiled_at(veil.copy);
   var at_lamp = false;
@@ -111,7 +112,8 @@ fn draw_veil(veil: Veil, bit: u32) {
   }
 }
 
-// Whether boxes of veils touch, of this invocation's and of the others that look together.
+// Whether boxes of veils touch those of points; each invocation that fetches together looks at one
+// box.
 fn touching_veils(number: u32, end: u32, around: Around, other: Around) -> u32 {
   let box = veil_box_alone(number + lane);
   var near = touches(box, around);
@@ -119,7 +121,7 @@ fn touching_veils(number: u32, end: u32, around: Around, other: Around) -> u32 {
   return subgroupBallot(near & (number + lane < end)).x & ((1u << BROADCAST) - 1u);
 }
 
-// Tries the veils of a light with points around which there are two boxes behind them.
+// Tries the veils of a light that may hide it from points, which lie in two boxes.
 fn try_veils(number: u32, bit: u32, around: Around, other: Around) {
   let light = veil_view_at(number);
   for (var t = light.first; t < light.end; t++) {  //? !broadcast
@@ -153,7 +155,7 @@ fn try_veils(number: u32, bit: u32, around: Around, other: Around) {
       }
     }
   }
-  // Where there were too many, nothing is certain.
+  // If there were too many rounds, nothing is certain.
   if rounds_left < 0 {  //? error
     // each quad
     nearest_0.doubt = Key(u4(0u), u4(0u));

@@ -42,7 +42,7 @@ fn visit_article(solid: Solid, y: i32) {
     turned_0 = other_side(solid, found.inside);  //? places & !patch
     turned_0 = select(u4(0u), u4(1u), line_of(&lines, 0u).b > v4(0));  //? places & patch
 
-    // The method knows only now which surface is seen.
+    // Only now is it known which surface is seen.
     slope_0 = turned(line_of(&lines, 0u).b > v4(0), normal_of(own));  //? normal & patch
     slope_0 = NO_VECTOR;  //? normal & flat
     slope_0 = slope_at(solid, x_0, y, found.position);  //? normal & curved
@@ -71,7 +71,7 @@ fn visit_article(solid: Solid, y: i32) {
     certificate_0 = certify_patch(bounded, solid.last_step);  //? error & patch
     certificate_0 = polyhedron_certificate(solid, ends);  //? error & flat
     certificate_0 = quadric_certificate(solid, at, ends);  //? error & curved
-    // In one cell the way in and the way out through a surface may stand for each other.
+    // In one cell, the entry and the exit through a surface may be confused.
     certificate_0.sure = certificate_0.sure & (certificate_0.inside == found.inside);  //? error
   }
 }

@@ -73,7 +73,9 @@ fn visit_polynomial(solid: Solid, y: i32) {
       & b4((outline.top <= y) & (y <= outline.bottom));
     some = some & within;
     let seen = opposite(inside, curve);  //? !formula
-    var cell = cells_from(i4(0), some & !on_entry, solid.steps);
+    var cell: Cell;
+    cell = cells_about(start, some & !on_entry, MADE, solid.steps);  //? !formula
+    cell = cells_about(start, some & !on_entry, MADE_OF_FORMULA, solid.steps);  //? formula
     cell = walked(seen, start, stop, cell, solid.steps, solid.last_step);  //? !formula
     cell = walked_formula(  //? formula
       formula, trace, inside, start, stop, cell, solid.steps, solid.last_step

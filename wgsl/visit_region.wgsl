@@ -21,14 +21,11 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
   var place = count;  //? higher
   for (var k = 0u; k < higher_count(region); k++) {  //? higher
     let higher = higher_in(region, solid, k);
-    let form = polynomial_at(higher.polynomial);
     // each quad
     {
       let x = x_0 + i4(solid.center_x - higher.center_x);
       let down = y + (solid.center_y - higher.center_y);
-      let curve = higher_curve(form, x, down);
-      let some = is_about(form, x, down);
-      let trail = all_crossed(curve, higher, some, solid.steps, solid.last_step);
+      let trail = higher_crossed(higher, x, down, solid.steps, solid.last_step);
       keep_ends(place, trail.found, higher.pairs, solid.steps, true);
       keep_ends(SURELY + place, trail.surely, higher.pairs, solid.steps, false);  //? error
       keep_ends(PERHAPS + place, trail.perhaps, higher.pairs, solid.steps, true);  //? error
@@ -129,10 +126,10 @@ fn visit_region(number: u32, region: Region, solid: Solid, y: i32) {
     );
     into.cell = select(into.cell, out_of.cell, inside);  //? error & opened
     into.point = select(into.point, out_of.point, inside);  //? error & opened
-    // Where the near base plane cuts, rays start somewhere in these cells.
+    // If the near base plane cuts the region, rays start somewhere in these cells.
     let near = Between(i4(max(region.first - 1, 0)), i4(region.start_end + 1));  //? error
     var certain = b4(true);  //? error
-    // What is not sure at the eye does not matter to rays that start beyond it.
+    // Doubts about the eye do not matter to rays that start beyond it.
     let is_away = !starts_at_eye(solid) | (region.first > 0);  //? error
     var begun_surely = b4(eye_sure(solid) | is_away);  //? error
     for (var k = 0u; k < count; k++) {  //? error

@@ -1,11 +1,18 @@
-// A copy of a group of cells whose program is short -> its visible point: all words are read at
-// once, and each has the crossing of its own literal.
+// A copy of a group of cells whose program is short -> its visible point. All words are read at
+// once, and each word has the crossing of its own literal.
 //
 // The program is an OR of ANDs: it opens one level at a time, and each AND closes it. An AND is the
 // complement of the OR of complements. All cells are shown, and rays start outside of them.
+//
+// A program that the shader knows is written out: nothing is left to choose then.
 
 fn visit_short(which: u32, region: Region, solid: Solid, y: i32) {
-  let words = short_words_at(region.first_group, region.end_group);
+  var words = known_words();
+  words = short_words_at(region.first_group, region.end_group);  //? !known
+  var flats = KNOWN_PLANES;
+  flats = region.flat_count;  //? !known
+  var curves = KNOWN_QUADRICS;
+  curves = region.curved_count;  //? !known
   let never = (1i << solid.steps) + 1;
   // each quad
   var low_0: array<i4, WORDS>;
@@ -22,7 +29,8 @@ fn visit_short(which: u32, region: Region, solid: Solid, y: i32) {
       turn_0[w] = i4(0);
     }
   }
-  for (var k = 0u; k < region.flat_count; k++) {
+  // written out  //? known
+  for (var k = 0u; k < flats; k++) {
     var number = 0u;
     // written out
     for (var w = 0u; w < WORDS; w++) {
@@ -42,11 +50,12 @@ fn visit_short(which: u32, region: Region, solid: Solid, y: i32) {
       }
     }
   }
-  for (var k = 0u; k < region.curved_count; k++) {
+  // written out  //? known
+  for (var k = 0u; k < curves; k++) {
     var number = 0u;
     // written out
     for (var w = 0u; w < WORDS; w++) {
-      number = select(number, words[w] >> NUMBER, reads(words[w], region.flat_count + k));
+      number = select(number, words[w] >> NUMBER, reads(words[w], flats + k));
     }
     let quadric = curved_at(region.curved_start + (number - region.planes));
     // each quad
@@ -57,7 +66,7 @@ fn visit_short(which: u32, region: Region, solid: Solid, y: i32) {
       let outside = is_outside(found);
       // written out
       for (var w = 0u; w < WORDS; w++) {
-        let here = reads(words[w], region.flat_count + k);
+        let here = reads(words[w], flats + k);
         low_0[w] = select(low_0[w], ends.low, here);
         high_0[w] = select(high_0[w], ends.high, here);
         turn_0[w] = select(turn_0[w], turn_of(words[w], outside), here);
@@ -89,7 +98,7 @@ fn visit_short(which: u32, region: Region, solid: Solid, y: i32) {
         inner.until = select(inner.until, i4(LEAST), closes);
         place += select(0i, 1i, (words[w] & CELL_ENDS) != 0u);
       }
-      // What is behind the last grid point is not seen.
+      // Points behind the last grid point are not seen.
       let goes = (total.until < i4(0)) & (q <= i4(region.last)) & within;
       side = select(side, total.side, goes);
       q = select(q, ~total.until, goes);

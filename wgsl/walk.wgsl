@@ -1,61 +1,60 @@
-// A region's formula asked at grid points, and the leaps between them.
+// The formula of a region at grid points, and the leaps between them.
 //
-// At a grid point q a literal knows whether it holds and until which grid point it surely goes on
-// so: e is that point where it holds and its one's complement, which is negative, where it does
-// not. The order of e makes OR the greater of two, AND the lesser, NOT the complement: the sign of
-// the result says whether the formula holds, and the rest until where that surely lasts. A walk
-// leaps there until it finds what it wants. No leap passes a change of the formula, and each ends
-// where a surface is crossed.
+// At a grid point q a literal tells whether it holds, and up to which grid point this surely lasts.
+// Both are one number e: that grid point if the literal holds, else its one's complement, which is
+// negative. In the order of e, OR is the greater of two, AND the lesser, NOT the complement. The
+// sign of the result tells whether the formula holds, and its bits up to where this surely lasts. A
+// walk leaps there, again and again, until it finds the answer it wants. No leap passes a change of
+// the formula, and each ends at the crossing of a surface.
 //
 // A program is the formula in the order of its text. All levels take the greater: an AND is the
-// complement of the OR of complements, so closing a level complements, and literals on odd levels
+// complement of the OR of complements. So closing a level complements, and literals on odd levels
 // are complemented once more.
 
-// The ends of a crossing of which e is less than all others.
+// The ends of a crossing whose e is less than all others.
 const NOTHING_CROSSED: i32 = 0x7FFFFFFFi;
-// Less than all e.
+// A number less than all e.
 const LEAST: i32 = i32(-0x80000000);
 // No cell in particular.
 const ANY_CELL: i32 = -1;
 
-// Until where a truth lasts, as e, and the side of the surface that ends it: twice its number in
-// the group, and one more if that truth is F > 0.
+// An e, and the side of the surface that ends it: twice the surface's number in the group, and one
+// more if F > 0 holds until there.
 struct Held {
   until: i4,
   side: i4,
 }
 
-// What holds nowhere.
+// The state of a condition that holds nowhere.
 const NOTHING_HELD: Held = Held(i4(LEAST), i4(0));
 
-// A formula at grid points, and which of its cells is the first that holds there, -1 where none
-// does.
+// A formula at grid points, and the index of the first cell that holds there, -1 if none does.
 struct Look {
   held: Held,
   cell: i4,
 }
 
-// Where a walk is: a grid point, the side of the surface that was crossed last, and the cell there.
+// The position of a walk: a grid point, the side of the last surface it crossed, and the cell.
 struct Place {
   q: i4,
   side: i4,
   cell: i4,
 }
 
-// What a walk reads: a program, crossings, and a grid point behind all others.
+// The input of a walk: a program, crossings, and a grid point behind all others.
 struct Path {
   first_group: u32,  // of words
   end_group: u32,
-  negative: u32,  // where the crossings for literals F <= 0 begin
-  positive: u32,  // and those for literals F > 0
+  negative: u32,  // first crossing for literals F <= 0
+  positive: u32,  // first crossing for literals F > 0
   never: i32,
   over_cells: bool,  // q are cells, not grid points
-  wider: bool,  // a literal holds in a cell if anywhere in it, else if all over it
-  with_hidden: bool,  // cells count that are not shown  //? hidden
-  twice: bool,  // it holds where two cells do  //? overlap
+  wider: bool,  // a literal holds in a cell if it holds somewhere in it, else if everywhere
+  with_hidden: bool,  // cells that are not shown count, too  //? hidden
+  twice: bool,  // the region holds only where two cells do  //? overlap
 }
 
-// e of what holds at the grid points low <= q < high.
+// e of a condition that holds at the grid points low <= q < high.
 fn until_at(low: i4, high: i4, q: i4, never: i32) -> i4 {
   let within = select(i4(~never), high, q < high);
   return select(within, ~low, q < low);
@@ -68,18 +67,18 @@ fn literal_at(crossing: Crossing, q: i4, never: i32, turn: bool) -> i4 {
   return select(e, ~e, is_outside(crossing) != b4(turn));
 }
 
-// Whether a word has a literal of a surface that counts, by its place.
+// Whether a word has a literal of a surface, given by its index in the list.
 fn reads(word: u32, place: u32) -> bool {
   return (word & LEAF) != 0u && (word & PLACE) == place;
 }
 
-// All bits where e of a word's literal is the complement of that of the ends of a crossing, which
-// may be where F <= 0 outside of them; else none.
+// All bits if e of a word's literal is the complement of the e of the crossing's ends, else none.
+// `outside`: F <= 0 outside of the ends.
 fn turn_of(word: u32, outside: b4) -> i4 {
   return select(i4(0), i4(-1), outside != b4((word & TURN) != 0u));
 }
 
-// The one with the greater e; of equal ones the first.
+// The state with the greater e; the first if they are equal.
 fn later(first: Held, second: Held) -> Held {
   let greater = second.until > first.until;
   return Held(
@@ -88,7 +87,7 @@ fn later(first: Held, second: Held) -> Held {
   );
 }
 
-// One of two.
+// `yes` or `no`.
 fn either_held(first: bool, yes: Held, no: Held) -> Held {
   return Held(select(no.until, yes.until, first), select(no.side, yes.side, first));
 }

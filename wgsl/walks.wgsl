@@ -1,7 +1,7 @@
-// The walks through a region: what they read, how they leap, what each wants and where it begins.
+// The walks through a region: their input, leaps, aims and starts.
 
-// How far a look has come in a program: what holds of the cells that ended, and of the level that
-// is open; the first cell that holds; and which cell comes next.
+// The state of a look in the middle of a program: that of the cells that ended, and of the open
+// level; the first cell that holds; and the index of the next cell.
 struct Scan {
   total: Held,
   twice: i4,  // e of what holds of two cells  //? overlap
@@ -10,8 +10,8 @@ struct Scan {
   number: i32,
 }
 
-// A scan that has read one more word. There are no branches: invocations side by side would take
-// both ways.
+// A scan after one more word. It has no branches, because invocations of a subgroup would take both
+// ways.
 fn read_word(scan: Scan, word: u32, path: Path, q: i4, only: i4) -> Scan {
   let opens = (word & OPENS) != 0u;
   open_level(opens, scan.inner);
@@ -34,7 +34,7 @@ fn read_word(scan: Scan, word: u32, path: Path, q: i4, only: i4) -> Scan {
   counts = counts & b4(path.with_hidden || (word & HIDDEN) == 0u);  //? hidden
   let holds = counts & (inner.until >= i4(0)) & (scan.cell == i4(ANY_CELL));
   let chosen = later(scan.total, inner);
-  // The second greatest of all e says where two cells hold.
+  // The second greatest of all e tells where two cells hold.
   let both = max(scan.twice, min(scan.total.until, inner.until));  //? overlap
   return Scan(
     Held(
@@ -48,8 +48,7 @@ fn read_word(scan: Scan, word: u32, path: Path, q: i4, only: i4) -> Scan {
   );
 }
 
-// A region at grid points. Of its cells only the one counts that is named, or any where that is
-// ANY_CELL.
+// A region at grid points. Only the cell `only` counts, or every cell if it is ANY_CELL.
 fn look(path: Path, q: i4, only: i4) -> Look {
   var scan = Scan(
     NOTHING_HELD,
@@ -68,8 +67,8 @@ fn look(path: Path, q: i4, only: i4) -> Look {
   return Look(held, scan.cell);
 }
 
-// The first grid point from begin on where the region holds, or does not, as wanted: never or more
-// where there is none. A place where the walk begins keeps its side.
+// The first grid point from begin on where the region holds, or does not, as wanted; `path.never`
+// or more if there is none. A walk that goes nowhere keeps the side of its place.
 fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
   var place = begin;
   loop {
@@ -86,9 +85,9 @@ fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
   return place;
 }
 
-// The walks, in order: where rays get into the region; where out of the cell they got into; where
-// into two cells; where into any, shown or not, then out of all, then into one again; and for
-// certificates where they get in and out perhaps and surely.
+// The walks, in order. They find where a ray enters the region; where it leaves the entered cell;
+// where it enters two cells at once; where it enters any cell, shown or not, then leaves all cells,
+// then enters a cell again; and for certificates, where it perhaps and surely enters and leaves.
 const WALK_ENTRY: u32 = 0u;
 const WALK_BEYOND: u32 = 1u;
 const WALK_OVERLAP: u32 = 2u;
@@ -115,7 +114,7 @@ fn first_of(walk: u32, region: Region) -> i32 {
   return select(region.first, max(region.first - 1, 0), is_over_cells(walk));
 }
 
-// What a walk reads.
+// The input of a walk.
 fn path_of(walk: u32, region: Region, steps: u32) -> Path {
   var negative = CROSSED;
   var positive = CROSSED;
@@ -143,34 +142,35 @@ fn path_of(walk: u32, region: Region, steps: u32) -> Path {
   );
 }
 
-// A place where no surface was crossed.
+// The position of a walk before it crosses a surface.
 fn place_at(q: i32) -> Place {
   return Place(i4(q), i4(0), i4(ANY_CELL));
 }
 
-// How many surfaces count, planes first.
+// The number of surfaces in the list, planes first.
 fn counted(region: Region) -> u32 {
   return region.flat_count + region.curved_count;
 }
 
-// The number within its group of one of the surfaces that count; behind them come the cells that
-// do, and the surfaces that have an appearance of their own.
+// An entry of the list: numbers of surfaces in their group, then of cells, then of surfaces with an
+// appearance of their own.
 fn number_at(region: Region, place: u32) -> u32 {
   return programs[region.list_start + place];
 }
 
-// One of the planes that count.
+// A plane of the list.
 fn plane_at(region: Region, place: u32) -> Flat {
   return flat_at(region.flat_start + number_at(region, place));
 }
 
-// One of the quadrics that count.
+// A quadric of the list.
 fn quadric_at(region: Region, place: u32) -> Curved {
   let number = number_at(region, region.flat_count + place);
   return curved_at(region.curved_start + (number - region.planes));
 }
 
-// The form of a surface with its errors, a plane's with A = 0, and what is known of it at the eye.
+// The form of a surface with its errors, and what the host knows of it at the eye. A plane has
+// A = 0.
 struct Known {
   form: Form,
   errors: FormErrors,

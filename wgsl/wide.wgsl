@@ -1,6 +1,6 @@
-// Words that are stored in pairs, as 64 bits.
+// Words stored in pairs, as 64-bit integers.
 //
-// A processor that plays a device stores for one invocation after another, each time with a test.
+// llvmpipe stores for one invocation after another, and tests its mask for each store.
 
 // Four words as two of 64 bits. They pass a select that no compiler can prove idle: otherwise LLVM
 // computes the words anew for each invocation.

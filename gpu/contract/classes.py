@@ -20,9 +20,12 @@ class Class(IntEnum):
     FORMULA = 9  # any other formula, likewise
     REGION_4 = 10  # tiles see no more of any than four words of one level, all from outside
     REGION_8 = 11  # eight words
+    REGION_KNOWN = 12  # tiles see copies of one group alone, whole, whose program the shader knows
 
 
 # The classes of copies of groups.
-REGIONS = frozenset({Class.REGION, Class.REGION_INSIDE, Class.REGION_4, Class.REGION_8})
+REGIONS = frozenset(klass for klass in Class if klass.name.startswith("REGION"))
 # Words that programs have at most, by class.
 SHORT = {Class.REGION_4: 4, Class.REGION_8: 8}
+# Classes whose lists come behind that of REGION, so that its code draws them, too.
+BEHIND_REGION = (*SHORT, Class.REGION_KNOWN)

@@ -17,7 +17,10 @@ NO_NUMBER = -1
 
 @dataclass(frozen=True)
 class Operation:
-    """One operation of a formula. The stage ``jets`` has a function ``<name>_jet`` for it."""
+    """One operation of a formula. The stage ``jets`` has a function ``<name>_jet`` for it.
+
+    The stage ``grades`` has ``<name>_grade``.
+    """
 
     name: str
     operands: tuple[int, ...]

@@ -23,22 +23,23 @@ TILE_WORDS = 8
 
 
 class Flag(IntFlag):
-    """Facts about a solid that hold for the whole frame, found in float64 on the host."""
+    """Flags of a solid for the whole frame, found in float64 on the host."""
 
     EYE_INSIDE = 1  # rays start at the eye, which the solid contains
     STARTS_AT_EYE = 2  # u = -1 is the eye
     EYE_OUTSIDE_QUADRIC = 4  # F(h) > 0, the indicator (9)
     NEAR_CUT = 8  # the near base plane, not the eye, cuts the solid
-    EYE_SURE = 16  # the facts about the eye hold whatever the rounding
+    EYE_SURE = 16  # the flags about the eye hold for exact numbers, too
 
 
 class Shade(IntFlag):
-    """Facts about a solid that a ray to a light or from a mirror may meet."""
+    """Flags of a solid that a ray to a light or from a mirror may hit."""
 
     CASTS = 1  # it hides the light
     AT_LAMP = 2  # distances along rays count from the lamp, which is near the solid or inside it
     ENCLOSES = 4  # the light may be inside the solid
     FLAT = 8  # a bounded plane, without an inside
+    CONVEX = 16  # what leaves it does not meet it again
 
 
 @dataclass(frozen=True)
@@ -130,17 +131,17 @@ _TYPES: dict[str, tuple[type[np.generic], int]] = {
 
 FRAME = Record(
     "Frame",
-    "What all pixels of a band share.",
+    "Values that all pixels of a band share.",
     (
         Field("first_ray", "vec4<f32>", 1, "world direction through pixel (0, 0), or its start"),
-        Field("right", "vec4<f32>", 1, "its change from one pixel to the next on the right"),
-        Field("down", "vec4<f32>", 1, "its change from one row to the next"),
+        Field("right", "vec4<f32>", 1, "change of first_ray to the next pixel on the right"),
+        Field("down", "vec4<f32>", 1, "change of first_ray to the next row"),
         Field("ambient", "vec4<f32>", 1, "linear RGB"),
         Field("background", "vec4<f32>", 1, "linear RGB"),
         Field("first_row", "i32", 1, "first picture row of the band"),
         Field("row_quads", "u32", 1, "groups of four pixels in a row of the band"),
-        Field("plane_quads", "u32", 1, "the same in the whole band"),
-        Field("forward", "vec4<f32>", 1, "direction of all rays that start in different places"),
+        Field("plane_quads", "u32", 1, "groups of four pixels in the whole band"),
+        Field("forward", "vec4<f32>", 1, "direction of all rays, if they are parallel"),
     ),
 )
 
@@ -166,12 +167,12 @@ SOLID = Record(
         Field("key_high", "u32", 1, "depth key at u = -1, high word"),
         Field("key_low", "u32", 1, "low word"),
         Field("key_shift", "u32", 1, "a last step is 2^key_shift units of the key"),
-        Field("spare", "u32", 1, "the key has so many bits below a last step"),
+        Field("spare", "u32", 1, "bits of the key below a last step"),
         Field("flags", "u32", 1, "FLAG_… bits"),
         Field("surface", "u32", 1, "number of its first surface in the scene, from 1"),
         Field("plane_start", "u32", 1, "its first half-space"),
-        Field("plane_count", "u32", 1, "how many it has"),
-        Field("color", "f32", 3, "of its material, linear RGB"),
+        Field("plane_count", "u32", 1, "number of its half-spaces"),
+        Field("color", "f32", 3, "color of its material, linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
         Field("polynomial", "u32", 1, "its row among the polynomials, if it has one"),
@@ -200,7 +201,7 @@ LIGHT = Record(
 
 REGION = Record(
     "Region",
-    "What some tiles see of a copy of a group of cells; grid points count from 0 to 2^n.",
+    "An excerpt: the part of a copy of a group that some tiles see; grid points are 0 to 2^n.",
     (
         Field("left", "i32", 1, "first column of its rectangle"),
         Field("right", "i32", 1, "last column"),
@@ -213,16 +214,16 @@ REGION = Record(
         Field("last", "i32", 1, "last grid point before the far base plane"),
         Field("last_sure", "i32", 1, "the same, surely"),
         Field("solid", "u32", 1, "its row among the solids"),
-        Field("surfaces", "u32", 1, "how many its group has, planes first"),
-        Field("planes", "u32", 1, "how many of them are planes"),
+        Field("surfaces", "u32", 1, "surfaces of its group, planes first"),
+        Field("planes", "u32", 1, "planes among them"),
         Field("flat_start", "u32", 1, "its first plane"),
         Field("curved_start", "u32", 1, "its first quadric"),
         Field("looks_start", "u32", 1, "appearance of its first cell; its surfaces follow"),
-        Field("cells", "u32", 1, "how many its group shows"),
-        Field("list_start", "u32", 1, "numbers of what counts: planes, quadrics, cells"),
-        Field("flat_count", "u32", 1, "planes that count"),
-        Field("curved_count", "u32", 1, "quadrics that count"),
-        Field("cell_count", "u32", 1, "cells that count"),
+        Field("cells", "u32", 1, "cells that its group shows"),
+        Field("list_start", "u32", 1, "its list: numbers of planes, of quadrics, of cells"),
+        Field("flat_count", "u32", 1, "planes in the list"),
+        Field("curved_count", "u32", 1, "quadrics in the list"),
+        Field("cell_count", "u32", 1, "cells in the list"),
         Field("first_group", "u32", 1, "where its program begins, in groups of words"),
         Field("end_group", "u32", 1, "where it ends"),
     ),
@@ -255,23 +256,23 @@ CURVED = Record(
 
 APPEARANCE = Record(
     "Appearance",
-    "How a cell, or a face that a surface cuts, looks.",
+    "The appearance of a cell, or of a face that a surface cuts.",
     (
         Field("color", "f32", 3, "linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
-        Field("is_own", "u32", 1, "0 of a surface that looks as the cell does, else 1"),
+        Field("is_own", "u32", 1, "0 for a surface with the appearance of the cell, else 1"),
     ),
 )
 
 POLYNOMIAL = Record(
     "Polynomial",
-    "What a solid that a polynomial bounds has besides: F = Σ term (u - middle)^j x^a y^b.",
+    "The polynomial of a solid or of a surface: F = Σ term (u - middle)^j x^a y^b.",
     (
         Field("host_error", "f32", 1, "error of F from the set-up, in its units"),
         Field("rounding", "f32", 1, "error of F from rounding, of the sum of all |terms|"),
-        Field("middle", "f32", 1, "u about which F is expanded: u - middle is taken to powers"),
-        Field("scale", "f32", 1, "of pixel offsets: x and y, which are at most 1"),
+        Field("middle", "f32", 1, "u about which F is expanded"),
+        Field("scale", "f32", 1, "scale of pixel offsets, so that |x| and |y| are at most 1"),
         Field("left", "i32", 1, "least offset of its rectangle"),
         Field("right", "i32", 1, "greatest offset"),
         Field("top", "i32", 1, "least offset down"),
@@ -279,7 +280,7 @@ POLYNOMIAL = Record(
         Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
         Field("ball", "u32", 1, "number of the ball that bounds it, behind planes; 0 for none"),
         Field("axes", "f32", 9, "unit vectors of the camera, world: right, down, forward"),
-        Field("tangents", "f32", 3, "of the ray at x = y = 0, right and down; of x or y = 1"),
+        Field("tangents", "f32", 3, "tangents: right and down at x = y = 0; of x or y = 1"),
         Field(
             "stretch", "f32", 2, "width of x = 1 in halves of the interval: in the middle; per u"
         ),
@@ -289,32 +290,35 @@ POLYNOMIAL = Record(
 
 HIGHER = Record(
     "Higher",
-    "What a surface of a region of an order above two has besides its polynomial.",
+    "A surface of a region whose order is above two; its form has a record of its own.",
     (
-        Field("polynomial", "u32", 1, "its row among the polynomials"),
-        Field("pairs", "u32", 1, "of grid points between which F <= 0 holds, at most"),
+        Field("form", "u32", 1, "its row among the polynomials, or among the formulas"),
+        Field("pairs", "u32", 1, "the most intervals of grid points in which F <= 0"),
         Field("center_x", "i32", 1, "pixel where its x = 0"),
         Field("center_y", "i32", 1, "pixel where its y = 0"),
-        Field("first", "i32", 1, "the leaf where it may be crossed first"),
-        Field("start", "f32", 1, "u where that begins"),
+        Field("first", "i32", 1, "the first leaf in which a ray may cross it"),
+        Field("start", "f32", 1, "u where that leaf begins"),
         Field("stop", "f32", 1, "u behind which it is not crossed"),
         Field("eye", "u32", 1, "EYE_…: what is known of F at the eye"),
+        Field("is_formula", "u32", 1, "1 if its form is a formula that is no polynomial, else 0"),
+        Field("low", "f32", 3, "least local coordinates within the bounds of such a formula"),
+        Field("high", "f32", 3, "greatest local coordinates"),
     ),
 )
 
 EXPRESSION = Record(
     "Expression",
-    "What a solid that a formula bounds has besides: points of rays are level + u along.",
+    "The formula of a solid or surface. A ray's points are level + u along, in local coordinates.",
     (
         Field("host_error", "f32", 1, "error of points from the set-up"),
-        Field("scale", "f32", 1, "of pixel offsets: x and y, which are at most 1"),
+        Field("scale", "f32", 1, "scale of pixel offsets, so that |x| and |y| are at most 1"),
         Field("left", "i32", 1, "least offset of its rectangle"),
         Field("right", "i32", 1, "greatest offset"),
         Field("top", "i32", 1, "least offset down"),
         Field("bottom", "i32", 1, "greatest offset down"),
         Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
         Field("ball", "u32", 1, "number of the ball that bounds it, behind planes; 0 for none"),
-        Field("formula", "u32", 1, "which of the scene's"),
+        Field("formula", "u32", 1, "number of its formula in the scene"),
         Field("level_x", "f32", 3, "local coordinate at u = 0: coefficients of 1, x, y"),
         Field("level_y", "f32", 3, "the same"),
         Field("level_z", "f32", 3, "the same"),
@@ -322,18 +326,18 @@ EXPRESSION = Record(
         Field("along_y", "f32", 3, "the same"),
         Field("along_z", "f32", 3, "the same"),
         Field("axes", "f32", 9, "world from local"),
-        Field("numbers", "f32", "NUMBERS", "of the formula, in the order of its operations"),
+        Field("numbers", "f32", "NUMBERS", "numbers of the formula, in the order of operations"),
     ),
 )
 
 LOCATION = Record(
     "Location",
-    "Where the points of a visible solid are on the grid of the world, before a shift.",
+    "Positions of the points of a visible solid on the grid of the world, before a shift.",
     (
         Field("level", "Length", 9, "the point at u = 0, from the anchor: [1, x, y][axis]"),
         Field("along", "Length", 9, "its change to u = 1: [1, x, y][axis]"),
-        Field("anchor", "i32", 3, "on the grid"),
-        Field("shift", "u32", 1, "integers have so many bits below a unit of the grid"),
+        Field("anchor", "i32", 3, "the anchor, on the grid"),
+        Field("shift", "u32", 1, "bits of the integers below a unit of the grid"),
         Field("center_x", "i32", 1, "pixel where x = 0"),
         Field("center_y", "i32", 1, "pixel where y = 0"),
         Field("steps", "u32", 1, "n"),
@@ -341,21 +345,23 @@ LOCATION = Record(
         Field("surface", "u32", 1, "number of the solid's first surface in the scene, from 1"),
         Field("count", "u32", 1, "how many surfaces it has"),
         Field("reflection", "f32", 1, "share of what it mirrors"),
+        Field("body", "u32", 1, "number of the solid among bodies, from 1"),
+        Field("flags", "u32", 1, "SHADE_… bits"),
     ),
 )
 
 LIGHT_VIEW = Record(
     "LightView",
-    "A light with shadows: axes along its rays, or its place; and what may hide it.",
+    "A light with shadows: axes along its rays, or its position; and its occluders.",
     (
-        Field("bit", "u32", 1, "of the light in the output shadow"),
-        Field("axis", "u32", 1, "axis of the world that is most along its rays"),
-        Field("sign", "i32", 1, "1 if that points to a light far away, or from a lamp, else -1"),
+        Field("bit", "u32", 1, "its bit in the output shadow"),
+        Field("axis", "u32", 1, "the axis of the world closest to its rays"),
+        Field("sign", "i32", 1, "1 if the axis points to a far light or away from a lamp, else -1"),
         Field("shear_x", "i32", 1, "how far rays go along the next axis, in 2^-30"),
-        Field("shear_y", "i32", 1, "and along the one after that"),
-        Field("origin", "i32", 3, "where a lamp is on the grid"),
+        Field("shear_y", "i32", 1, "the same along the axis after the next"),
+        Field("origin", "i32", 3, "position of a lamp on the grid"),
         Field("first", "u32", 1, "its first occluder"),
-        Field("end", "u32", 1, "the one behind its last"),
+        Field("end", "u32", 1, "the occluder behind its last"),
         Field("groups", "u32", 1, "box of its first group of occluders"),
         Field("far_groups", "u32", 1, "box of its first group of groups"),
     ),
@@ -363,7 +369,7 @@ LIGHT_VIEW = Record(
 
 OCCLUDER = Record(
     "Occluder",
-    "A solid before a light: F and half-spaces along rays to the light.",
+    "An occluder, a solid that may hide a light: F and half-spaces along rays to the light.",
     (
         Field("a", "Value", 6, "A as coefficients of tz, tx, ty, x², xy, y²; for A, t is z"),
         Field("g", "Value", 6, "G"),
@@ -372,7 +378,7 @@ OCCLUDER = Record(
         Field("unit", "f32", 1, "one over the radius, in units of the grid"),
         Field("level", "u32", 1, "the radius is 2^level units"),
         Field("center", "i32", 3, "on the grid"),
-        Field("axis", "u32", 1, "of the world, most along rays to the light; as of LightView"),
+        Field("axis", "u32", 1, "the axis of the world closest to rays to the light; as LightView"),
         Field("sign", "i32", 1, "the same"),
         Field("shear_x", "i32", 1, "the same"),
         Field("shear_y", "i32", 1, "the same"),
@@ -395,16 +401,14 @@ SLAB = Record(
     (
         Field("c", "Value", 3, "coefficients of t, x, y"),
         Field("b", "Value", 3, "coefficients of z, x, y"),
-        Field("width", "Value", 1, "of what is between the two"),
-        Field(
-            "numbers", "u32", 1, "SLAB_… bits: what surfaces they are, and if the light is outside"
-        ),
+        Field("width", "Value", 1, "distance of the two half-spaces, as a coefficient of t"),
+        Field("numbers", "u32", 1, "SLAB_… bits: its surfaces, and whether the light is outside"),
     ),
 )
 
 VEIL_VIEW = Record(
     "VeilView",
-    "What hides a light with shadows of copies of groups.",
+    "The veils of a light with shadows.",
     (
         Field("first", "u32", 1, "its first veil"),
         Field("end", "u32", 1, "the one behind its last"),
@@ -413,19 +417,19 @@ VEIL_VIEW = Record(
 
 VEIL = Record(
     "Veil",
-    "What rays to a light that are close together meet of a copy of a group.",
+    "A veil: the part of a copy of a group that a bundle of rays to a light may hit.",
     (
         Field("low", "f32", 2, "their least a and b over h, in radii"),
         Field("high", "f32", 2, "their greatest"),
-        Field("copy", "u32", 1, "its row among the copies before lights"),
-        Field("first", "i32", 1, "grid point before which is nothing of it"),
-        Field("last", "i32", 1, "grid point behind which is nothing"),
+        Field("copy", "u32", 1, "its row among the copies that hide lights"),
+        Field("first", "i32", 1, "grid point before which it has nothing"),
+        Field("last", "i32", 1, "grid point behind which it has nothing"),
         Field("flat_start", "u32", 1, "the first plane of the copy along rays to the light"),
         Field("curved_start", "u32", 1, "its first quadric"),
-        Field("planes", "u32", 1, "how many planes its group has"),
-        Field("list_start", "u32", 1, "numbers of what counts: planes, quadrics"),
-        Field("flat_count", "u32", 1, "planes that count"),
-        Field("curved_count", "u32", 1, "quadrics that count"),
+        Field("planes", "u32", 1, "planes of its group"),
+        Field("list_start", "u32", 1, "its list: numbers of planes, of quadrics"),
+        Field("flat_count", "u32", 1, "planes in the list"),
+        Field("curved_count", "u32", 1, "quadrics in the list"),
         Field("first_group", "u32", 1, "where its program begins, in groups of words"),
         Field("end_group", "u32", 1, "where it ends"),
     ),
@@ -452,34 +456,32 @@ VEIL_CURVED = Record(
 
 MIRRORS = Record(
     "Mirrors",
-    "What all rays from mirrors share.",
+    "Values that all rays from mirrors share.",
     (
         Field("middle", "f32", 3, "of the grid of the world, from the eye"),
         Field("unit", "f32", 1, "of the grid"),
-        Field("count", "u32", 1, "bodies"),
+        Field("count", "u32", 1, "balls"),
     ),
 )
 
 BODY = Record(
     "Body",
-    "A solid as a ray from a mirror meets it, about its middle along the world's axes, in radii.",
+    "A body: a solid that rays from mirrors may hit, about its middle, along world axes, in radii.",
     (
         Field("second", "f32", 6, "half the second derivative of F: xx, yy, zz, xy, xz, yz"),
         Field("slope", "f32", 3, "half the gradient of F in the middle"),
         Field("value", "f32", 1, "F in the middle"),
-        Field("center", "i32", 3, "the middle, on the grid"),
-        Field("unit", "f32", 1, "one over the radius, in units of the grid"),
-        Field("radius", "f32", 1, "a power of two"),
         Field("flags", "u32", 1, "SHADE_… bits"),
         Field("surface", "u32", 1, "number of F among surfaces; those of its half-spaces follow"),
-        Field("first", "u32", 1, "number of its first surface in the scene, from 1"),
-        Field("count", "u32", 1, "how many surfaces it has"),
         Field("face_start", "u32", 1, "its first half-space"),
         Field("face_count", "u32", 1, "how many it has; a bounded plane has two"),
+        Field("center", "i32", 3, "the middle, on the grid"),
+        Field("unit", "f32", 1, "one over the radius, in units of the grid; a power of two"),
+        Field("bound", "f32", 1, "how large its ball is, in that radius; at most 1"),
         Field("color", "f32", 3, "of its material, linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
-        Field("reflection", "f32", 1, "share of what it mirrors"),
+        Field("reflection", "f32", 1, "weight of the mirror image"),
     ),
 )
 
@@ -488,22 +490,24 @@ FACE = Record(
     "A half-space of a body: n.x + beyond <= 0.",
     (
         Field("normal", "f32", 3, "n, unit"),
-        Field("beyond", "f32", 1, "how far the middle is outside"),
+        Field("beyond", "f32", 1, "distance of the middle outside it"),
     ),
 )
 
 BALL = Record(
     "Ball",
-    "A ball around a body.",
+    "A ball around a body, or around the balls that follow, up to `next`.",
     (
         Field("center", "f32", 3, "on the grid"),
         Field("radius", "f32", 1, "in units of the grid"),
+        Field("next", "u32", 1, "the ball to look at after this one if no ray meets this one"),
+        Field("body", "u32", 1, "number of the body, from 1; 0 for a ball around balls"),
     ),
 )
 
 BOX = Record(
     "Box",
-    "Where an occluder hides a light at most, in its axes; of a lamp, as the lamp sees it.",
+    "The box of points that an occluder may hide from a light, in the light's axes.",
     (
         Field("low", "f32", 3, "least coordinates on the grid"),
         Field("high", "f32", 3, "greatest"),

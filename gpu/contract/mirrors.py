@@ -17,7 +17,7 @@ class PackedMirrors:
     frame: Records  # (1,), the grid of the world relative to the eye
     bodies: Records  # (K,)
     faces: Records
-    balls: Records  # (K,) around the bodies, and padding that no ray meets
+    balls: Records  # around the bodies, in their order, and before them around groups of them
     bounces: int  # how often a ray is reflected at most; at least 1
 
     @property

@@ -16,6 +16,10 @@ from halfstep.contract.arrays import Ints
 # The most cells that a pixel may try, and the most error bounds that it may try.
 CLOCKS = 64
 BOUNDS = 8
+# A ray begins with the cell of 2^-MADE of the interval in which it starts: hardly any larger one
+# can be judged, and even fewer where F is a formula.
+MADE = 2
+MADE_OF_FORMULA = 4
 
 
 def term_count(degree: int) -> int:

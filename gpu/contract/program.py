@@ -6,6 +6,8 @@ literal, close a level, end a cell. Levels alternate between OR and AND; the out
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 PLACE = 0x3FF  # index of the literal's surface among those that are crossed
 LEAF = 1 << 10  # the word has a literal
 TURN = 1 << 11  # the literal is negated: either its sign or its level negates it, not both
@@ -18,3 +20,15 @@ POSITIVE = 1 << SIDE  # the literal is F > 0, not F <= 0
 NUMBER = SIDE + 1  # first bit of the number of the literal's surface in its group
 # Words that are read at once. A word that is 0 does nothing.
 GROUP = 2
+
+
+class Known(NamedTuple):
+    """A short program that a shader knows, of a group that many copies of the scene have."""
+
+    words: tuple[int, ...]
+    planes: int  # that it crosses
+    quadrics: int
+
+
+# What shaders know that know no program.
+NOTHING_KNOWN = Known((), 0, 0)

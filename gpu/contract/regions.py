@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from halfstep.contract.arrays import U32, Records
+from halfstep.contract.expressions import PackedExpressions
+from halfstep.contract.polynomials import PackedPolynomials
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,8 @@ class PackedRegions:
     levels: int  # the most levels that a program opens at once
     has_hidden: bool  # whether programs have cells that are not shown
     higher: Records | None = None  # surfaces of an order above two, if the scene has some
-    polynomials: Records | None = None  # polynomials of these surfaces, and of solids
+    polynomials: PackedPolynomials | None = None  # of these surfaces, and of solids
+    expressions: PackedExpressions | None = None  # other formulas of both
     pairs: int = 0  # the most pairs of ends that one such surface has
 
     @property

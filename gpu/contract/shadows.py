@@ -1,4 +1,8 @@
-"""The solids that hide lights, in the records that shaders and the twin read."""
+"""The solids that hide lights, in the records that shaders and the twin read.
+
+A light is a far light, in a direction, or a lamp, at a position. A solid that may hide it is its
+occluder.
+"""
 
 from __future__ import annotations
 

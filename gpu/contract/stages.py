@@ -67,6 +67,7 @@ STAGES = (
     Stage(Kind.NUMBERS, "higher"),
     Stage(Kind.NUMBERS, "elementary"),
     Stage(Kind.NUMBERS, "jets"),
+    Stage(Kind.NUMBERS, "grades"),
     Stage(Kind.NUMBERS, "sight"),
     Stage(Kind.NUMBERS, "mirror"),
     Stage(Kind.VALUES, "keep"),
@@ -78,6 +79,7 @@ STAGES = (
     Stage(Kind.BLOCK, "levels", ("levels_deep",)),
     Stage(Kind.BLOCK, "crossed", ("crossed_few",)),
     Stage(Kind.BLOCK, "walks"),
+    Stage(Kind.BLOCK, "cross_formula"),
     Stage(Kind.BLOCK, "cross_higher"),
     Stage(Kind.BLOCK, "finish_regions"),
     Stage(Kind.BLOCK, "conveyor", ("closed",)),
@@ -131,6 +133,10 @@ VISITS = {
         for method in ("visible", "article")
         for klass, words in SHORT.items()
     },
+    **{
+        (method, Class.REGION_KNOWN): _visit("visit_short", "known")
+        for method in ("visible", "article")
+    },
 }
 
 # The facts that marks in WGSL files and the twin ask for, with their meaning.
@@ -141,7 +147,7 @@ FACTS = {
     "color": "colours are needed, for themselves or for an image",
     "position": "the position of a point on its ray is needed, for shadows or normals of regions",
     "gloss": "colours are needed, and a material has highlights",
-    "point_lights": "colours are needed, and a light has a position",
+    "point_lights": "colours are needed, and a light is a lamp",
     "parallel": "normals are needed, and the camera's rays are parallel",
     "error": "error bounds of depths are requested",
     "overlap": "overlaps of cells in copies are requested, and there are copies",
@@ -154,15 +160,18 @@ FACTS = {
     "ball": "a bounding ball cuts a solid that has a polynomial or a formula",
     "formula": "the solid has a formula that is not a polynomial",
     "regions": "tiles may see a copy of a group of cells",
+    "known": "the shader knows the program of the copy",
     "opened": "rays may start inside the solid",
     "higher": "a copy of a group has a surface of an order above two",
+    "higher_polynomial": "such a surface is a polynomial",
+    "higher_formula": "such a surface is a formula that is not a polynomial",
     "surfaces_5": "a tile may see five or more surfaces of a copy",
     **{f"levels_{k}": f"programs open {k} or more levels at once" for k in range(2, 7)},
     "broadcast": "invocations of a subgroup fetch records together",
     "places": "positions of points on the grid of the world are needed, for shadows or mirrors",
     "mirrors": "colours are needed, and a material reflects",
     "shadows": "lights have shadows, which are needed, for themselves or for colours",
-    "lamps": "shadows are needed, and some of their lights have a position",
+    "lamps": "shadows are needed, and some of their lights are lamps",
     "curves": "shadows are needed, and an occluder has a quadric",
     "encloses": "shadows are needed, and a light may be inside an occluder",
     "veils": "shadows are needed, and a copy of a group of cells may hide a light",

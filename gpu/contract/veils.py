@@ -1,4 +1,7 @@
-"""What hides lights of copies of groups of cells, as shaders and the twin read it."""
+"""Copies of groups that hide lights, in the records that shaders and the twin read.
+
+A veil is the part of a copy that a bundle of rays to a light may hit.
+"""
 
 from __future__ import annotations
 
@@ -6,29 +9,31 @@ from dataclasses import dataclass
 
 from halfstep.contract.arrays import U32, Records
 
-# Halvings of where a ray to a light crosses a surface: float32 holds all places of so many.
+# Halvings that locate where a ray to a light crosses a surface. float32 holds these positions
+# exactly.
 VEIL_STEPS = 22
-# Rounds of loops that an invocation takes for them at most: drivers end loops after some. Most take
-# some hundred.
+# The most rounds of loops that an invocation takes for veils, because drivers end longer loops.
+# Most invocations take some hundred.
 VEIL_ROUNDS = 1 << 15
 
 
 @dataclass(frozen=True)
 class PackedVeils:
-    """What rays to lights meet of copies of groups: a veil for rays that are close together."""
+    """The veils of all lights with shadows."""
 
-    views: Records  # (L,), of each light with shadows, in the order of `PackedShadows.views`
-    records: Records
-    boxes: Records  # of each record; behind the last are some that are never touched
-    copies: Records  # before lights, as occluders without surfaces
-    flat: Records  # planes along rays to lights
-    curved: Records  # and quadrics
-    words: U32  # what veils list, and their programs
-    most_surfaces: int  # of a veil
-    levels: int  # that a program opens at once
-    encloses: bool  # a light may be inside a copy
+    views: Records  # (L,), for each light with shadows, in the order of `PackedShadows.views`
+    records: Records  # the veils
+    boxes: Records  # bounding boxes of the veils; no ray meets the last ones, which are padding
+    copies: Records  # the copies that hide lights, as occluders without surfaces
+    flat: Records  # their planes along rays to lights
+    curved: Records  # their quadrics along rays to lights
+    words: U32  # the lists of veils, and their programs
+    most_surfaces: int  # the most surfaces of a veil
+    levels: int  # the most levels that a program opens at once
+    encloses: bool  # whether a light may be inside a copy
+    has_hidden: bool  # whether some cells hide no light
 
     @property
     def arrays(self) -> tuple[Records, ...]:
-        """What devices have in buffers, in the order of the bindings."""
+        """The content of the device's buffers, in the order of the bindings."""
         return self.views, self.records, self.boxes, self.copies, self.flat, self.curved

@@ -61,7 +61,7 @@ FORMATS = {
 DEPTH = "depth32float"
 # A depth state by which new depths always replace old ones.
 OVERWRITES = {"format": DEPTH, "depth_write_enabled": True, "depth_compare": "always"}
-# How many samples a texel of a multisampled texture has, and the formats that WebGPU has of such.
+# Samples of a texel of a multisampled texture, and the formats of these textures in WebGPU.
 SAMPLES = 4
 MULTISAMPLED = frozenset(
     name

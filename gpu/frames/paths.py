@@ -1,4 +1,4 @@
-"""What a pixel shows, for people: a line for each level from the scene to the solid or cell."""
+"""The path to the solid or cell of a pixel, for people: a line for each level from the scene."""
 
 from __future__ import annotations
 

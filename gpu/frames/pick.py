@@ -1,4 +1,4 @@
-"""What a pixel shows, in words and as numbers."""
+"""The content of a pixel, in words and as numbers."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Numbers of a frame, computed once in float64: where solids are seen, and their forms on rays."""
+"""Computes the numbers of a frame in float64: the rectangles of solids, and their forms on rays."""

@@ -1,7 +1,7 @@
 """Preselection: the depth interval and the screen rectangle of every solid, float64.
 
-Tight where a closed form exists and conservative everywhere.  Lateral bounds are tangents, x/z and
-y/z in camera axes, or x and y where rays are parallel.
+Bounds are conservative, and tight if a closed form exists.  Lateral bounds are tangents, x/z and
+y/z in camera axes, or x and y if rays are parallel.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def bounds(geometry: Geometry, view: View) -> Bounds:
     axes = np.einsum("ij,jlk->ilk", view.camera_from_world, geometry.world_from_local)
     away = geometry.origin - view.eye[:, None]
     center = np.einsum("ij,jk->ik", view.camera_from_world, away)
-    # Of x/z, y/z and z, or of x, y and z, the least and the greatest value.
+    # The least and the greatest value of x/z, y/z and z, or of x, y and z.
     extent = np.empty((3, 2, geometry.count))
     extent[:, 0], extent[:, 1] = -np.inf, np.inf
     hulls, parallel = geometry.hulls, view.parallel
@@ -58,7 +58,7 @@ def bounds(geometry: Geometry, view: View) -> Bounds:
 
 
 def bounds_of_corners(corners: Floats, parallel: bool) -> Bounds:
-    """Bounds of what has corners (3, C, K) in camera axes, from the eye."""
+    """Bounds of hulls of corners (3, C, K), in camera axes from the eye."""
     count = corners.shape[1]
     start = np.arange(corners.shape[2]) * count
     extent = _points(corners.transpose(0, 2, 1).reshape(3, -1), start, parallel)
@@ -66,7 +66,7 @@ def bounds_of_corners(corners: Floats, parallel: bool) -> Bounds:
 
 
 def _clipped(tangent: Floats, depth: Floats, parallel: bool) -> Bounds:
-    """Bounds, of which tangents are infinite where something is behind the eye."""
+    """Bounds whose tangents are infinite if a part of the solid is behind the eye."""
     behind = (depth[0] <= 0) & (not parallel)
     np.copyto(tangent[:, 0], -np.inf, where=behind)
     np.copyto(tangent[:, 1], np.inf, where=behind)
@@ -89,7 +89,7 @@ def rectangles(box: Bounds, view: View) -> tuple[Ints, Bools]:
 def _ellipses(middle: Floats, axes: Floats, parallel: bool) -> Floats:
     """Extents (3, 2, …) of ellipsoids (axes (3, 3, …)) or elliptic discs (axes (3, 2, …)).
 
-    The tangents are offsets from that of the middle, so that they stay accurate at any distance.
+    The tangents are offsets from the middle's, so that they stay accurate at any distance.
     """
     extent = np.empty((3, 2, *middle.shape[1:]))
     if parallel:
@@ -100,7 +100,7 @@ def _ellipses(middle: Floats, axes: Floats, parallel: bool) -> Floats:
     z = middle[2]
     np.subtract(z, reach, out=extent[2, 0])
     np.add(z, reach, out=extent[2, 1])
-    # What reaches behind the camera gets no tangents of its own.
+    # An ellipsoid or disc that reaches behind the camera gets no tangents of its own.
     is_ahead = extent[2, 0] > 0
     z = np.where(is_ahead, z, 1.0)
     a = np.where(is_ahead, z * z - reach * reach, 1.0)
@@ -115,7 +115,7 @@ def _ellipses(middle: Floats, axes: Floats, parallel: bool) -> Floats:
 
 
 def _pairs_of_discs(hulls: Hulls, axes: Floats, center: Floats, parallel: bool) -> Floats:
-    """Extents (3, 2, D) of what lies between two discs, ``axes`` being (3, 3, D)."""
+    """Extents (3, 2, D) of the hulls of two discs; ``axes`` are (3, 3, D)."""
     ends = _ellipses(
         center[:, None] + axes[:, 2, None] * hulls.disc_z,
         axes[:, :2, None] * hulls.disc_radius,
@@ -144,9 +144,9 @@ def _points(corners: Floats, start: Ints, parallel: bool) -> Floats:
 
 
 def _tangent_planes(hulls: Hulls, axes: Floats, center: Floats, parallel: bool) -> Floats:
-    """Where conics bulge beyond their end discs: x/z, y/z and z twice (2, 3, Q), NaN if nowhere.
+    """Extents of conics that bulge beyond their end discs: x/z, y/z and z (2, 3, Q), else NaN.
 
-    Where rays are parallel it is x and y.
+    For parallel rays x and y stand for x/z and y/z.
 
     Planes of a pencil a + κb touch the quadric where (b·D·b)κ² + 2(a·D·b)κ + a·D·a = 0, D being
     the inverse of its matrix; a touching point counts if it lies between the ends and in front.

@@ -1,7 +1,7 @@
 """Boxes that contain regions: intervals of x, y, z narrowed by one inequality after another.
 
-F <= 0 with x and y somewhere in their intervals leaves an interval of z: F is a quadratic in z
-whose coefficients are intervals. Where axes are tilted, the axes of a surface are tried, too.
+For x and y in their intervals, F is a quadratic in z whose coefficients are intervals, and F <= 0
+leaves an interval of z. If the axes of a surface are tilted, they are tried, too.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from halfstep.scene.region import Intersection, Literal, Region, Union
 
 Interval = tuple[float, float]
 
-# How often the inequalities of an AND narrow each other.
+# The number of times that the inequalities of an AND narrow each other.
 ROUNDS = 3
-# A box is widened by this part of its size and place, against rounding.
+# A box is widened by this part of its size and of its coordinates, against rounding.
 MARGIN = 2.0**-40
-# Second-order terms below this, next to the largest, are rounding of a rotation.
+# Second-order terms below this part of the largest are the rounding of a rotation.
 NEGLIGIBLE = 2.0**-44
 # For each axis, the two others.
 _OTHERS = ((1, 2), (0, 2), (0, 1))
@@ -32,14 +32,14 @@ class Empty(Exception):  # noqa: N818 - no error: a region without a point
 
 
 def box_of(region: Region, matrices: Floats) -> Floats | None:
-    """A box that contains a region in normal form, infinite where none is found.
+    """A box that contains a region in normal form; a side is infinite if none is found.
 
     Args:
-        region: over the surfaces of ``matrices``.
+        region: a formula over the surfaces of ``matrices``.
         matrices: (S, 4, 4), F = [x 1] M [x 1].
 
     Returns:
-        (2, 3), least and greatest coordinates, or None where the region surely has no point.
+        (2, 3), least and greatest coordinates, or None if the region surely has no point.
     """
     try:
         return _box(region, matrices)
@@ -88,7 +88,7 @@ def _around(points: Floats) -> Floats:
 
 
 def _common(first: Floats, second: Floats) -> Floats:
-    """What two boxes have in common."""
+    """The intersection of two boxes."""
     low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
     if (low > high).any():
         raise Empty
@@ -96,7 +96,7 @@ def _common(first: Floats, second: Floats) -> Floats:
 
 
 def _corners(inequalities: Sequence[Floats]) -> Floats:
-    """The box of what planes alone enclose."""
+    """The box around the intersection of the planes among the inequalities."""
     planes = [np.append(2 * m[:3, 3], -m[3, 3]) for m in inequalities if not m[:3, :3].any()]
     planes = [plane for plane in planes if plane[:3].any()]
     everything = np.array([[-np.inf] * 3, [np.inf] * 3])
@@ -107,7 +107,7 @@ def _corners(inequalities: Sequence[Floats]) -> Floats:
 
 
 def _tilted_axes(inequalities: Sequence[Floats]) -> list[Floats]:
-    """Axes of the quadrics, in columns, that are not those of the coordinates."""
+    """Axes of the quadrics, in columns, that differ from the coordinate axes."""
     found: list[Floats] = []
     for matrix in inequalities:
         second = matrix[:3, :3]
@@ -120,7 +120,7 @@ def _tilted_axes(inequalities: Sequence[Floats]) -> list[Floats]:
 
 
 def _in_axes(matrix: Floats, axes: Floats) -> Floats:
-    """The matrix of F in other axes, without what rounding leaves of its second-order terms."""
+    """The matrix of F in other axes, without second-order terms that are rounding."""
     turn = np.eye(4)
     turn[:3, :3] = axes
     found = turn.T @ matrix @ turn
@@ -133,7 +133,7 @@ def _in_axes(matrix: Floats, axes: Floats) -> Floats:
 
 
 class _Narrowing:
-    """Narrows boxes by inequalities, and asks none again that has nothing more to tell."""
+    """Narrows boxes by inequalities F <= 0; one that left all of a box is not tried on it again."""
 
     def __init__(self, inequalities: Sequence[Floats]) -> None:
         self._rows: list[list[list[float]]] = [matrix.tolist() for matrix in inequalities]
@@ -142,7 +142,7 @@ class _Narrowing:
         self._kept: list[list[Interval] | None] = [None] * len(self._rows)
 
     def of(self, box: Floats) -> Floats:
-        """The box of the points in ``box`` where all F <= 0, or a larger one."""
+        """A box around the points in ``box`` where all F <= 0."""
         intervals: list[Interval] = [(low, high) for low, high in box.T.tolist()]
         for _ in range(ROUNDS):
             for ix, matrix in enumerate(self._rows):
@@ -169,7 +169,7 @@ def _axis_of(matrix: Sequence[Sequence[float]]) -> int | None:
 
 
 def _narrow(box: Sequence[Interval], matrix: Sequence[Sequence[float]], axis: int) -> Interval:
-    """What F <= 0 leaves of one coordinate: a x² + b x + c <= 0 for some b and c of intervals."""
+    """The interval that F <= 0 leaves of one coordinate: a x² + b x + c <= 0 for some b and c."""
     j, k = _OTHERS[axis]
     row = matrix[axis]
     first, second = _times(2 * row[j], box[j]), _times(2 * row[k], box[k])
@@ -192,7 +192,7 @@ def _narrow(box: Sequence[Interval], matrix: Sequence[Sequence[float]], axis: in
 
 
 def _solved(a: float, b: float, c: float, within: Interval) -> Interval | None:
-    """The hull of the x >= 0 in an interval with a x² + b x + c <= 0; None where there is none."""
+    """The hull of the x >= 0 in an interval with a x² + b x + c <= 0; None if there is none."""
     low, high = within
     if b == -math.inf:
         return within
@@ -202,7 +202,7 @@ def _solved(a: float, b: float, c: float, within: Interval) -> Interval | None:
     square = b * b - 4 * a * c
     if a > 0:
         if square < 0:
-            # Rounding may have lost a point that is touched.
+            # Rounding may have lost a double root.
             if -square > 64 * MARGIN * (b * b + abs(4 * a * c)):
                 return None
             square = 0.0

@@ -20,14 +20,14 @@ class View:
 
     The projection ray of pixel (i, j) per unit of depth is
     ``(x_first + i*pixel, y_first + j*pixel, 1)`` in camera axes, affine in the pixel index; (2).
-    Where rays are parallel it is ``(0, 0, 1)``, from ``(x_first + i*pixel, y_first + j*pixel, 0)``.
+    A parallel ray is ``(0, 0, 1)``, from ``(x_first + i*pixel, y_first + j*pixel, 0)``.
     """
 
-    eye: Floats  # (3,), centre of projection h, world; or the middle of where parallel rays start
+    eye: Floats  # (3,), centre of projection h, world; or the middle of the parallel rays' starts
     camera_from_world: Floats  # (3, 3), rows right, down, forward
     width: int  # pixels
     height: int
-    pixel: float  # width of a pixel at depth 1, or at any depth where rays are parallel
+    pixel: float  # width of a pixel at depth 1, or at any depth if rays are parallel
     x_first: float  # tangent of pixel (0, 0), to the right, or its distance from the middle
     y_first: float  # the same, down
     parallel: bool = False
@@ -44,7 +44,7 @@ class View:
         return self._across(i, j) + forward
 
     def starts(self, i: Ints, j: Ints) -> Floats:
-        """Where rays through pixels (i, j) are at depth 0, world, relative to ``eye``: (…, 3)."""
+        """World points (…, 3) of the rays of pixels (i, j) at depth 0, relative to ``eye``."""
         if self.parallel:
             return self._across(i, j)
         return np.zeros((*np.broadcast_shapes(i.shape, j.shape), 3))
@@ -55,11 +55,11 @@ class View:
         return self.eye + (along + self._across(i, j) if self.parallel else along)
 
     def _across(self, i: Ints, j: Ints) -> Floats:
-        """How far the centres of pixels (i, j) are from the middle of the picture, (…, 3)."""
+        """Offsets of the centres of pixels (i, j) from the middle of the picture, (…, 3)."""
         # Rounded once: a sum with x_first would cancel near the middle of the picture.
         half = self.pixel / 2
         x, y = (2 * i + (1 - self.width)) * half, (2 * j + (1 - self.height)) * half
-        # Not by BLAS, which sums in another order on every processor; and no zero is negative.
+        # BLAS is not used: it sums in another order on every processor. No zero is negative.
         right, down = self.camera_from_world[:2].reshape(2, 3, *[1] * x.ndim) + 0.0
         return (x * right + y * down).transpose(*range(1, x.ndim + 1), 0)
 
@@ -92,7 +92,7 @@ def view(camera: Camera, size: tuple[int, int]) -> View:
 def _right(camera: Camera) -> Floats:
     """Unit vector across the view and ``up``, exact before it is scaled.
 
-    In floating point, rounding would turn the picture where ``up`` is almost along the view.
+    In floating point, rounding would turn the picture if ``up`` is almost along the view.
     """
     *ends, one = _integers(*camera.look_at, *camera.center)
     a, b, c, one_of_up = _integers(*camera.up)
@@ -120,7 +120,7 @@ def _half_height(fov_degrees: float) -> float:
 def base_planes(view: View, low: Floats, high: Floats) -> tuple[float, float]:
     """Depths (near, far) of the base planes that bound the world box ``low``…``high``.
 
-    ``near`` is 0 where the box reaches behind the camera; ``far`` <= 0 means that all of it does.
+    ``near`` is 0 if the box reaches behind the camera; ``far`` <= 0 means that all of it is behind.
     """
     depths = view.depths(low + _CORNERS * (high - low))
     return max(float(depths.min()), 0.0), float(depths.max())

@@ -28,23 +28,21 @@ from halfstep.host.forms import (
     quadric_value,
 )
 from halfstep.host.higher_rays import HigherOnRays
-from halfstep.host.regions import Regions
+from halfstep.host.regions import MANY, Regions
 
-# Surfaces that are computed at once: more make NumPy wait for memory.
+# Number of surfaces that are computed at once; with more, NumPy waits for memory.
 CHUNK = 4000
-# Groups that have so many copies are computed a surface at a time.
-ALIKE = 64
 
 
-# Of an array, as it takes them.
+# Indices of an array.
 Places = Ints | slice
 
 
 class Batch(NamedTuple):
     """Some surfaces of copies, all planes or all quadrics."""
 
-    places: Places  # (P,), among the surfaces of all copies
-    of: Ints  # (P,), which copy
+    places: Places  # (P,), indices among the surfaces of all copies
+    of: Ints  # (P,), the copy of each
     forms: Curved | Linear
 
 
@@ -55,19 +53,19 @@ class Copies:
     regions: Regions
     row: Ints  # (R,), in ``Setup``
     copy: Ints  # (R,), in ``Regions``
-    owner: Ints  # (N,), which of the R
-    slot: Ints  # (N,), the surface within its program
+    owner: Ints  # (N,), the copy of each surface
+    slot: Ints  # (N,), index of the surface within its program
     is_plane: Bools  # (N,)
-    batches: tuple[Batch, ...]  # which together have all surfaces
+    batches: tuple[Batch, ...]  # together they have all surfaces
     host_error: Floats  # (N,), error of A, G and C made by this set-up
-    value: Floats  # (N,), F at the eye where rays start there, else 0
-    eye_sure: Bools  # (N,), rounding cannot have decided its sign
-    eye_inside: Bools  # (R,), rays start at the eye, which is in a cell
-    span: Floats  # (2, R), u between which the cells are
-    nearest: Floats  # (R,), no surface is seen at a smaller depth where rays start at the eye
+    value: Floats  # (N,), F at the eye if rays start there, else 0
+    eye_sure: Bools  # (N,), rounding cannot have decided the sign of ``value``
+    eye_inside: Bools  # (R,), rays start at the eye, and a cell contains it
+    span: Floats  # (2, R), the interval of u with all cells
+    nearest: Floats  # (R,), least depth of a surface, if rays start at the eye
     thinnest: Floats  # (R,), least distance of surfaces side by side
-    higher: HigherOnRays | None  # of surfaces of an order above two, for which A, G and C are 0
-    higher_at: Ints  # (M,), which of the N these are
+    higher: HigherOnRays | None  # surfaces of an order above two; their A, G and C are 0
+    higher_at: Ints  # (M,), indices of these surfaces among the N
 
     @functools.cached_property
     def coefficients(self) -> Floats:
@@ -98,10 +96,10 @@ def copies(
     at_eye: Bools,
     higher: HigherOnRays | None,
 ) -> Copies:
-    """What the rays of a frame need of some copies.
+    """The copies of a frame with their surfaces along its rays.
 
-    ``sight``, ``span``, ``at_eye``, whether rays start at the eye, and ``higher`` are theirs. What
-    holds at the eye is found for those alone.
+    ``sight``, ``span``, ``at_eye`` (whether rays start at the eye) and ``higher`` are of these
+    copies. The values at the eye are found only for copies whose rays start there.
     """
     program = regions.of[copy]
     counts = np.diff(regions.first_surface)[program]
@@ -148,12 +146,12 @@ def _batches(
     is_plane: Bools,
     sight: Sight,
 ) -> Iterator[Batch]:
-    """Surfaces of copies in batches that a cache holds.
+    """Surfaces of copies in batches that fit a cache.
 
-    Where a group has many copies, a batch is one surface of many, and its matrix is there once.
+    If a group has many copies, a batch is one surface of many copies, with one matrix.
     """
     start = np.searchsorted(owner, np.arange(len(program)))
-    often = np.bincount(program, minlength=len(regions.programs)) >= ALIKE
+    often = np.bincount(program, minlength=len(regions.programs)) >= MANY
     rest = ~often[program][owner]
     for kind in (True, False):
         own = np.flatnonzero(rest & (is_plane == kind))
@@ -183,7 +181,7 @@ def _forms(matrix: Floats, is_plane: bool, rotation: Floats, seen: Sight) -> Cur
 
 
 def evenly(places: Ints) -> Places:
-    """A slice in place of places that are as far apart as it goes on, which NumPy copies faster."""
+    """A slice if the places are equally far apart, because NumPy copies it faster."""
     first, step = int(places[0]), int(places[1] - places[0]) if len(places) > 1 else 1
     stop = first + step * len(places)
     same = step > 0 and np.array_equal(places, np.arange(first, stop, step))
@@ -193,19 +191,19 @@ def evenly(places: Ints) -> Places:
 class _Surfaces(NamedTuple):
     """The N surfaces of R copies."""
 
-    number: Ints  # (N,), among those of all programs
-    owner: Ints  # (N,), which of the R
-    counts: Ints  # (R,), how many each has
+    number: Ints  # (N,), index among the surfaces of all programs
+    owner: Ints  # (N,), the copy of each surface
+    counts: Ints  # (R,), number of surfaces of each copy
     higher: HigherOnRays | None
-    higher_at: Ints  # (M,), which of the N are of an order above two
+    higher_at: Ints  # (M,), indices of the surfaces of an order above two among the N
 
 
 class _Eye(NamedTuple):
-    """What is known of N surfaces of R copies at the eye, where rays start there."""
+    """Values of N surfaces of R copies at the eye, if rays start there."""
 
     value: Floats  # (N,), F
     sure: Bools  # (N,)
-    inside: Bools  # (R,), it is in a cell
+    inside: Bools  # (R,), a cell contains the eye
     nearest: Floats  # (R,)
 
 
@@ -242,7 +240,7 @@ def _eye(regions: Regions, program: Ints, surfaces: _Surfaces, sight: Sight, at_
         value[own_places] = np.where(higher.outside[some], 1.0, -1.0)
         sure[own_places], nearest[own_places] = higher.eye_sure[some], higher.nearest[some]
     known.value[places], known.sure[places] = value, sure
-    # How exactly a copy is drawn does not depend on cells that are not shown.
+    # Cells that are not shown must not change how exactly a copy is drawn.
     is_seen = np.concatenate([one.seen for one in regions.programs])[surface[places]]
     np.minimum.at(known.nearest, of[is_seen], nearest[is_seen])
     row = np.flatnonzero(at_eye)
@@ -251,7 +249,7 @@ def _eye(regions: Regions, program: Ints, surfaces: _Surfaces, sight: Sight, at_
 
 
 def _eye_inside(regions: Regions, program: Ints, counts: Ints, value: Floats) -> Bools:
-    """Whether the eye is in a cell of each copy (R,), by the values of F there (N,)."""
+    """Whether a cell of each copy (R,) contains the eye, by the values of F there (N,)."""
     inside = np.empty(len(program), bool)
     start = np.cumsum(counts) - counts
     for number in np.unique(program).tolist():

@@ -1,9 +1,9 @@
-"""Where solids end on the screen: beside their rectangles nothing of them is seen.
+"""The edges of solids on the screen: no solid may be seen beside its rectangle.
 
-Rays of a tile run for all its pixels, also for those beside a solid's rectangle.  There the signs
-of its own forms may be lost in rounding.  A solid far smaller than a pixel has forms that grow as
-the square of a pixel over the solid; beyond the tips of a needle G² - 4 A C is a small difference
-of large numbers.  So what is in the forms of these solids is such that any format sees the end.
+A solid is tried on all pixels of a tile, also on pixels beside its rectangle.  There rounding may
+lose the signs of its own forms.  The forms of a solid far smaller than a pixel grow as the square
+of a pixel over the solid; beyond the tips of a needle G² - 4 A C is a small difference of large
+numbers.  So the forms of these solids are changed such that every number format sees the edge.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def end_quadrics(forms: Floats, offsets: Floats, has_quadric: Bools) -> None:
     """Make F > 0 for every u in all pixels beside a rectangle that is one pixel wide or high.
 
     Args:
-        forms: (3, 6, V), of A, G and C, not scaled yet.
+        forms: (3, 6, V), the forms A, G and C, not scaled yet.
         offsets: (2, V), largest |x| and |y| in the rectangle.
         has_quadric: (V,).
     """
@@ -43,17 +43,17 @@ def end_quadrics(forms: Floats, offsets: Floats, has_quadric: Bools) -> None:
         own[:, terms] = np.where(reach[axis] == 0, 0.0, own[:, terms])
     largest = np.einsum("fmk,mk->k", np.abs(own), monomials_of(reach + TILE))
     for axis, square in enumerate((3, 5)):
-        # A as well as C: then G² < 4 A C, too.
+        # A grows as well as C, so that G² < 4 A C, too.
         own[::2, square] += np.where(reach[axis] == 0, 2 * largest + (largest == 0), 0.0)
     forms[..., ended] = own
 
 
 def end_lines(lines: Floats, offsets: Floats, first: Ints) -> None:
-    """The same for half-spaces: of solids without a quadric, two exclude the pixels beside.
+    """Let two half-spaces of each solid without a quadric exclude the pixels beside it.
 
     Args:
-        lines: (2, 3, N), of c and b.
-        offsets: (2, N), of the solid of each.
+        lines: (2, 3, N), the forms c and b.
+        offsets: (2, N), largest |x| and |y| of the solid of each half-space.
         first: the first of at least two half-spaces of each solid without a quadric.
     """
     if offsets.all():
@@ -63,7 +63,7 @@ def end_lines(lines: Floats, offsets: Floats, first: Ints) -> None:
     size = np.abs(lines[..., first]) + np.abs(lines[..., first + 1])
     largest = size[:, 0].sum(axis=0)
     largest += (size[:, 1:] * (offsets[:, first] + TILE)).sum(axis=(0, 1))
-    # In a tile x + 2 TILE y is 0 nowhere but where x = y = 0.
+    # In a tile, x + 2 TILE y is 0 only at x = y = 0.
     for axis, share in enumerate((1, 2 * TILE)):
         beside = np.where(offsets[axis, first] == 0, 2 * share * largest, 0.0)
         lines[0, 1 + axis, first] += beside
@@ -71,10 +71,10 @@ def end_lines(lines: Floats, offsets: Floats, first: Ints) -> None:
 
 
 def edge_forms(edge: Ints, rectangle: Ints, center: Ints) -> Floats:
-    """The c (3, N) of half-spaces through the eye that edges of rectangles are; their b is 0.
+    """The c (3, N) of the half-spaces through the eye and an edge of a rectangle; their b is 0.
 
     Args:
-        edge: (N,), which of the `EDGES`.
+        edge: (N,), index among the `EDGES`.
         rectangle: (4, N), first and last pixel: i0, i1, j0, j1.
         center: (2, N), pixel where x = y = 0.
     """

@@ -1,63 +1,62 @@
 """Formulas that are no polynomials on the rays of a frame, float64, on the host.
 
-The point of a ray is affine in (1, x, y), and both parts of that in u: shaders take the coordinates
-of points so, in the solid's own frame, and evaluate the formula there.
+The point of a ray is level + u along, both affine in (1, x, y). Shaders compute its coordinates so,
+in the solid's own frame, and evaluate the formula there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.expressions import Program
 from halfstep.host.forms import Sight, power_of_two
-from halfstep.host.polynomials import MOST_HALVINGS
+from halfstep.host.polynomials import furthest
 from halfstep.scene import Algebraic, Solid
 from halfstep.scene.programs import Compiled, compiled
 from halfstep.scene.ranges import Range, range_of
 
-# Points are asked for as far beyond the interval as it is long, in all directions.
+# Points may lie as far beyond the interval as it is long, in all directions.
 BEYOND = 4.0
-# Records have room for so many numbers, or twice as many, and so on.
+# Records have room for this number of constants, or twice as many, and so on.
 FEWEST_NUMBERS = 4
 
 
 @dataclass(frozen=True)
 class Expressions:
-    """The Q solids of a scene that are bounded by formulas."""
+    """The Q solids of a scene that formulas bound, and the formulas of surfaces of groups."""
 
     solid: Ints  # (Q,), rows in ``Geometry``
-    formulas: tuple[Compiled, ...]  # of each
-    programs: tuple[Program, ...]  # of all, each once
-    numbers: int  # room of a record for them
-    box: Floats  # (2, 3, Q), least and greatest coordinates, local
+    formulas: tuple[Compiled, ...]  # formula of each solid, then of each surface
+    programs: tuple[Program, ...]  # the programs of all formulas, each once
+    numbers: int  # constants that a record has room for
     is_sheet: Bools  # (Q,)
-    is_in_ball: Bools  # (Q,), their quadric in ``Geometry`` is that of a ball that bounds them
+    is_in_ball: Bools  # (Q,), a ball bounds the solid; ``Geometry.quadric`` has its matrix
 
     def places(self, solid: Ints) -> Ints:
-        """Those of solids that are among them."""
+        """Indices here of those ``solid`` that are among these."""
         return np.searchsorted(self.solid, solid)
 
 
 @dataclass(frozen=True)
 class FormulasOnRays:
-    """Formulas of E visible solids along the rays of a frame."""
+    """Formulas of E visible solids, or surfaces of groups, along the rays of a frame."""
 
-    row: Ints  # (E,), rows in ``Setup``
-    of: Ints  # (E,), places in ``Expressions``
+    row: Ints  # (E,), rows in ``Setup``; of a surface, which of the visible copies has it
+    of: Ints  # (E,), places among the formulas of ``Expressions``
     known: Expressions
     level: Floats  # (3, 3, E), points at u = 0: [axis][1, x, y], local
     along: Floats  # (3, 3, E), their change to u = 1
-    error: Floats  # (E,), of points
-    scale: Floats  # (E,), of pixel offsets: with it they are at most 1
+    error: Floats  # (E,), error of points
+    scale: Floats  # (E,), scale that brings pixel offsets to at most 1
     rotation: Floats  # (3, 3, E), world from local
 
 
 def expressions(solids: Sequence[Solid]) -> Expressions | None:
-    """The formulas of ``solids`` that are no polynomials; None where there is none."""
+    """The formulas of ``solids`` that are no polynomials; None if there are none."""
     found = [
         (ix, solid)
         for ix, solid in enumerate(solids)
@@ -66,19 +65,34 @@ def expressions(solids: Sequence[Solid]) -> Expressions | None:
     if not found:
         return None
     formulas = tuple(compiled(solid.expression()) for _, solid in found)
+    return Expressions(
+        np.array([ix for ix, _ in found]),
+        formulas,
+        *_shared(formulas),
+        np.array([solid.is_sheet() for _, solid in found]),
+        np.array([solid.is_in_ball() for _, solid in found]),
+    )
+
+
+def with_members(known: Expressions | None, members: Sequence[Compiled]) -> Expressions | None:
+    """The formulas of solids, and those of surfaces of groups."""
+    if not members:
+        return known
+    if known is None:
+        none = np.zeros(0, bool)
+        known = Expressions(np.zeros(0, np.int64), (), (), 0, none, none)
+    formulas = (*known.formulas, *members)
+    programs, numbers = _shared(formulas)
+    return replace(known, formulas=formulas, programs=programs, numbers=numbers)
+
+
+def _shared(formulas: Sequence[Compiled]) -> tuple[tuple[Program, ...], int]:
+    """The programs of formulas, each once, and the room of a record for numbers."""
     most = max(len(each.numbers) for each in formulas)
     room = FEWEST_NUMBERS
     while room < most:
         room *= 2
-    return Expressions(
-        np.array([ix for ix, _ in found]),
-        formulas,
-        tuple(dict.fromkeys(each.program for each in formulas)),
-        room,
-        np.stack([np.array(solid.box()) for _, solid in found], axis=-1),
-        np.array([solid.is_sheet() for _, solid in found]),
-        np.array([solid.is_in_ball() for _, solid in found]),
-    )
+    return tuple(dict.fromkeys(each.program for each in formulas)), room
 
 
 def formulas_on_rays(
@@ -87,10 +101,10 @@ def formulas_on_rays(
     """Formulas along rays.
 
     Args:
-        known: of the scene.
-        row: (E,), of each in ``Setup``.
-        of: (E,), places in ``known``.
-        sight: how they are seen, (E,).
+        known: the formulas of the scene.
+        row: (E,), row of each in ``Setup``, or which copy has it.
+        of: (E,), indices of ``known.formulas``.
+        sight: the view of each, (E,).
         rotation: (3, 3, E), world from local.
     """
     rays = sight.rays
@@ -115,15 +129,15 @@ def formulas_on_rays(
 
 
 class FormulaAtEye:
-    """What is known of formulas at the centre of projection, (E,)."""
+    """Values of formulas at the centre of projection, (E,)."""
 
     def __init__(self, known: Expressions, of: Ints, sight: Sight) -> None:
-        """``of``: places in ``known``; ``sight``: how they are seen, (E,)."""
+        """``of`` has indices in ``known``; ``sight`` is the view of each, (E,)."""
         self._known, self._of = known, of
         self._eye = sight.rays[0]
         self._error = sight.error
         found = self._ranges(np.zeros_like(self._eye))
-        # Where it has no value, the eye is outside.
+        # If a formula has no value there, the eye is outside.
         self.outside: Bools = ~((found.high <= -found.low) & np.isfinite(found.high))
         self.sure: Bools = (found.low > 0) | (found.high < 0)
         reach = np.concatenate([np.ones((1, *sight.offsets.shape[1:])), sight.offsets])
@@ -131,20 +145,20 @@ class FormulaAtEye:
 
     def nearest(self, far: float) -> Floats:
         """A lower bound (E,) of the depth, up to ``far``, at which any ray meets F = 0."""
-        low, high = np.zeros(len(self._of)), np.full(len(self._of), far)
-        for _ in range(MOST_HALVINGS):
-            middle = (low + high) / 2
-            found = self._ranges(middle * self._steepest)
-            before = (found.low > 0) | (found.high < 0)
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        return low
+
+        def passes(depth: Floats) -> Bools:
+            found = self._ranges(depth * self._steepest[:, None])
+            return np.asarray((found.low > 0) | (found.high < 0))
+
+        return furthest(passes, len(self._of), far)
 
     def _ranges(self, reach: Floats) -> Range:
-        """Of F as far from the eye as ``reach`` (3, E)."""
-        low, high = self._eye - reach - self._error, self._eye + reach + self._error
-        ends = np.empty((2, len(self._of)))
+        """Ranges of F within ``reach`` (3, …, E) of the eye."""
+        low, high = (np.empty(reach.shape[1:]) for _ in range(2))
         for k, place in enumerate(self._of.tolist()):
             formula = self._known.formulas[place]
-            box = [Range(low[axis, k], high[axis, k]) for axis in range(3)]
-            ends[:, k] = range_of(formula.program, formula.numbers, box)
-        return Range(*ends)
+            away = zip(self._eye[:, k], reach[..., k], strict=True)
+            off = self._error[k]
+            box = [Range(at - size - off, at + size + off) for at, size in away]
+            low[..., k], high[..., k] = range_of(formula.program, formula.numbers, box)
+        return Range(low, high)

@@ -1,11 +1,11 @@
 """The faces of solids, each once: files may give a half-space again, or two planes as one quadric.
 
-Neither could be told apart on the way to a pixel.  Two half-spaces are the same where all their
-numbers, normals taken as unit vectors, agree to `ROUNDING`: such numbers come from the same face,
-multiplied, normalised or written in decimals on the way.  What differs by more is another face.
-Of half-spaces with one normal only the tightest bounds a solid; of equal ones the first is kept.
-Two that face each other with nothing between are made exact opposites, so that in any arithmetic
-a ray enters the one where it leaves the other: solids are closed.
+Equal faces could not be told apart at a pixel.  Two half-spaces are the same face if all their
+numbers, with normals as unit vectors, agree to `ROUNDING`: such numbers come from one face that was
+multiplied, normalised or written in decimals.  Of half-spaces with one normal only the tightest
+bounds a solid, and of equal ones the first is kept.  Two half-spaces that face each other with
+nothing between are made exact opposites.  So in any arithmetic a ray enters the one where it leaves
+the other: solids are closed.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import numpy as np
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.scene.halfspaces import ROUNDING, unit
 
-# Pairs of half-spaces compared at once: bounds the temporaries to a few MiB.
+# Pairs of half-spaces compared at once; this keeps the temporaries to a few MiB.
 _CHUNK = 1 << 17
-# Planes further away than this, next to their own coordinates, are left to the quadric.
+# A slab whose planes are further away than this, next to their own coordinates, stays a quadric.
 _FARTHEST = 10**18
 
 
@@ -30,13 +30,13 @@ class Faces(NamedTuple):
     """Half-spaces n·x <= d of a solid."""
 
     rows: Floats  # (m, 4)
-    number: Ints  # (m,), of each as the file counts them
-    blur: Floats  # (m,), how far it may be from those it stands for, in distances from the origin
-    two_sided: Bools  # (m,), another one is its exact opposite
+    number: Ints  # (m,), number of each in the file
+    blur: Floats  # (m,), distance from the half-spaces it stands for, in distances from the origin
+    two_sided: Bools  # (m,), another half-space is its exact opposite
 
 
 class Slab(NamedTuple):
-    """What lies between two parallel planes, or all of space where there is none."""
+    """The space between two parallel planes, or all of space if there are no planes."""
 
     rows: list[list[float]]
     blur: float
@@ -44,12 +44,12 @@ class Slab(NamedTuple):
 
 
 def alone(rows: Floats, number: Ints, blur: Floats) -> Faces:
-    """Faces as they are given."""
+    """The faces as given."""
     return Faces(rows, number, blur, np.zeros(len(rows), bool))
 
 
 def distinct(solids: Sequence[Faces]) -> list[Faces]:
-    """The faces of each solid without those that bound nothing of their own."""
+    """The faces of each solid without redundant ones."""
     found = list(solids)
     by_count: dict[int, list[int]] = {}
     for ix, faces in enumerate(solids):
@@ -102,14 +102,14 @@ def _distinct(faces: Faces) -> Faces:
 
 
 def slab_of(coefficients: Sequence[float]) -> Slab | None:
-    """The slab F <= 0 of a quadric is, if it is one; in exact arithmetic.
+    """The slab that F <= 0 is, if the quadric is a slab; in exact arithmetic.
 
-    F is one where it is s (n·x - c)² - s h² with s > 0: two planes, or one where h = 0, or none
-    where h² < 0, and all of space where s < 0 and h² <= 0.  A plane also counts as one where every
-    coefficient is that of a square to `ROUNDING`: the numbers tell no distance between two.
+    It is a slab if F = s (n·x - c)² - s h².  With s > 0 it has two planes, one if h = 0, and no
+    point if h² < 0.  With s < 0 and h² <= 0 it is all of space.  F also counts as one plane if
+    every coefficient is that of a square to `ROUNDING`, because then the numbers tell no distance.
 
     Args:
-        coefficients: of x², y², z², xy, xz, yz, x, y, z, 1, as a scene has them.
+        coefficients: those of x², y², z², xy, xz, yz, x, y, z, 1, as a scene has them.
     """
     if not _may_be_square(*coefficients[:6]):
         return None
@@ -139,12 +139,12 @@ def slab_of(coefficients: Sequence[float]) -> Slab | None:
     half = Fraction(math.sqrt(square))
     ahead = [*map(float, normal), float(center + half)]
     behind = [-float(n) for n in normal] + [float(half - center)]
-    # Where F is off by a rounding, a plane is by the root of one.
+    # If F has the error of a rounding, a plane has the root of it.
     return Slab([ahead, behind], 0.0 if is_exact else 2 * math.sqrt(ROUNDING), is_empty=False)
 
 
 def _may_be_square(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> bool:
-    """Whether quadratic terms are about those of one square, in floating point: few are."""
+    """Whether quadratic terms may be those of one square, by a quick test in floating point."""
     pairs = ((4 * xx * yy, xy * xy), (4 * xx * zz, xz * xz), (4 * yy * zz, yz * yz))
     return all(abs(a - b) <= 1e-9 * (abs(a) + b) for a, b in pairs)
 

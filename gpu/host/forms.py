@@ -1,6 +1,6 @@
-"""Forms of quadrics along the rays of a frame, and what rounding makes of them, float64.
+"""Forms of quadrics along the rays of a frame, and their rounding errors, float64.
 
-Solids, or surfaces of regions, come last in every array.
+Solids, or surfaces of regions, are the last axis of every array.
 """
 
 from __future__ import annotations
@@ -15,36 +15,36 @@ from halfstep.contract.formats import FRACTION_BITS
 from halfstep.host.camera import View
 from halfstep.host.edges import end_quadrics, monomials_of
 
-# Terms below this, next to 1, count as rounding; without them products of values are not
-# subnormal, which devices may flush.
+# Terms below this, next to 1, count as rounding and are dropped. So no product of values is
+# subnormal, which devices may flush to 0.
 NEGLIGIBLE = 2.0**-40
-# Errors of more than this, in units of the largest value, all mean that nothing is certain.
+# A larger error, in units of the largest value, means that nothing is certain.
 LARGEST_ERROR = 4.0
-# Scales beyond 2 to this overflow, or what they scale does.
+# A scale above 2 to this power would overflow, or the scaled number would.
 LARGEST_EXPONENT = 1000
-# Points of rays are known to this many roundings of float64 of their distance from the eye.
+# The error of a point on a ray, in parts of its distance from the eye: 16 roundings of float64.
 HOST_ROUNDINGS = 16 * 2.0**-53
 
-# Components of unit vectors and colours below this are as good as none: outputs would hold
-# subnormal numbers, which devices may flush.
+# Smaller components of unit vectors and colours are set to 0. Otherwise outputs would hold
+# subnormal numbers, which devices may flush to 0.
 FAINT = 2.0**-63
 
 
 class Sight(NamedTuple):
-    """How each visible solid is seen, in its own coordinates; solids come last."""
+    """The rays through each visible solid, in its own coordinates; solids are the last axis."""
 
-    # (4, 3, V), the eye, and directions per unit depth: [h, 1, x, y][axis]. Of parallel rays, where
-    # that of the pixel x = y = 0 is at depth 0, their direction, and how far those of others are.
+    # (4, 3, V), the eye, and directions per unit depth: [h, 1, x, y][axis]. For parallel rays the
+    # point of the pixel x = y = 0 at depth 0, the direction, and the point's changes with x and y.
     rays: Floats
     middle: Floats  # (V,), depth at u = 0
     half: Floats  # (V,), half the depth interval
     offsets: Floats  # (2, V), largest |x| and |y|
-    error: Floats  # (V,), of points of rays
-    parallel: bool  # rays do not part with depth
+    error: Floats  # (V,), error of points of rays
+    parallel: bool  # the rays are parallel
 
     @property
     def spread(self) -> Floats:
-        """How far rays a pixel apart are apart at u = 0, in units of ``rays``, (V,)."""
+        """The distance of rays of neighbouring pixels at u = 0, in units of ``rays``, (V,)."""
         return np.ones_like(self.middle) if self.parallel else self.middle
 
     def at(self, places: Ints) -> Sight:
@@ -53,11 +53,17 @@ class Sight(NamedTuple):
         rays, middle, half, offsets, error = arrays
         return Sight(rays, middle, half, offsets, error, self.parallel)
 
-    def largest(self, values: Floats) -> Floats:
-        """Largest magnitudes (…, V) of what is linear in points of rays.
+    def first(self, count: int) -> Sight:
+        """The first ``count`` solids."""
+        arrays = (each[..., :count] for each in self[:-1])
+        rays, middle, half, offsets, error = arrays
+        return Sight(rays, middle, half, offsets, error, self.parallel)
 
-        ``values`` (4, …, V) are those where x = y = u = 0, and the change along the directions;
-        both may be magnitudes themselves.
+    def largest(self, values: Floats) -> Floats:
+        """Largest magnitudes (…, V) of linear functions of points of rays.
+
+        ``values`` (4, …, V) are the function at x = y = u = 0 and its changes along the directions.
+        Both may be magnitudes themselves.
         """
         level, along_ray, *across = np.abs(values)
         along_ray *= self.half
@@ -85,7 +91,7 @@ def rays_of(view: View, center: Ints, origin: Floats, rotation: Floats) -> Float
 
 @dataclass(frozen=True)
 class Curved:
-    """F = A u² + G u + C and its gradient; where there is no quadric, F is 0."""
+    """F = A u² + G u + C and its gradient; F is 0 if there is no quadric."""
 
     a: Floats  # (6, V)
     g: Floats  # (6, V)
@@ -98,10 +104,10 @@ def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> C
     """Forms of quadrics.
 
     Args:
-        matrix: (4, 4, V), F = [x 1] M [x 1]; (4, 4, 1) where all have the same.
-        is_ended: (V,), F > 0 is wanted beside a rectangle that is one pixel wide or high.
+        matrix: (4, 4, V), F = [x 1] M [x 1]; (4, 4, 1) if all have the same.
+        is_ended: (V,), whether F must be > 0 beside a rectangle that is one pixel wide or high.
         rotation: (3, 3, V), world from local.
-        sight: how they are seen.
+        sight: the rays through each.
     """
     middle, half = sight.middle, sight.half
     # The point where x = y = u = 0, and how it moves.
@@ -151,7 +157,7 @@ class Linear(NamedTuple):
 
 
 def linear(matrix: Floats, rotation: Floats, sight: Sight) -> Linear:
-    """What `curved` says of matrices without second-order terms."""
+    """Forms of planes, which are matrices without second-order terms."""
     half_normal = matrix[:3, 3]
     points = sight.rays.copy()
     points[0] += sight.middle * points[1]
@@ -183,7 +189,7 @@ def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: Sight)
         matrix: (4, 4, V).
         points: (4, 3, V), the point where x = y = u = 0, and the directions of ``sight``.
         slopes: (4, 3, V), half the gradient there, and its change along the directions.
-        sight: how the solids are seen.
+        sight: the rays through each.
     """
     spread, half = sight.spread, sight.half
     forms = np.empty((3, 6, len(half)))
@@ -193,7 +199,7 @@ def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: Sight)
     a[:3], a[3:5], a[5] = products[0, 1:], products[1, 2:], products[2, 3]
     a[1:3] *= 2
     a[4] *= 2
-    # Of x and y the middle of the interval moves, of u the ends of half its length.
+    # x and y move the middle of the interval; u moves along half its length.
     g[0] = slope[0]
     np.multiply(a[1:], spread, out=g[1:])
     g[1:3] += 0.0 if sight.parallel else slope[1:]
@@ -211,7 +217,7 @@ def _quadric_forms(matrix: Floats, points: Floats, slopes: Floats, sight: Sight)
 def discriminant(forms: Floats) -> Floats:
     """G² - 4 A C as coefficients (6, V) of 1, x, y, x², xy, y²; those of higher terms are 0.
 
-    It is, but for a factor, the form whose zero set is the outline of the surface.
+    Up to a factor it is the form whose zero set is the outline of the surface.
     """
     a, g, c = forms
 
@@ -240,7 +246,7 @@ def power_of_two(largest: Floats) -> Floats:
     fraction, exponent = np.frexp(largest)
     # A power of two itself has the fraction 1/2.
     exponent = (fraction == 0.5) - exponent
-    # As minimum and maximum: of short arrays clip takes three times as long.
+    # `np.clip` takes three times as long for short arrays.
     exponent = np.minimum(np.maximum(exponent, -LARGEST_EXPONENT), LARGEST_EXPONENT)
     return np.asarray(np.ldexp(1.0, exponent))
 
@@ -264,8 +270,8 @@ def quadric_value(matrix: Floats, point: Floats, half_gradient: Floats) -> Float
 def quadric_rounding(matrix: Floats, point: Floats) -> Floats:
     """Error of F at points no larger than ``point`` by component, from rounding its terms.
 
-    It exceeds that of the point itself where large terms cancel: a quadric far from the origin of
-    its coordinates.
+    It exceeds the error from the point if large terms cancel, as for a quadric far from the origin
+    of its coordinates.
     """
     size = np.abs(matrix)
     return HOST_ROUNDINGS * quadric_value(size, point, half_gradient(size, point))
@@ -282,7 +288,7 @@ def nearest_root(level: Floats, slope: Floats, curvature: Floats) -> Floats:
 
 
 def depth_of(height: Floats, slope: Floats) -> Floats:
-    """The depth at which ``slope`` takes ``height``, both >= 0, away; infinite if it never does."""
+    """The depth height/slope, both >= 0; infinite if the slope is 0."""
     never = np.where(height > 0, np.inf, 0.0)
     reached = slope > height * 2.0**-LARGEST_EXPONENT
     return np.asarray(np.divide(height, slope, out=never, where=reached))

@@ -1,11 +1,12 @@
-"""Formulas of regions: normal form, what a box decides of them, and the words of a program.
+"""Formulas of regions: their normal form, their truth over a box, and their words in a program.
 
-In normal form complements are at the literals alone, an AND has no AND among its members and an OR
-no OR, no literal stands twice in one of them, and none stands beside its own complement.
+In normal form only literals have complements. An AND has no AND among its members, and an OR no OR.
+No literal is twice a member of one AND or OR, and none is a member beside its own complement.
 """
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -27,15 +28,15 @@ from halfstep.contract.program import (
 )
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 
-# Where literals are hoisted, no more levels are made than this.
+# Hoisting literals makes at most so many levels.
 MOST_LEVELS = 6
-# The lowest and the highest bit of a byte, 8 and -1 where there is none.
+# The lowest and the highest bit of each byte; 8 and -1 for the byte 0.
 _LOWEST = np.array([(byte & -byte).bit_length() - 1 if byte else 8 for byte in range(256)])
 _HIGHEST = np.array([byte.bit_length() - 1 for byte in range(256)])
 
 
 class Senses(NamedTuple):
-    """Where functions went that were merged: the surface, and whether it has the other sign."""
+    """The merged surface of each function, and whether it has the other sign."""
 
     surface: Sequence[int]
     is_opposite: Sequence[bool]
@@ -44,7 +45,7 @@ class Senses(NamedTuple):
 def normal_form(region: Region, senses: Senses, is_complement: bool = False) -> Region:
     """The region, or its complement, in normal form over the merged surfaces.
 
-    Nowhere is the empty `Union`, everywhere the empty `Intersection`.
+    The empty `Union` stands for nowhere, the empty `Intersection` for everywhere.
     """
     match region:
         case Literal(surface, positive):
@@ -74,11 +75,11 @@ def joined(kind: type[Intersection] | type[Union], members: Sequence[Region]) ->
 
 
 def hoisted(region: Region, most: int = MOST_LEVELS) -> Region:
-    """A region in normal form with literals taken out that several members share.
+    """A region in normal form in which literals that several members share are taken out.
 
-    (A & X) | (A & Y) becomes A & (X | Y), and the dual. Programs are shorter, and where a ray comes
-    into both X and Y through A, no surface between X and Y can give its name to the point. Where
-    it would have more than ``most`` levels nothing is taken out.
+    (A & X) | (A & Y) becomes A & (X | Y), and likewise for the dual. Programs become shorter. If a
+    ray enters both X and Y through A, no surface between X and Y can give its name to the point.
+    Nothing is taken out if the result would have more than ``most`` levels.
     """
     if isinstance(region, Literal):
         return region
@@ -99,7 +100,7 @@ def hoisted(region: Region, most: int = MOST_LEVELS) -> Region:
         left = [shared for shared in groups if shared not in tried]
         if not left:
             return joined(kind, members)
-        # What saves most literals; of equals what takes most out at once.
+        # The choice that saves the most literals; among equals, the one that takes the most out.
         best = max(left, key=lambda shared: (len(shared) * (len(groups[shared]) - 1), len(shared)))
         tried.add(best)
         holding = groups[best]
@@ -115,7 +116,7 @@ def hoisted(region: Region, most: int = MOST_LEVELS) -> Region:
 
 
 def _levels(region: Region) -> int:
-    """How many operators lie in one another."""
+    """The depth of nested operators."""
     if isinstance(region, Literal):
         return 0
     assert isinstance(region, Intersection | Union)
@@ -123,12 +124,12 @@ def _levels(region: Region) -> int:
 
 
 def _members(region: Region, kind: type[Intersection] | type[Union]) -> Sequence[Region]:
-    """The members of an AND or OR; anything else is the only member of one."""
+    """The members of an AND or OR of a kind; any other region is its own only member."""
     return region.of if isinstance(region, kind) else (region,)
 
 
 def _leaves(region: Region, kind: type[Intersection] | type[Union]) -> frozenset[Literal]:
-    """Those that are literals."""
+    """The members that are literals."""
     return frozenset(one for one in _members(region, kind) if isinstance(one, Literal))
 
 
@@ -141,15 +142,15 @@ def literals(region: Region) -> list[Literal]:
 
 
 def truth(region: Region, signs: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Whether a region holds all over some boxes.
+    """Whether a region holds everywhere in boxes, or nowhere.
 
     Args:
-        region: any, over S functions.
-        signs: (S, N), of each function in each box: 1 where F > 0 all over it, -1 where F <= 0, 0
-            where neither is known.
+        region: a region over S functions.
+        signs: (S, N), sign of each function in each box: 1 if F > 0 everywhere, -1 if F <= 0
+            everywhere, 0 if neither is known.
 
     Returns:
-        (N,), 1 where it holds all over the box, -1 where nowhere, 0 where neither is known.
+        (N,), 1 if it holds everywhere in the box, -1 if nowhere, 0 if neither is known.
     """
     match region:
         case Literal(surface, positive):
@@ -167,7 +168,7 @@ def truth(region: Region, signs: NDArray[np.int8]) -> NDArray[np.int8]:
 
 
 def decided(region: Region, signs: Sequence[int]) -> Region:
-    """A region in normal form with what ``signs`` (S,), as of `truth`, decide left out."""
+    """A region in normal form without the parts that ``signs`` (S,), as in `truth`, decide."""
     if isinstance(region, Literal):
         sign = signs[region.surface]
         if sign == 0:
@@ -180,8 +181,8 @@ def decided(region: Region, signs: Sequence[int]) -> Region:
 class Node(NamedTuple):
     """A literal, an AND or an OR; its members are other nodes.
 
-    Of a surface that has several crossings, F <= 0 is the OR of literals, one for each of them, and
-    F > 0 the AND.
+    If a surface has several crossings, F <= 0 is an OR of literals, one for each crossing, and
+    F > 0 an AND.
     """
 
     kind: type[Literal] | type[Intersection] | type[Union]
@@ -192,35 +193,35 @@ class Node(NamedTuple):
 
 
 class Decided(NamedTuple):
-    """What is known of a formula in P blocks, on the pieces that are seen of their rays."""
+    """The truth of a formula's nodes in P blocks, on the visible pieces of their rays."""
 
-    first: Ints  # (P,), the first piece that is seen
-    last: Ints  # (P,), the last one, -1 where none is
-    true: Bytes  # (N, P), 255 for each node that holds there, else 0
-    false: Bytes  # (N, P), the same of its complement
+    first: Ints  # (P,), the first visible piece
+    last: Ints  # (P,), the last visible piece, -1 if none is visible
+    true: Bytes  # (N, P), 255 if the node holds there, else 0
+    false: Bytes  # (N, P), 255 if its complement holds there, else 0
 
     def at(self, blocks: Ints) -> Decided:
-        """What is known in some of the blocks."""
+        """The same for some of the blocks."""
         first, last = self.first[blocks], self.last[blocks]
         return Decided(first, last, self.true[:, blocks], self.false[:, blocks])
 
 
 class Excerpt(NamedTuple):
-    """What is left of a formula where some literals are decided."""
+    """The rest of a formula if some literals are decided."""
 
-    surfaces: Ints  # in order
-    crossings: int  # of all of them
-    cells: Ints  # places of the cells that are left
+    surfaces: Ints  # its surfaces, in order
+    crossings: int  # crossings of all its surfaces
+    cells: Ints  # indices of its cells
     words: U32
-    levels: int  # that the words open at once
+    levels: int  # the most levels that its words open at once
 
 
 class Formula:
-    """The formulas of some cells, a tree of nodes, of which members stand before what has them.
+    """The formulas of some cells as nodes; the members of a node stand before it.
 
     Attributes:
-        nodes: all of them.
-        roots: of each cell the node that is its region.
+        nodes: all nodes.
+        roots: the node of each cell's region.
         hidden: (C,), cells that are not shown.
     """
 
@@ -233,9 +234,9 @@ class Formula:
         """A formula.
 
         Args:
-            regions: in normal form; none that is shown is constant.
-            hidden: of each; by default all are shown.
-            crossings: of surfaces that have not just one; these come last.
+            regions: regions in normal form; those of shown cells are not constant.
+            hidden: whether each cell is not shown; by default all are shown.
+            crossings: number of crossings of the last surfaces; the others have one.
         """
         self._crossings = crossings or {}
         self.hidden = np.zeros(len(regions), bool) if hidden is None else hidden
@@ -258,6 +259,12 @@ class Formula:
             self.nodes.append(Node(type(region), members))
         return len(self.nodes) - 1
 
+    def hiding(self, more: Bools) -> Formula:
+        """The same formula with ``more`` of its cells (C,) not shown."""
+        found = copy.copy(self)
+        found.hidden = self.hidden | more
+        return found
+
     @property
     def literal_count(self) -> int:
         """Number of literals L."""
@@ -271,14 +278,14 @@ class Formula:
     def decided(
         self, inside: Bytes, outside: Bytes, known: Decided | None, cut: Bools, narrow: Bools
     ) -> Decided:
-        """What the signs of surfaces decide of the formula, piece by piece of some blocks.
+        """The truth of the formula's nodes by the signs of surfaces, for each piece of blocks.
 
         Args:
-            inside: (S, P), a bit for each piece of a block all over which a surface has F <= 0.
+            inside: (S, P), a bit for each piece of a block everywhere in which F <= 0.
             outside: (S, P), the same for F > 0.
-            known: of larger blocks.
-            cut: (P,), what lies behind the first piece where a shown cell holds is not seen.
-            narrow: (P,), pieces before or behind all cells are not seen.
+            known: the truth in larger blocks.
+            cut: (P,), pieces behind the first one where a shown cell holds are not visible.
+            narrow: (P,), pieces before or behind all cells are not visible.
         """
         count = inside.shape[1]
         true = np.empty((len(self.nodes), count), np.uint8)
@@ -306,7 +313,7 @@ class Formula:
         return Decided(first, last, every, nowhere)
 
     def live(self, decided: Decided) -> Bools:
-        """The literals (L, P) on which it depends what the formula is."""
+        """The literals (L, P) on which the truth of the formula depends."""
         live = (decided.true | decided.false) == 0
         for ix in range(len(self.nodes) - 1, -1, -1):
             for member in self.nodes[ix].members:
@@ -314,7 +321,7 @@ class Formula:
         return np.asarray(live[self._literals])
 
     def surfaces_of(self, live: Bools, count: int) -> Bools:
-        """Which of so many surfaces (S, P) the literals (L, P) are of."""
+        """The surfaces (S, P) of the literals (L, P), of ``count`` surfaces."""
         order = np.argsort(self.literal_surfaces, kind="stable")
         used, first = np.unique(self.literal_surfaces[order], return_index=True)
         found = np.zeros((count, live.shape[1]), bool)
@@ -323,8 +330,8 @@ class Formula:
         return found
 
     def holds(self, decided: Decided) -> Bools:
-        """The cells (C, P) that hold all along what is seen."""
-        # Where nothing is seen, everything and its complement hold.
+        """The cells (C, P) that hold on all visible pieces."""
+        # Without a visible piece every node and its complement hold.
         return np.asarray((decided.true[self.roots] != 0) & (decided.false[self.roots] == 0))
 
     def holds_at(self, positive: Bools) -> Bools:
@@ -336,12 +343,12 @@ class Formula:
 
     @functools.cached_property
     def whole(self) -> Excerpt:
-        """All of it."""
+        """The whole formula as an excerpt."""
         everywhere = [self.nodes[root] == Node(Intersection) for root in self.roots]
         return self.excerpt(np.ones(self.literal_count, bool), np.array(everywhere, bool))
 
     def excerpt(self, live: Bools, holds: Bools) -> Excerpt:
-        """What is left where some literals (L,) are ``live`` and some cells (C,) hold."""
+        """The rest of the formula if only ``live`` literals (L,) matter and cells (C,) hold."""
         surfaces = np.unique(self.literal_surfaces[live])
         counts = [self._crossings.get(surface, 1) for surface in surfaces.tolist()]
         ends = np.cumsum([0, *counts]).tolist()
@@ -372,7 +379,7 @@ class Formula:
     def _write(
         self, words: list[int], ix: int, left: set[int], places: dict[int, int], *, is_and: bool
     ) -> None:
-        """Append the words of a node that stands in an AND, or in an OR."""
+        """Append the words of a node that is a member of an AND or an OR."""
         node = self.nodes[ix]
         if node.kind is Literal:
             word = LEAF | (places[node.surface] + node.crossing) | node.surface << NUMBER
@@ -398,7 +405,7 @@ class Formula:
 
 
 def _of_ands(words: list[int]) -> list[int]:
-    """Words of one level at most as an OR of ANDs alone: a literal by itself is one, too."""
+    """Words with at most one level, as an OR of ANDs; a single literal becomes an AND, too."""
     found, is_open = [], False
     for word in words:
         is_open |= bool(word & OPENS)

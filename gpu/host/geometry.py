@@ -1,4 +1,4 @@
-"""The solids of a scene as stacked float64 arrays, in each solid's own coordinates.
+"""The solids of a scene as stacked float64 arrays, in local coordinates of each solid.
 
 A solid is {F <= 0} ∩ {every half-space <= 0}, systems (4) and (5).  Nothing here knows the
 camera; ``setup`` turns these arrays into per-frame constants, ``bounds`` into screen rectangles.
@@ -15,7 +15,7 @@ import numpy as np
 from halfstep.contract.arrays import Array, Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.edges import EDGES
-from halfstep.host.expressions import Expressions, expressions
+from halfstep.host.expressions import Expressions, expressions, with_members
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
 from halfstep.host.polynomials import Polynomials, polynomials
 from halfstep.host.regions import Regions
@@ -23,20 +23,20 @@ from halfstep.scene import Algebraic, Box, PlanePatch, Quadric, Scene, Solid, ha
 
 # The default volume is this much wider than the solids, so that no solid touches a base plane.
 VOLUME_MARGIN = 2.0**-10
-# Where the curvatures of F differ more than this, rounding may hide where the solid ends.
+# If the curvatures of F differ by a larger factor, rounding may hide where the solid ends.
 SLENDER = 2.0**8
 # F at the centre of an ellipsoid is known to this fraction of its terms.
 LEVEL_ROUNDING = 16 * 2.0**-53
 
 
 class Form(IntEnum):
-    """What is known to contain a solid."""
+    """The form of a hull, which contains a solid."""
 
-    UNBOUNDED = 0  # nothing
+    UNBOUNDED = 0  # no hull is known
     EMPTY = 1  # the solid has no point
-    ELLIPSOID = 2  # the solid itself, but for its half-spaces
-    DISCS = 3  # the hull of its ends
-    POINTS = 4  # the hull of its corners, or of those of its half-spaces
+    ELLIPSOID = 2  # the solid itself without its half-spaces
+    DISCS = 3  # the convex hull of the discs at its ends
+    POINTS = 4  # the convex hull of its corners, or of the corners of its half-spaces
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class Geometry:
     """K solids and their M half-spaces; solids come last in every array.
 
     Column j of ``planes`` is (n, d): inside where n·x + d <= 0.  The first column of a patch is the
-    patch's own plane, the others are its bounds.  Columns that stand for an edge of the solid's
-    screen rectangle have n = 0 and exclude nothing here; slender solids have them, and come last.
+    patch's own plane, the others are its bounds.  The last columns of a slender solid stand for
+    edges of its screen rectangle; they have n = 0 and exclude nothing here.
     """
 
     origin: Floats  # (3, K), world
@@ -78,20 +78,21 @@ class Geometry:
     is_ellipsoid: Bools  # (K,), F positive definite and no half-space
     is_empty: Bools  # (K,), no point satisfies the inequalities
     is_bounded: Bools  # (K,)
-    is_loose: Bools  # (K,), the hull is that of some of its inequalities only
+    is_loose: Bools  # (K,), the hull takes only some of its inequalities
     plane_start: Ints  # (K,)
     plane_count: Ints  # (K,)
     planes: Floats  # (4, M)
     plane_solid: Ints  # (M,), the solid of each half-space
-    plane_bounds: Bools  # (M,), it bounds a patch, so it is never seen itself
+    plane_bounds: Bools  # (M,), it bounds a patch, so it is never visible itself
     plane_edge: Ints  # (M,), it stands for this edge of the screen rectangle; -1 for no edge
     plane_number: Ints  # (M,), number of the surface within the solid
-    plane_blur: Floats  # (M,), what may be off, in distances from the origin; 0 but for some
-    plane_two_sided: Bools  # (M,), it is seen from both sides: a patch, or one with an opposite
+    plane_blur: Floats  # (M,), error, in distances from the origin; mostly 0
+    plane_two_sided: Bools  # (M,), it is seen from both sides: of a patch, or with an opposite
     hulls: Hulls
     regions: Regions | None  # copies of groups, each the last of the K solids
     polynomials: Polynomials | None  # of the solids that have one of any degree
-    expressions: Expressions | None  # of the solids that have a formula that is no polynomial
+    # Of the solids that have a formula that is no polynomial, and of surfaces of groups.
+    expressions: Expressions | None
 
     @property
     def count(self) -> int:
@@ -101,19 +102,20 @@ class Geometry:
     @property
     def degree(self) -> int:
         """The highest of all polynomials, those of groups too; 0 where there are none."""
-        higher = None if self.regions is None else self.regions.higher
-        return max((one.degree for one in (self.polynomials, higher) if one is not None), default=0)
+        of_groups = None if self.regions is None else self.regions.polynomials
+        known = (self.polynomials, of_groups)
+        return max((one.degree for one in known if one is not None), default=0)
 
     @property
     def in_balls(self) -> Ints:
-        """Solids that a ball bounds besides a polynomial or a formula, in order."""
+        """Solids with a polynomial or a formula that a ball bounds, in order."""
         known = (self.polynomials, self.expressions)
         found = [each.solid[each.is_in_ball] for each in known if each is not None]
         return np.sort(np.concatenate([np.empty(0, np.int64), *found]))
 
     @property
     def solid_count(self) -> int:
-        """Number of those that are no copies of groups."""
+        """Number of solids that are no copies of groups."""
         return self.count - (0 if self.regions is None else self.regions.count)
 
 
@@ -134,7 +136,7 @@ def build(scene: Scene) -> Geometry:
         if slab is not None:
             has_quadric[ix], is_nowhere[ix], quadric[ix] = False, slab.is_empty, 0.0
         faces.append(_faces(solid, slab))
-    # Those of boxes and patches are distinct, and a patch's own plane is no half-space.
+    # Faces of boxes and patches are distinct, and a patch's own plane is no half-space.
     asked = [ix for ix, solid in enumerate(solids) if not isinstance(solid, Box | PlanePatch)]
     for ix, found in zip(asked, distinct([faces[ix] for ix in asked]), strict=True):
         faces[ix] = found
@@ -145,7 +147,7 @@ def build(scene: Scene) -> Geometry:
         solids, [own.rows for own in faces], quadric, has_quadric, is_flat | is_algebraic
     )
     plane_count = np.array([len(own.rows) for own in faces], np.int64)
-    # All of space has no surface: nothing of it is seen, as of a solid without a point.
+    # All of space has no surface, so it is as invisible as a solid without a point.
     form[is_nowhere | (~has_quadric & ~is_algebraic & (plane_count == 0))] = Form.EMPTY
     is_loose = ~is_flat & _is_loose(form, plane_count, has_cut)
     slender = np.flatnonzero((form >= Form.ELLIPSOID) & has_quadric & _is_slender(quadric))
@@ -226,7 +228,10 @@ def with_regions(solids: Geometry, regions: Regions) -> Geometry:
         ),
         regions=regions,
         polynomials=solids.polynomials,
-        expressions=solids.expressions,
+        expressions=with_members(
+            solids.expressions,
+            [each.formula for each in regions.higher if not each.is_polynomial],
+        ),
     )
 
 
@@ -235,15 +240,15 @@ def _solids_last(array: Floats) -> Floats:
 
 
 def _is_loose(form: Ints, plane_count: Ints, has_cut: Bools) -> Bools:
-    """Quadrics (K,) whose hull is that of some of their inequalities only."""
+    """Quadrics (K,) whose hull takes only some of their inequalities."""
     of_surface = (form == Form.ELLIPSOID) & (plane_count > 0) | (form == Form.DISCS) & has_cut
     return np.asarray(of_surface | (form == Form.UNBOUNDED) | (form == Form.POINTS))
 
 
 def _is_slender(matrix: Floats) -> Bools:
-    """Whether curvatures of quadrics (K, 4, 4) that are not 0 differ by more than `SLENDER`, (K,).
+    """Whether the curvatures, but 0, of quadrics (K, 4, 4) differ by more than `SLENDER`, (K,).
 
-    Of an ellipsoid they are the inverse squares of its semi-axes.
+    The curvatures of an ellipsoid are the inverse squares of its semi-axes.
     """
     bend = np.abs(np.linalg.eigvalsh(matrix[:, :3, :3]))
     largest = bend.max(axis=1, keepdims=True)
@@ -252,7 +257,7 @@ def _is_slender(matrix: Floats) -> Bools:
 
 
 def _faces(solid: Solid, slab: Slab | None) -> Faces:
-    """A solid's half-spaces as the file has them; those that a quadric is come first."""
+    """A solid's half-spaces as the file has them; a quadric that is a slab gives the first."""
     rows = solid.half_spaces()
     # A ball that bounds a formula has the first number.
     before = isinstance(solid, Algebraic) and solid.is_in_ball()
@@ -267,7 +272,7 @@ def _faces(solid: Solid, slab: Slab | None) -> Faces:
 
 
 def _is_cut(solid: Solid, faces: Faces) -> bool:
-    """Whether a plane bounds the solid that is not its ``z_min`` or ``z_max``."""
+    """Whether a plane other than ``z_min`` or ``z_max`` bounds the solid."""
     if solid.is_flat or not getattr(solid, "cut", ()):
         return False
     ends = sum(getattr(solid, key, None) is not None for key in ("z_min", "z_max"))
@@ -275,7 +280,7 @@ def _is_cut(solid: Solid, faces: Faces) -> bool:
 
 
 def _with_edges(faces: Faces) -> Faces:
-    """The faces, and what stands for the edges of the screen rectangle."""
+    """The faces, and rows that stand for the edges of the screen rectangle."""
     return Faces(
         np.concatenate([faces.rows, np.repeat([[0.0, 0.0, 0.0, 1.0]], EDGES, axis=0)]),
         np.append(faces.number, np.zeros(EDGES, np.int64)),
@@ -326,9 +331,10 @@ def _hulls(
 
 
 def _ellipsoids(matrix: Floats, is_known: Bools) -> tuple[Ints, Floats, Floats]:
-    """Of quadrics (Q, 4, 4): form, centre and semi-axis vectors in columns if F is definite.
+    """The centres and semi-axis vectors, in columns, of the ellipsoids among quadrics (Q, 4, 4).
 
-    Of some it ``is_known``; of others rounding hides it where axes differ by 10^6.
+    Some quadrics are known to be ellipsoids, ``is_known``; for others rounding hides it if their
+    axes differ by 10^6.
     """
     second, linear, constant = matrix[:, :3, :3], matrix[:, :3, 3], matrix[:, 3, 3]
     values, vectors = map(np.asarray, np.linalg.eigh(second))
@@ -338,7 +344,7 @@ def _ellipsoids(matrix: Floats, is_known: Bools) -> tuple[Ints, Floats, Floats]:
     second, linear, constant = second[definite], linear[definite], constant[definite]
     middle = np.asarray(np.linalg.solve(second, -linear[:, :, None]), np.float64)[:, :, 0]
 
-    # -F at the centre.  Far from the origin its terms cancel: the hull must not be too small.
+    # -F at the centre.  Far from the origin its terms cancel, and the hull must not be too small.
     terms = _values(np.abs(second), np.abs(linear), np.abs(constant), np.abs(middle))
     level = LEVEL_ROUNDING * terms - _values(second, linear, constant, middle)
     form[definite] = np.where(level < 0, Form.EMPTY, Form.ELLIPSOID)
@@ -357,7 +363,7 @@ def _values(second: Floats, linear: Floats, constant: Floats, point: Floats) -> 
 
 
 def _cut_across(form: Ints, solids: Sequence[Solid]) -> tuple[Ints, Floats]:
-    """Take for bounded what planes across its axis cut at both ends: which (D,), and z (D, 2)."""
+    """Solids that planes across their axis cut at both ends: indices (D,), and z (D, 2)."""
     rest = np.flatnonzero(form == Form.UNBOUNDED)
     ends = np.array([solids[ix].ends() for ix in rest.tolist()]).reshape(-1, 2)
     form[rest[ends[:, 0] > ends[:, 1]]] = Form.EMPTY
@@ -410,8 +416,9 @@ def _by_length(
 def volume_box(scene: Scene, geometry: Geometry) -> tuple[Floats, Floats]:
     """Corners (min, max) of the modelled volume in world coordinates, each (3,).
 
-    The scene's ``[volume]``, or else the box around all bounded solids, widened a little.  A cut
-    ellipsoid counts whole; a paraboloid or two-sheet hyperboloid as the cylinder around it.
+    The volume is the scene's ``[volume]``, or else the box around all bounded solids, widened a
+    little.  For a cut ellipsoid the box is around the whole ellipsoid, for a paraboloid or
+    two-sheet hyperboloid around the cylinder that encloses it.
 
     Raises:
         SceneError: no volume is given and no solid is bounded.

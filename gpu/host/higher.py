@@ -1,10 +1,13 @@
-"""Surfaces of groups of an order above two: where they are, what they enclose, which coincide."""
+"""Surfaces of groups of an order above two: where they are, what they enclose, which coincide.
+
+They are polynomials, or other formulas.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Self
 
 import numpy as np
@@ -14,14 +17,20 @@ from halfstep.contract.arrays import Floats
 from halfstep.host.boxes import box_of
 from halfstep.host.polynomials import LEAST_DEGREE, Polynomials, restricted, stacked
 from halfstep.scene import Function, HigherShape, TorusShape
+from halfstep.scene.programs import Compiled, compiled
+from halfstep.scene.ranges import Range, range_of
 from halfstep.scene.region import Intersection, Literal, Region, Union
 
-# A sign is known where F exceeds what it may change by this much more.
+# A sign is known if |F| exceeds this factor times its largest change.
 MARGIN = 1 + 2.0**-20
-# What is enclosed is taken a little larger, against rounding.
+# Enclosing shapes are made larger by this factor, against rounding.
 ROOM = 1 + 2.0**-30
-# Tori whose axes and middles agree to this, next to their size, are side by side.
+# Tori are side by side if their axes and middles agree to this part of their size.
 ALIKE = 2.0**-30
+# Stretches of a ray in which a formula is <= 0: for so many there is room.
+MOST_PAIRS = 16
+# So many lines tell how many stretches a formula has, each by so many points.
+LINES, POINTS = 192, 192
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +48,11 @@ class _Own:
 
 @dataclass(frozen=True, eq=False)
 class Higher:
-    """A surface where F = 0, in coordinates of some group.
+    """A surface F = 0, in coordinates of some group.
 
     Attributes:
-        own: F, in its own coordinates.
-        own_from_group: (3, 4), rigid, its own coordinates from those of the group.
+        own: gives F, in its own coordinates.
+        own_from_group: (3, 4), rigid, takes coordinates of the group to its own.
     """
 
     own: _Own
@@ -51,18 +60,18 @@ class Higher:
 
     @classmethod
     def of(cls, shape: HigherShape) -> Self:
-        """A shape where it is placed."""
+        """The surface of a shape at its own origin and axes."""
         rotation = shape.world_from_local()
         place = np.column_stack([rotation.T, -rotation.T @ np.array(shape.origin)])
         return cls(_Own(shape), place)
 
     def moved(self, group_from_other: Floats) -> Higher:
-        """The same surface in other coordinates, from which those of the group come (3, 4)."""
+        """The same surface in other coordinates; ``group_from_other`` is (3, 4)."""
         return Higher(self.own, _joined(self.own_from_group, group_from_other))
 
     @property
     def shape(self) -> HigherShape:
-        """The shape of which F is."""
+        """The shape that gives F."""
         return self.own.shape
 
     @property
@@ -71,25 +80,42 @@ class Higher:
         return self.own.polynomial
 
     @property
+    def is_polynomial(self) -> bool:
+        """Whether F is one; else it is another formula."""
+        return self.shape.has_polynomial
+
+    @cached_property
     def pairs(self) -> int:
-        """Stretches of a ray at most in which F <= 0."""
-        return 2 if isinstance(self.shape, TorusShape) else self.shape.degree() // 2 + 1
+        """Stretches of a ray at most in which F <= 0, as far as there is room for them.
+
+        Of a formula that is no polynomial this is what lines through its box have, and some more.
+        """
+        if isinstance(self.shape, TorusShape):
+            return 2
+        if self.is_polynomial:
+            return self.shape.degree() // 2 + 1
+        return _stretches(self.formula, self.shape.box())
 
     @property
     def rotation(self) -> Floats:
-        """Group coordinates of directions from its own, (3, 3)."""
+        """Rotation (3, 3) taking its own directions to the group's."""
         return np.asarray(self.own_from_group[:, :3].T)
 
     @property
     def origin(self) -> Floats:
-        """Where its own coordinates have their origin, (3,)."""
+        """The origin of its own coordinates, in the group's, (3,)."""
         return np.asarray(-self.rotation @ self.own_from_group[:, 3])
 
     @cached_property
+    def formula(self) -> Compiled:
+        """F as operations."""
+        return compiled(self.shape.expression())
+
+    @cached_property
     def enclosing(self) -> list[Floats]:
-        """Matrices (4, 4) of functions that are <= 0 where F is, in the group's coordinates."""
+        """Matrices (4, 4) of functions that are <= 0 wherever F <= 0, in group coordinates."""
         if not isinstance(self.shape, TorusShape):
-            return []  # half-spaces of its own enclose a part
+            return []  # a part's own half-spaces enclose it
         across, along = self.shape.minor
         far, high = ROOM * (self.shape.major + across), ROOM * along
         matrices = [np.diag([1.0, 1.0, 0.0, -(far**2)])]
@@ -101,19 +127,33 @@ class Higher:
         return [own.T @ matrix @ own for matrix in matrices]
 
     def coefficients(self, middle: Floats, half: float) -> Floats:
-        """F in units of ``half`` from ``middle``: coefficients of powers (d + 1, d + 1, d + 1)."""
+        """F in units of ``half`` from ``middle``: coefficients of powers (d + 1, d + 1, d + 1).
+
+        Of what is no polynomial they are the numbers of the formula.
+        """
+        if not self.is_polynomial:
+            return np.array([1.0, *self.formula.numbers])
         return _expanded(self, self.own_from_group[None], middle, np.full(3, half))[..., 0]
 
     def signs(self, maps: Floats, box: Floats) -> NDArray[np.int8]:
-        """The sign of F all over a box (2, 3) in copies, 0 where it is not known, (N,).
+        """The sign of F everywhere in a box (2, 3) of copies, 0 if it is not known, (N,).
 
         Args:
             maps: (N, 3, 4), from the coordinates of the box to the group's.
-            box: where a side is infinite nothing is known.
+            box: the box; if a side is infinite, no sign is known.
         """
         if not np.isfinite(box).all():
             return np.zeros(len(maps), np.int8)
         own = np.array([_joined(self.own_from_group, each) for each in maps]).reshape(-1, 3, 4)
+        if not self.is_polynomial:
+            middle = own[:, :, :3] @ box.mean(axis=0) + own[:, :, 3]
+            reach = ROOM * (np.abs(own[:, :, :3]) @ np.ptp(box, axis=0) / 2)
+            reach += 2.0**-40 * np.abs(middle)
+            ends = [
+                Range(*pair) for pair in zip((middle - reach).T, (middle + reach).T, strict=True)
+            ]
+            found = range_of(self.formula.program, self.formula.numbers, ends)
+            return (found.low > 0).astype(np.int8) - (found.high < 0)
         terms = _expanded(self, own, box.mean(axis=0), np.ptp(box, axis=0) / 2)
         value = terms[0, 0, 0]
         rest = np.abs(terms).sum(axis=(0, 1, 2)) - np.abs(value)
@@ -121,14 +161,37 @@ class Higher:
         return (known * np.sign(value)).astype(np.int8)
 
 
+@cache
+def _stretches(formula: Compiled, box: tuple[Sequence[float], Sequence[float]]) -> int:
+    """Room for the stretches of a line through a box in which a formula is <= 0: a power of two."""
+    low, high = map(np.array, box)
+    rng = np.random.default_rng(0)
+    # Between two faces of the box, and from corner to corner, where they are longest.
+    ends = rng.random((2, 3, LINES))
+    axis, lines = rng.integers(3, size=(2, LINES)), np.arange(LINES)
+    ends[0, axis[0], lines], ends[1, axis[1], lines] = 0.0, 1.0
+    corners = np.indices((2, 2, 2)).reshape(3, 8).astype(np.float64)
+    ends = np.concatenate([ends, np.stack([corners, 1 - corners])], axis=2)
+    parts = (np.arange(POINTS) + 0.5) / POINTS
+    places = ends[0, :, :, None] + (ends[1] - ends[0])[..., None] * parts
+    points = low[:, None, None] + (high - low)[:, None, None] * places
+    found = range_of(formula.program, formula.numbers, [Range(axis, axis) for axis in points])
+    inside = found.low + found.high <= 0
+    begins = inside & ~np.pad(inside, [(0, 0), (1, 0)])[:, :-1]
+    most, room = int(begins.sum(axis=1).max(initial=0)) + 1, 2
+    while room < min(most, MOST_PAIRS):
+        room *= 2
+    return room
+
+
 def _joined(second: Floats, first: Floats) -> Floats:
-    """The map (3, 4) that is one after another."""
+    """The map (3, 4) that does ``first``, then ``second``."""
     linear = second[:, :3] @ first[:, :3]
     return np.column_stack([linear, second[:, :3] @ first[:, 3] + second[:, 3]])
 
 
 def _expanded(higher: Higher, own: Floats, middle: Floats, half: Floats) -> Floats:
-    """F on boxes as coefficients (d + 1, d + 1, d + 1, N); ``own`` (N, 3, 4) leads to its own."""
+    """Coefficients (d + 1, d + 1, d + 1, N) of F on boxes; ``own`` (N, 3, 4) maps to its own."""
     known = higher.polynomial
     center, size = known.center[:, 0], known.size[:, 0]
     linear = own[:, :, :3] * half
@@ -142,7 +205,7 @@ def _expanded(higher: Higher, own: Floats, middle: Floats, half: Floats) -> Floa
 
 
 def higher_of(functions: Sequence[Function]) -> dict[int, Higher]:
-    """Those of a group's functions that are of an order above two, by their index."""
+    """A group's functions of an order above two, by their index."""
     return {
         index: Higher.of(function.shape)
         for index, function in enumerate(functions)
@@ -151,7 +214,7 @@ def higher_of(functions: Sequence[Function]) -> dict[int, Higher]:
 
 
 def box_with(region: Region, matrices: Floats, higher: Mapping[int, Higher]) -> Floats | None:
-    """A box that contains a region in normal form, as `box_of` finds it of quadrics."""
+    """A box that contains a region in normal form, found as by `box_of`."""
     if not higher:
         return box_of(region, matrices)
     rows, places = [*matrices], {}
@@ -162,7 +225,7 @@ def box_with(region: Region, matrices: Floats, higher: Mapping[int, Higher]) -> 
 
 
 def _around(region: Region, places: Mapping[int, Sequence[int]]) -> Region:
-    """A region in normal form, and more: what encloses some functions in place of these."""
+    """A region that contains a region in normal form, with enclosing quadrics for functions."""
     if isinstance(region, Literal):
         if region.surface not in places:
             return region
@@ -171,7 +234,7 @@ def _around(region: Region, places: Mapping[int, Sequence[int]]) -> Region:
     assert isinstance(region, Intersection | Union)
     parts = [_around(part, places) for part in region.of]
     if isinstance(region, Union):
-        # All of space is in it.
+        # An OR with all of space is all of space.
         whole = Intersection(())
         return whole if whole in parts else Union(tuple(parts))
     flat: list[Region] = []
@@ -183,7 +246,7 @@ def _around(region: Region, places: Mapping[int, Sequence[int]]) -> Region:
 def merged(
     higher: Mapping[int, Higher], middle: Floats, half: float, coincident: float
 ) -> tuple[dict[int, int], set[int]]:
-    """Of each the first that coincides with it, and which of them have the other sign."""
+    """For each, the first that coincides with it, and whether it has the other sign."""
     rows: dict[int, Floats] = {}
     first: dict[int, int] = {}
     opposite: set[int] = set()
@@ -207,8 +270,11 @@ def merged(
 
 def _same_extent(one: Higher, other: Higher, coincident: float) -> bool:
     """Whether F of both is asked in the same places: that of a part within its bounds alone."""
-    if isinstance(one.shape, TorusShape) and isinstance(other.shape, TorusShape):
+    polynomials = one.is_polynomial and other.is_polynomial
+    if polynomials and isinstance(one.shape, TorusShape) and isinstance(other.shape, TorusShape):
         return True
+    if not polynomials and one.formula.program != other.formula.program:
+        return False
     if type(one.shape) is not type(other.shape) or one.shape.box() != other.shape.box():
         return False
     size = np.abs(one.shape.box()).max()
@@ -217,7 +283,7 @@ def _same_extent(one: Higher, other: Higher, coincident: float) -> bool:
 
 
 def least_distance_of(higher: Sequence[Higher], size: float) -> float:
-    """The least distance of tori side by side, infinite where there are none."""
+    """The least distance of tori side by side, infinite if there are none."""
     found = np.inf
     tori = [(each, each.shape) for each in higher if isinstance(each.shape, TorusShape)]
     for ix, (one, first) in enumerate(tori):
@@ -235,18 +301,19 @@ def least_distance_of(higher: Sequence[Higher], size: float) -> float:
 def signed(
     signs: NDArray[np.int8], higher: Mapping[int, Higher], maps: Floats, box: Floats
 ) -> NDArray[np.int8]:
-    """Signs (S, N) of functions all over a box, with those of an order above two put in."""
+    """Signs (S, N) of functions everywhere in a box, with those of an order above two filled in."""
     for index, each in higher.items():
         signs[index] = each.signs(maps, box)
     return signs
 
 
 def stacked_of(higher: Sequence[Higher]) -> Polynomials | None:
-    """The polynomials of all, of one degree; None where there are none."""
-    if not higher:
+    """The polynomials among some, of one degree; None where there are none."""
+    known = [each.polynomial for each in higher if each.is_polynomial]
+    if not known:
         return None
-    degree = max(each.polynomial.degree for each in higher)
-    parts = [each.polynomial.of_degree(degree) for each in higher]
+    degree = max(each.degree for each in known)
+    parts = [each.of_degree(degree) for each in known]
 
     return Polynomials(
         solid=np.concatenate([part.solid for part in parts]),

@@ -1,27 +1,35 @@
 """Surfaces of groups of an order above two along the rays of a frame, float64.
 
-Each has a rectangle, a middle and a stretch of depth of its own, those of its box: what it is next
-to the rest of its group does not matter to how exactly it is known. Outside of them F is taken to
-keep its sign. That of a torus does, and that of a part is not asked for where its bounds end.
+Each surface has its own rectangle, middle and stretch of depth, those of its box. So its accuracy
+does not depend on the rest of its group. Outside of the box F is assumed to keep its sign. F of a
+torus does so, and F of a part is not used outside of the part's bounds.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.bounds import bounds_of_corners, rectangles
 from halfstep.host.camera import View
+from halfstep.host.expressions import (
+    Expressions,
+    FormulaAtEye,
+    FormulasOnRays,
+    formulas_on_rays,
+)
 from halfstep.host.forms import HOST_ROUNDINGS, Sight, length, rays_of
-from halfstep.host.polynomials import AtEye, OnRays, on_rays
+from halfstep.host.polynomials import AtEye, OnRays, Polynomials, on_rays
 from halfstep.host.regions import Regions
+from halfstep.scene import TorusShape
 
-# A stretch ends at multiples of a power of two, of which it has so many at least, or 2^-FINEST.
+# A stretch ends at multiples of a power of two: of 2^-FINEST, or it has at least PARTS of them.
 PARTS = 4
 FINEST = 20
-# It is longer than the box by this part, against rounding.
+# A stretch is longer than the box by this part, against rounding.
 PADDING = 2.0**-16
 
 
@@ -32,30 +40,43 @@ class HigherOnRays:
     owner: Ints  # (M,), which copy
     slot: Ints  # (M,), the surface within its program
     pairs: Ints  # (M,), stretches of a ray at most in which F <= 0
-    forms: OnRays  # (M,)
+    is_formula: Bools  # (M,), no polynomial
+    forms: OnRays | None  # of those that are polynomials
+    formulas: FormulasOnRays | None  # of the others
+    box: Floats  # (2, 3, M), outside of which F is taken to keep its sign, own coordinates
     rectangle: Ints  # (M, 4), first and last pixel: i0, i1, j0, j1
     center: Ints  # (M, 2), pixel where x = y = 0
-    edges: Ints  # (4, M), the rectangle from the middle of its copy
-    stretch: Floats  # (2, M), u between which it may be crossed
+    edges: Ints  # (4, M), the rectangle, counted from the middle of its copy
+    stretch: Floats  # (2, M), the interval of u in which a ray may cross it
     outside: Bools  # (M,), F > 0 at the eye
     eye_sure: Bools  # (M,), rounding cannot have decided that
+    eye_counts: Bools  # (M,), what F is at the eye matters
     nearest: Floats  # (M,), it is not seen at a smaller depth
 
 
 def higher_on_rays(
-    regions: Regions, copy: Ints, middle: Ints, sight: Sight, view: View, degree: int
+    regions: Regions,
+    copy: Ints,
+    middle: Ints,
+    sight: Sight,
+    view: View,
+    degree: int,
+    expressions: Expressions | None,
+    at_eye: Bools,
 ) -> HigherOnRays | None:
-    """Surfaces of visible copies (R,), seen by ``sight`` (R,); None where the scene has none.
+    """The surfaces of visible copies (R,); None if the scene has none.
 
     Args:
-        regions: of the scene.
-        copy: (R,), in ``regions``.
+        regions: the regions of the scene.
+        copy: (R,), indices in ``regions``.
         middle: (2, R), pixel in the middle of each copy.
         sight: how they are seen.
         view: of the frame.
         degree: of the scene's polynomials.
+        expressions: formulas of the scene's solids, and then of its groups.
+        at_eye: (R,), whether rays start at the eye.
     """
-    if regions.higher is None:
+    if not regions.higher:
         return None
     programs = regions.programs
     counts = np.array([len(one.higher) for one in programs])
@@ -65,8 +86,8 @@ def higher_on_rays(
         np.cumsum(counts[program]) - counts[program], counts[program]
     )
     which = (np.cumsum(counts) - counts)[program[owner]] + place
-    every = [each for one in programs for each in one.higher]
-    known = regions.higher.of_degree(degree).at(which)
+    every = regions.higher
+    boxes = np.stack([np.array(each.shape.box()) for each in every], axis=-1)[..., which]
 
     own = sight.at(owner)
     turns = np.stack([each.rotation for each in every], axis=-1)[..., which]
@@ -76,7 +97,8 @@ def higher_on_rays(
     origin = regions.origin[:, copy[owner]] + np.einsum("ijm,jm->im", base, starts)
 
     ends = np.indices((2, 2, 2)).reshape(3, 8) * 2 - 1
-    corners = known.center[:, None] + ends[..., None] * known.size[:, None]
+    half = (boxes[1] - boxes[0]) / 2
+    corners = ((boxes[0] + boxes[1]) / 2)[:, None] + ends[..., None] * half[:, None]
     away = np.einsum("ijm,jcm->icm", rotation, corners) + (origin - view.eye[:, None])[:, None]
     box = bounds_of_corners(np.einsum("ij,jcm->icm", view.camera_from_world, away), view.parallel)
     rectangle, _ = rectangles(box, view)
@@ -90,36 +112,91 @@ def higher_on_rays(
     error = HOST_ROUNDINGS * (eye_distance + steepest * (own.middle + own.half))
     seen = Sight(rays, own.middle, own.half, np.maximum(offsets, 0.0), error, view.parallel)
 
-    right, down, _ = view.camera_from_world
-    directions = view.directions(*center)
-    depth = own.middle + stretch * own.half
-    tangent = np.stack([directions @ right, directions @ down])
-    forms = on_rays(
-        known, owner, seen, depth, tangent, view.camera_from_world, view.pixel, has_balls=False
-    )
-    at_eye = AtEye(known, seen)
-    far = float((own.middle + own.half).max(initial=0.0))
+    is_formula = np.array([not each.is_polynomial for each in every])
+    # Places among all polynomials, or all formulas.
+    rank = np.where(is_formula, np.cumsum(is_formula), np.cumsum(~is_formula))[which] - 1
+    is_formula = is_formula[which]
+    eye = _Eye.unknown(len(owner))
+    forms = formulas = None
+    if regions.polynomials is not None:
+        some = np.flatnonzero(~is_formula)
+        known = regions.polynomials.of_degree(degree).at(rank[some])
+        forms = _polynomials(known, some, owner, seen, center, stretch, view)
+        eye.see(some, AtEye(known, seen.at(some)), seen.at(some))
+    if expressions is not None and is_formula.any():
+        some = np.flatnonzero(is_formula)
+        of, turned = len(expressions.solid) + rank, rotation[..., some]
+        formulas = formulas_on_rays(expressions, owner[some], of[some], seen.at(some), turned)
+        some = some[at_eye[owner[some]]]
+        eye.see(some, FormulaAtEye(expressions, of[some], seen.at(some)), seen.at(some))
+    # Of a formula nothing is asked at an eye that is not within its bounds.
+    beyond = (rays[0] < boxes[0] - error) | (rays[0] > boxes[1] + error)
+    is_away = is_formula & beyond.any(axis=0)
+    is_cut = np.array([not isinstance(each.shape, TorusShape) for each in every])[which]
     return HigherOnRays(
         owner=owner,
         slot=np.array([one.lower for one in programs])[program[owner]] + place,
         pairs=np.array([each.pairs for each in every])[which],
+        is_formula=is_formula,
         forms=forms,
+        formulas=formulas,
+        box=boxes,
         rectangle=rectangle.T,
         center=center.T,
         edges=rectangle - np.repeat(middle[:, owner], 2, axis=0),
         stretch=stretch,
-        outside=at_eye.outside,
-        eye_sure=at_eye.sure,
-        nearest=at_eye.nearest(far),
+        outside=eye.outside,
+        eye_sure=eye.sure | is_away,
+        eye_counts=~is_away,
+        nearest=np.where(is_away & is_cut, np.inf, eye.nearest),
     )
 
 
+class _Eye(NamedTuple):
+    """What is known of M surfaces at the eye."""
+
+    outside: Bools  # (M,)
+    sure: Bools  # (M,)
+    nearest: Floats  # (M,)
+
+    @classmethod
+    def unknown(cls, count: int) -> _Eye:
+        """Of surfaces of which nothing is known yet."""
+        outside, sure = np.zeros((2, count), bool)
+        return cls(outside, sure, np.zeros(count))
+
+    def see(self, some: Ints, found: AtEye | FormulaAtEye, sight: Sight) -> None:
+        """Add what is known of some."""
+        far = float((sight.middle + sight.half).max(initial=0.0))
+        self.outside[some], self.sure[some] = found.outside, found.sure
+        self.nearest[some] = found.nearest(far)
+
+
+def _polynomials(
+    known: Polynomials,
+    some: Ints,
+    owner: Ints,
+    sight: Sight,
+    center: Ints,
+    stretch: Floats,
+    view: View,
+) -> OnRays:
+    """Polynomials on rays, those of some of the surfaces; other arguments are of all of these."""
+    right, down, _ = view.camera_from_world
+    own = sight.at(some)
+    directions = view.directions(*center[:, some])
+    depth = own.middle + stretch[:, some] * own.half
+    tangent = np.stack([directions @ right, directions @ down])
+    axes, pixel = view.camera_from_world, view.pixel
+    return on_rays(known, owner[some], own, depth, tangent, axes, pixel, has_balls=False)
+
+
 def _stretch(ends: Floats) -> Floats:
-    """Places (2, M) of -1 to 1 with few bits, around others."""
+    """Intervals (2, M) in -1 to 1 around others, with ends of few bits."""
     low, high = ends
     room = PADDING * (high - low)
     low, high = np.clip(low - room, -1.0, 1.0), np.clip(high + room, -1.0, 1.0)
     unit = np.exp2(np.ceil(np.log2(np.maximum((high - low) / PARTS, 2.0**-FINEST))))
     low, high = np.floor(low / unit) * unit, np.ceil(high / unit) * unit
-    # What the interval lacks keeps a part of it, of which nothing is asked.
+    # A stretch outside of the interval becomes a part of it, in which no root is found.
     return np.stack([np.minimum(low, 1.0 - unit), np.maximum(high, low + unit)])

@@ -1,4 +1,4 @@
-"""What light does beyond shading, shadows and mirrors, and where the points that it meets are."""
+"""Shadows and mirrors of a scene, and the positions of points for them."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from halfstep.host.veils import veils_of
 from halfstep.host.world import World
 from halfstep.scene import Scene
 
-# How many bits the place of a point on its ray has, and how many its parts are below in all.
+# Bits of the position of a point on its ray, and of a part of its coordinates on the grid.
 PLACE_BITS, ROOM_BITS = 20, 60
 
 
 @dataclass(frozen=True)
 class Lit:
-    """What does not depend on the camera."""
+    """Shadows and mirrors; nothing here depends on the camera."""
 
     world: World
-    shadows: ShadowTables | None  # what hides lights, if any have shadows
-    mirrors: MirrorTables | None  # what mirrors show, if there are any
-    veils: PackedVeils | None  # what copies of groups hide of lights, if they hide any
+    shadows: ShadowTables | None  # the occluders, if lights have shadows
+    mirrors: MirrorTables | None  # the bodies, if there are mirrors
+    veils: PackedVeils | None  # the veils, if copies of groups hide lights
 
     @classmethod
     def of(cls, scene: Scene, geometry: Geometry) -> Lit | None:
-        """That of a scene; None where there is neither shadow nor mirror.
+        """The shadows and mirrors of a scene; None if it has neither.
 
         Raises:
-            SceneError: a solid has no end, so that no grid holds it; or copies of groups before
-                lights are too many.
+            SceneError: a solid is unbounded, so that no grid holds it; or too many copies of groups
+                may hide lights.
         """
         shadows, mirrors = has_shadows(scene), has_mirrors(scene)
         if not shadows and not mirrors:
@@ -58,7 +58,7 @@ class Lit:
 
 
 def locations(lit: Lit, setup: Setup, solids: Records, number_format: Format) -> Records:
-    """Where the points of each solid are on the grid, in the order of ``solids``."""
+    """Records for the positions of the points of each solid on the grid, in their order."""
     grid, view = lit.world.grid, setup.view
     order = _order(setup, solids, lit.world.first_surface)
     right, down, _ = view.camera_from_world
@@ -79,7 +79,7 @@ def locations(lit: Lit, setup: Setup, solids: Records, number_format: Format) ->
     along /= grid.unit
     offsets = np.column_stack([np.ones(len(order)), setup.offsets[order] + layout.TILE])
     largest = np.einsum("vcx,vc->vx", np.abs(along) + np.abs(level), offsets).max(axis=1, initial=1)
-    # The product with a place on the ray, of PLACE_BITS bits, has no more than ROOM_BITS.
+    # The product with a position on the ray, of PLACE_BITS bits, has at most ROOM_BITS bits.
     shift = ROOM_BITS - PLACE_BITS - np.ceil(np.log2(largest)).astype(np.int64)
     shift = np.clip(shift, 0, 24)
     records = np.zeros(len(order), layout.LOCATION.dtype(number_format))
@@ -87,7 +87,8 @@ def locations(lit: Lit, setup: Setup, solids: Records, number_format: Format) ->
     if number_format.length is np.int64:
         level, along = np.rint(level * scale), np.rint(along * scale)
     records["level"], records["along"] = level.reshape(-1, 9), along.reshape(-1, 9)
-    # It may lie beside the picture, beyond 32 bits; so may the way from there, and the sum fits.
+    # The anchor may lie beside the picture, beyond 32 bits, and wraps; so may the way from it. The
+    # sum fits.
     records["anchor"] = anchor.astype(np.int64).astype(np.int32)
     records["shift"] = shift
     records["center_x"], records["center_y"] = center.T
@@ -95,7 +96,8 @@ def locations(lit: Lit, setup: Setup, solids: Records, number_format: Format) ->
     records["surface"] = solids["surface"]
     records["count"] = lit.world.surface_count[setup.solid[order]]
     if lit.mirrors is not None:
-        records["reflection"] = lit.mirrors.reflection[setup.solid[order]]
+        for name in ("reflection", "body", "flags"):
+            records[name] = getattr(lit.mirrors, name)[setup.solid[order]]
     return records
 
 

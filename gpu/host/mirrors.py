@@ -1,18 +1,21 @@
-"""Solids as rays from mirrors meet them, float64, once for a scene.
+"""Bodies: solids in the form for rays from mirrors, float64, once for a scene.
 
 A ray from a mirror comes from anywhere, so no base plane is made for it.  About each solid there is
-a ball; its middle is on the grid of the world, and its radius is a power of two.  F and half-spaces
-are given in coordinates from that middle along the axes of the world, in radii.
+a ball, whose middle is on the grid of the world.  F and half-spaces are given in coordinates from
+that middle along the axes of the world, in a radius that is a power of two.  Around balls that are
+near each other there are larger ones: what a ray does not meet leaves out all that is within.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats
+from halfstep.contract.arrays import Floats, Ints
 from halfstep.contract.layout import Shade
 from halfstep.contract.mirrors import PackedMirrors
 from halfstep.host.camera import View
@@ -20,38 +23,57 @@ from halfstep.host.geometry import Geometry
 from halfstep.host.world import World, planes_of
 from halfstep.scene import Scene
 
-# A ball is so much larger than its solid, of which rounding must leave nothing out.
+# A ball is larger than its solid by this factor, against rounding.
 ROOM = 1 + 2.0**-9
-# A ball that nothing meets.
-NOTHING = -3e38
-# As many balls behind the last as a subgroup has invocations at most.
-SPARE_BALLS = 16
+# And a ball that is tested before, or is around others, by so much, and by units of the grid, of
+# which rounding to float32 takes some.
+MORE_ROOM, MORE_UNITS = 1 + 2.0**-7, 128
+# Less than this, of the greatest, is no curvature of F by which it bounds a ball; and less than
+# this is as good as none.
+SLENDER, CONVEX = 1e-6, 1e-12
+# Bodies of a group that has no groups within, and how large one of these is at most, of the group.
+FEW, LARGE = 4, 0.3
 
 
 def has_mirrors(scene: Scene) -> bool:
-    """Whether some solid of ``scene`` reflects, and is asked to."""
+    """Whether a solid of ``scene`` reflects, and the scene allows bounces."""
     shines = any(scene.material_of(solid).reflection > 0 for solid in scene.solids)
     return shines and scene.image.bounces > 0
 
 
 class MirrorTables:
-    """Records of what a scene's mirrors may show, which do not depend on the camera."""
+    """Records of what a scene's mirrors may show, which do not depend on the camera.
+
+    Of each solid: the share of what it mirrors, its number among the bodies from 1, and its flags.
+    """
 
     def __init__(self, scene: Scene, geometry: Geometry, world: World) -> None:
         self._world, self._bounces = world, scene.image.bounces
         materials = [scene.material_of(solid) for solid in scene.solids]
         self.reflection = np.array([each.reflection for each in materials])  # (K,)
-        shown = np.flatnonzero(~geometry.is_empty).tolist()
+        self.body, self.flags = np.zeros((2, len(materials)), np.uint32)  # (K,)
+        shown = np.flatnonzero(~geometry.is_empty)
+        middle = world.grid.whole(world.boxes[..., shown].mean(axis=0).T)
+        radius = _radii(geometry, world, shown)
+        balls = list(_balls(middle.astype(float), radius, np.arange(len(shown))))
+        self._balls = np.zeros(len(balls), layout.BALL.dtype())
         self._bodies = np.zeros(len(shown), layout.BODY.dtype())
-        self._balls = np.zeros(len(shown) + SPARE_BALLS, layout.BALL.dtype())
-        self._balls["radius"] = NOTHING
         faces: list[Floats] = []
-        for body, ball, ix in zip(self._bodies, self._balls, shown, strict=False):
+        for record, ball in zip(self._balls, balls, strict=True):
+            record["center"], record["next"] = ball.center, ball.next
+            record["radius"] = ball.radius * MORE_ROOM + MORE_UNITS
+            if ball.chosen is None:
+                continue
+            ix, record["body"] = int(shown[ball.chosen]), len(faces) + 1
+            body = self._bodies[len(faces)]
+            half = max(ball.radius * ROOM, 1.0)
+            level = 2.0 ** math.ceil(math.log2(half))
+            body["center"], body["unit"], body["bound"] = ball.center, 1 / level, half / level
             own = _fill(body, geometry, world, ix)
             body["face_start"], body["face_count"] = sum(len(each) for each in faces), len(own)
             for name in ("color", "specular", "shininess", "reflection"):
                 body[name] = getattr(materials[ix], name)
-            ball["center"], ball["radius"] = body["center"], body["radius"]
+            self.body[ix], self.flags[ix] = record["body"], body["flags"]
             faces.append(own)
         self._faces = np.zeros(sum(len(each) for each in faces), layout.FACE.dtype())
         if len(self._faces):
@@ -63,31 +85,90 @@ class MirrorTables:
         frame = np.zeros(1, layout.MIRRORS.dtype())
         frame["middle"] = self._world.grid.middle - view.eye
         frame["unit"] = self._world.grid.unit
-        frame["count"] = len(self._bodies)
+        frame["count"] = len(self._balls)
         return PackedMirrors(frame, self._bodies, self._faces, self._balls, self._bounces)
+
+
+class _Ball(NamedTuple):
+    """A ball around a body, or around the balls that follow up to another one."""
+
+    center: Floats  # (3,), on the grid
+    radius: float  # in its units
+    next: int
+    chosen: int | None  # the body
+
+
+def _radii(geometry: Geometry, world: World, shown: Ints) -> Floats:
+    """How far solids (V,) reach from the middle of their boxes, in units of the grid."""
+    boxes = world.boxes[..., shown]
+    radii = np.linalg.norm(boxes[1] - boxes[0], axis=0) / 2
+    middle = boxes.mean(axis=0)
+    for row, ix in enumerate(shown.tolist()):
+        quadric = geometry.quadric[..., ix]
+        bends, _ = np.linalg.eigh(quadric[:3, :3])
+        if geometry.has_quadric[ix] and bends[0] > SLENDER * bends[2]:
+            center = -np.linalg.solve(quadric[:3, :3], quadric[:3, 3])
+            level = max(-(quadric[3, 3] + quadric[3, :3] @ center), 0.0)
+            away = geometry.world_from_local[..., ix] @ center + geometry.origin[:, ix]
+            reach = np.linalg.norm(away - middle[:, row]) + math.sqrt(level / bends[0])
+            radii[row] = min(radii[row], reach)
+    return np.asarray(radii / world.grid.unit)
+
+
+def _balls(center: Floats, radius: Floats, rows: Ints, first: int = 0) -> Iterator[_Ball]:
+    """Balls of bodies and around groups of them, each group before its members.
+
+    Args:
+        center: of the bodies (V, 3).
+        radius: of the bodies (V,).
+        rows: which bodies.
+        first: number of the first ball.
+    """
+    if len(rows) <= FEW:
+        for number, row in enumerate(rows.tolist(), start=first):
+            yield _Ball(center[row], radius[row], number + 1, row)
+        return
+    low = (center[rows] - radius[rows, None]).min(axis=0)
+    high = (center[rows] + radius[rows, None]).max(axis=0)
+    is_large = radius[rows] > LARGE * float(np.linalg.norm(high - low)) / 2
+    large, small = rows[is_large], rows[~is_large]
+    for row in large.tolist():
+        yield _Ball(center[row], radius[row], first + 1, row)
+        first += 1
+    if len(small) <= FEW:
+        yield from _balls(center, radius, small, first)
+        return
+    spread = np.ptp(center[small], axis=0)
+    order = small[np.argsort(center[small, spread.argmax()], kind="stable")]
+    for half in np.array_split(order, 2):
+        members = list(_balls(center, radius, half, first + 1))
+        low = (center[half] - radius[half, None]).min(axis=0)
+        high = (center[half] + radius[half, None]).max(axis=0)
+        middle = np.rint((low + high) / 2)
+        reach = np.linalg.norm(center[half] - middle, axis=1) + radius[half]
+        yield _Ball(middle, float(reach.max()), first + 1 + len(members), None)
+        yield from members
+        first += 1 + len(members)
 
 
 def _fill(body: np.void, geometry: Geometry, world: World, ix: int) -> Floats:
     """Write what a record says of a solid; its half-spaces (M, 4), of unit normals."""
-    grid, box = world.grid, world.boxes[..., ix]
-    center = grid.whole(box.mean(axis=0))
-    half = float(np.linalg.norm(box[1] - box[0])) / 2 / grid.unit
-    level = math.ceil(math.log2(max(half * ROOM, 1.0)))
-    back = geometry.world_from_local[..., ix].T
+    grid, back = world.grid, geometry.world_from_local[..., ix].T
     to_local = np.eye(4)
-    to_local[:3, :3] = back * (2.0**level * grid.unit)
-    to_local[:3, 3] = back @ (grid.middle + center * grid.unit - geometry.origin[:, ix])
+    to_local[:3, :3] = back * (grid.unit / float(body["unit"]))
+    middle = grid.middle + body["center"].astype(float) * grid.unit
+    to_local[:3, 3] = back @ (middle - geometry.origin[:, ix])
+    is_convex = True
     quadric = np.diag([0.0, 0.0, 0.0, -1.0])
     if geometry.has_quadric[ix]:
         quadric = to_local.T @ geometry.quadric[..., ix] @ to_local
         quadric = quadric / np.abs(quadric).max()
-    body["center"], body["unit"], body["radius"] = center, 2.0**-level, 2.0**level
+        is_convex = bool(np.linalg.eigvalsh(quadric[:3, :3])[0] > -CONVEX)
     body["second"] = quadric[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     body["slope"], body["value"] = quadric[3, :3], quadric[3, 3]
     is_patch = bool(geometry.is_patch[ix])
-    body["flags"] = Shade.FLAT * is_patch
+    body["flags"] = Shade.FLAT * is_patch | Shade.CONVEX * is_convex
     body["surface"] = world.first_surface[ix] - is_patch
-    body["first"], body["count"] = world.first_surface[ix], world.surface_count[ix]
     faces = planes_of(geometry, ix) @ to_local
     if is_patch:
         faces = np.concatenate([faces[:1], -faces[:1], faces[1:]])

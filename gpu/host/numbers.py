@@ -1,7 +1,7 @@
-"""What the numbers of surfaces in a picture stand for.
+"""The meaning of the numbers of surfaces in a picture.
 
-Surfaces are numbered through from 1; 0 is none. Those of solids come first. A copy of a group has a
-number for each of its cells with each of its surfaces.
+The surfaces of a scene are numbered from 1; 0 is no surface. Surfaces of solids come first. A copy
+of a group has a number for each of its cells with each of its surfaces.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from halfstep.errors import SceneError
 from halfstep.host.regions import Regions
 from halfstep.scene import Scene
 
-# Shaders have numbers of surfaces in words of 32 bits.
+# Shaders hold the number of a surface in 32 bits.
 MOST_NUMBERS = 2**32 - 1
 
 
@@ -23,17 +23,17 @@ MOST_NUMBERS = 2**32 - 1
 class Numbers:
     """The surfaces of a scene.
 
-    Rows of solids and copies, K of them, are those of ``Geometry``.
+    Solids and copies are K rows, those of ``Geometry``.
     """
 
-    first: Ints  # (K,), each one's first number
+    first: Ints  # (K,), first number of each row
     count: int  # of all numbers
-    solid: I32  # (S + 1,), of each number of a solid's surface, -1 for none
-    surface: I32  # (S + 1,), within the solid, -1 for none
-    solid_material: I32  # (K0 + 1,), of each solid, the last for none
+    solid: I32  # (S + 1,), the solid of each number of a solid's surface, -1 for none
+    surface: I32  # (S + 1,), its surface within the solid, -1 for none
+    solid_material: I32  # (K0 + 1,), material of each solid, and of none
     regions: Regions | None
-    cell: I32  # (C + 1,), of each cell of the scene, the last for none
-    cell_material: I32  # (C + 1,)
+    cell: I32  # (C + 1,), id of each cell of the scene, and of none
+    cell_material: I32  # (C + 1,), material of each cell, and of none
 
     def rows(self, numbers: U32) -> Ints:
         """Rows of solids and copies, -1 for none."""
@@ -56,7 +56,7 @@ class Numbers:
         return found
 
     def places(self, numbers: U32) -> I32:
-        """The output ``place``: which copy of a group, -1 for none."""
+        """The output ``place``: the number of the copy of a group, -1 for none."""
         found = np.full(numbers.shape, -1, np.int32)
         if self.regions is not None:
             row = self.rows(numbers) - self._alone
@@ -78,14 +78,14 @@ class Numbers:
         return found
 
     def title(self, cell: int) -> str:
-        """What a cell of the scene is called, for people."""
+        """The name of a cell of the scene, for people."""
         assert self.regions is not None
         found = self.regions.all_cells[cell]
         return found.title if found.id is not None or found.name else f"cell[{cell}]"
 
     @property
     def _alone(self) -> int:
-        """How many rows are solids, not copies."""
+        """The number of rows that are solids, not copies."""
         return len(self.first) - (0 if self.regions is None else self.regions.count)
 
     def _of_solids(self, table: I32, numbers: U32) -> I32:
@@ -93,7 +93,7 @@ class Numbers:
         return np.asarray(table[np.where(numbers < len(table), numbers, 0)])
 
     def _in_copies(self, numbers: U32) -> tuple[Bools, Ints, Ints]:
-        """Which numbers are of copies; the cell of the scene and the function of the group."""
+        """Whether numbers are of copies; their cells of the scene and functions of the group."""
         of = np.asarray(numbers >= len(self.solid))
         if self.regions is None or not of.any():
             return np.zeros_like(of), np.empty(0, np.int64), np.empty(0, np.int64)
@@ -113,10 +113,10 @@ def numbers_of(
     count: int,
     regions: Regions | None,
 ) -> Numbers:
-    """The numbers of a scene's surfaces; arguments as `Numbers` has them.
+    """The numbers of a scene's surfaces; the arguments are those of `Numbers`.
 
     Raises:
-        SceneError: there are more than 32 bits tell apart.
+        SceneError: there are more numbers than 32 bits hold.
     """
     if count > MOST_NUMBERS:
         raise SceneError(
@@ -141,5 +141,5 @@ def numbers_of(
 
 
 def _ids(numbers: list[int]) -> I32:
-    """Ids, and -1 behind them."""
+    """The ids, and -1 behind them."""
     return np.array([*numbers, -1], np.int32)

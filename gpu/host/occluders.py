@@ -1,16 +1,16 @@
-"""What hides each light from where: solids along the rays to lights, float64, once for a scene.
+"""Occluders: solids that may hide lights, along the rays to lights, float64, once for a scene.
 
 A light is a second centre of projection.  Points are on a grid of the world, in whole numbers that
-do not know the camera.  About an occluder, v runs along one axis of the world, the one most along
-the rays to the light, from its middle towards the light, in units of a radius that is a power of
-two; a and b are the other two axes, sheared so that the light is where a = b = 0.  With
+do not depend on the camera.  For an occluder, v runs along the axis of the world closest to the
+rays to the light, from the occluder's middle towards the light.  Its unit is the radius, a power of
+two.  a and b run along the other two axes, sheared so that the light is at a = b = 0.  With
 k = radius/distance of the light and h = 1 - k v, the ray from (a, b, v) is
 
     P(v') = (a, b, 0, h) + v' (-k a, -k b, h, 0)      v' from v to 1/k, homogeneous coordinates
 
 so F = A v'^2 + G v' + C with A, G and C quadratic in (a, b, h), and half-spaces c + b v' with c and
-b linear.  For a light far away k = 0 and h = 1.  A lamp near an occluder or in it is itself the
-middle: P(w) = (L, 1) - w (D, 0), w from -1 to 0, where D leads from the lamp to the point.
+b linear.  For a far light k = 0 and h = 1.  If a lamp is near an occluder or in it, rays count from
+the lamp: P(w) = (L, 1) - w (D, 0), w from -1 to 0, where D leads from the lamp to the point.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from halfstep.scene import Light, Scene
 
 # Bits after the point of shears.
 SHEAR_BITS = 30
-# What a lamp sees across over along is known to this.
+# Error of the direction to a point from a lamp, the way across over the way along.
 TANGENT_MARGIN = 2.0**-18
-# A lamp nearer than this many radii is itself the middle.
+# Rays to a lamp nearer than this many radii count from the lamp.
 NEAR = 4.0
-# Bits of a coordinate on the curve along which occluders are in order.
+# Bits of a coordinate on Morton's curve, which orders occluders.
 _CURVE_BITS = 10
-# Of rays to lights far away, 1/v where they end: nothing of a solid is beyond v = 1. An end at
-# infinity would not tell whether they are inside a half-space along them.
+# 1/v at the end of a ray to a far light: no solid reaches beyond v = 1. With an end at infinity,
+# a ray parallel to a half-space would not tell whether it is inside.
 FAR_END = 0.5
 
 
@@ -44,8 +44,8 @@ FAR_END = 0.5
 class Axes:
     """Axes along the rays to a light."""
 
-    axis: int  # of the world, most along the rays
-    sign: int  # 1 if it points to the light
+    axis: int  # the axis of the world closest to the rays
+    sign: int  # 1 if the axis points to the light, else -1
     shear: Ints  # (2,), along the next axis and the one after that, in 2^-SHEAR_BITS
 
     @classmethod
@@ -69,25 +69,25 @@ class Axes:
 
 @dataclass(frozen=True)
 class Approach:
-    """How rays to a light come to a solid in a world box."""
+    """The coordinates of rays to a light about a solid in a world box."""
 
     axes: Axes
     level: int  # the radius is 2^level units of the grid
     center: Ints  # (3,), on the grid
-    reach: int  # of a lamp along the axis, in units of the grid; 0 if it is not asked for
+    reach: int  # distance of a lamp along the axis, in units of the grid; 0 if not needed
     at_lamp: bool
     end: float  # 1/v where rays end: k of a lamp
 
     @classmethod
     def of(cls, box: Floats, grid: Grid, light: Light, axes: Axes) -> Approach:
-        """That to a solid in ``box`` (2, 3); ``axes`` are those of a light far away."""
+        """The approach to a solid in ``box`` (2, 3); ``axes`` are those of a far light."""
         level, center = _level(box, grid), grid.whole(box.mean(axis=0))
         if light.position is None:
             return cls(axes, level, center, 0, at_lamp=False, end=FAR_END)
         place = np.array(light.position)
         to = (place - grid.middle) / grid.unit - center
         if np.abs(to).max() >= NEAR * 2.0**level:
-            # The lamp is where the rounded axes say, along the axis as far as the rounded reach.
+            # The lamp lies along the rounded axes, at the rounded reach.
             reach = int(np.rint(np.abs(to).max()))
             end = 2.0**level / reach
             return cls(Axes.towards(to), level, center, reach, at_lamp=False, end=end)
@@ -97,7 +97,7 @@ class Approach:
 
 @dataclass(frozen=True)
 class Occluder:
-    """A solid before a light; see `halfstep.contract.layout.OCCLUDER`."""
+    """A solid that may hide a light; see `halfstep.contract.layout.OCCLUDER`."""
 
     solid: int  # index in the scene
     is_patch: bool
@@ -105,27 +105,27 @@ class Occluder:
     axes: Axes
     level: int
     center: Ints  # (3,), on the grid
-    reach: int  # of a lamp along the axis, in units of the grid; 0 if it is not asked for
+    reach: int  # distance of a lamp along the axis, in units of the grid; 0 if not needed
     at_lamp: bool
     encloses: bool
     end: float  # 1/v where the ray ends: k of a lamp
-    forms: Floats  # (3, 6), of A, G, C; F = -1 where there is no quadric
-    slabs: Floats  # (S, 2, 3), of c and b of the first half-space of each slab
-    widths: Floats  # (S,), 0 where there is no second one
-    numbers: Ints  # (S, 2), surfaces after that of F; 0 where there is no second one
-    lit: Bools  # (S, 2)
-    # (2, 3), where points are hidden at most: from a light far away in units of the grid; from a
-    # lamp across over along, and from how far along, in these units.
+    forms: Floats  # (3, 6), A, G, C; F = -1 if there is no quadric
+    slabs: Floats  # (S, 2, 3), c and b of the first half-space of each slab
+    widths: Floats  # (S,), 0 if the slab has no second half-space
+    numbers: Ints  # (S, 2), surface numbers counted from that of F; 0 for no second half-space
+    lit: Bools  # (S, 2), whether the light is outside of each half-space
+    # (2, 3), a box of all points that may be hidden. For a far light it is in units of the grid;
+    # for a lamp the way across over the way along, and the way along in units of the grid.
     box: Floats
 
 
 @dataclass(frozen=True)
 class Shadows:
-    """Of each light with shadows what may hide it; lights far away first."""
+    """The occluders of each light with shadows; far lights come first."""
 
     world: World
     lights: tuple[int, ...]  # their bits in the output ``shadow``
-    views: tuple[tuple[Axes, Ints], ...]  # axes of lights far away, places (3,) of lamps
+    views: tuple[tuple[Axes, Ints], ...]  # axes of far lights, positions (3,) of lamps
     far_lights: int
     occluders: tuple[tuple[Occluder, ...], ...]  # by light
     casts: Bools  # (K,), copies of groups last
@@ -137,7 +137,7 @@ def has_shadows(scene: Scene) -> bool:
 
 
 def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
-    """What solids hide of the lights of ``scene`` that have shadows."""
+    """The occluders of the lights of ``scene`` that have shadows."""
     lights = [light for light in scene.lights if light.shadows]
     order = sorted(range(len(lights)), key=lambda bit: lights[bit].position is not None)
     views, occluders = [], []
@@ -176,12 +176,12 @@ def _view(
 
 
 def axes_of(light: Light, grid: Grid) -> tuple[Axes, Ints]:
-    """The axes along the rays to a light, and where on the grid a lamp is."""
+    """The axes along the rays to a light, and the position of a lamp on the grid."""
     if light.position is None:
         assert light.direction is not None
         return Axes.towards(np.array(light.direction)), np.zeros(3, np.int64)
     place = grid.whole(np.array(light.position))
-    # From the lamp to the middle of everything.
+    # The direction from the lamp to the middle of the grid.
     ahead = Axes.towards(np.where(place.any(), -place, 1).astype(np.float64))
     return Axes(ahead.axis, ahead.sign, np.zeros(2, np.int64)), place
 
@@ -189,9 +189,9 @@ def axes_of(light: Light, grid: Grid) -> tuple[Axes, Ints]:
 def _spans(
     geometry: Geometry, found: Floats, grid: Grid, axes: Axes, eye: Floats, is_lamp: bool
 ) -> Floats:
-    """Boxes (2, 3, K) of the solids, see `Occluder`, as from ``eye`` in world coordinates.
+    """Boxes (2, 3, K) of the solids, as in `Occluder`, seen from ``eye`` in world coordinates.
 
-    Not all that end look so from the light; ``found`` (2, 3, K) are world boxes around them.
+    A bounded solid may look unbounded from the light, so ``found`` (2, 3, K) gives world boxes.
     """
     view = view_of_light(grid, axes, eye, is_lamp)
     seen = bounds(geometry, view)
@@ -202,7 +202,7 @@ def _spans(
 
 
 def view_of_light(grid: Grid, axes: Axes, eye: Floats, is_lamp: bool) -> View:
-    """A light as the eye of a picture."""
+    """The view of a picture whose eye is the light."""
     return View(
         eye=eye,
         camera_from_world=np.asarray(np.linalg.inv(axes.basis) / grid.unit, np.float64),
@@ -216,26 +216,26 @@ def view_of_light(grid: Grid, axes: Axes, eye: Floats, is_lamp: bool) -> View:
 
 
 def from_behind(spans: Floats, is_lamp: bool) -> Floats:
-    """Boxes (2, 3, K) with all from where what is in them hides the light; changes ``spans``."""
+    """Boxes extended to all points from which their content hides the light; changes ``spans``."""
     if is_lamp:
         room = TANGENT_MARGIN * (1 + np.abs(spans[:, :2]).max(axis=0))
         spans[0, :2] -= room
         spans[1, :2] += room
         spans[1, 2] = np.inf
     else:
-        # From anywhere behind it.
+        # Every point behind the box counts.
         spans[0, 2] = -np.inf
     return spans
 
 
 def _spans_of_boxes(found: Floats, view: View) -> Floats:
-    """The same of world boxes (2, 3, K), infinite where they are not ahead of the eye."""
+    """Boxes as from `_spans` for world boxes (2, 3, K); infinite if not ahead of the eye."""
     corners = [[found[k >> axis & 1, axis] for axis in range(3)] for k in range(8)]
     return spans_of_points(np.array(corners), view)
 
 
 def spans_of_points(points: Floats, view: View) -> Floats:
-    """Boxes (2, 3, K) of world points (N, 3, K), likewise."""
+    """Boxes as from `_spans` for world points (N, 3, K)."""
     x, y, depth = np.einsum("rc,nck->rnk", view.camera_from_world, points - view.eye[:, None])
     spans = np.stack([[end(axis=0) for end in (part.min, part.max)] for part in (x, y, depth)], 1)
     if view.parallel:
@@ -250,7 +250,7 @@ def spans_of_points(points: Floats, view: View) -> Floats:
 
 def _neighbours(spans: Floats) -> Ints:
     """An order of boxes (2, 3, K) in which neighbours are close to each other: Morton's curve."""
-    # Where one end is infinite, the other one says where a box is.
+    # If one end is infinite, the other end stands for the position of a box.
     low, high = (np.where(np.isfinite(end), end, other) for end, other in (spans, spans[::-1]))
     middle = (np.nan_to_num(low, posinf=0, neginf=0) + np.nan_to_num(high, posinf=0, neginf=0)) / 2
     size = np.ptp(middle, axis=1, keepdims=True)
@@ -262,7 +262,7 @@ def _neighbours(spans: Floats) -> Ints:
 
 
 def _level(box: Floats, grid: Grid) -> int:
-    """Of a solid in a world box, the power of two that is no less than half of it."""
+    """The exponent of the least power of two that is half a world box or more, in units."""
     half = float((box[1] - box[0]).max()) / 2 / grid.unit
     return math.ceil(math.log2(max(half * (1 + 2.0**-20), 1.0)))
 
@@ -304,8 +304,8 @@ def _before(geometry: Geometry, grid: Grid, ix: int, spans: Floats, approach: Ap
 class _Forms:
     """A solid in the coordinates a, b, v, 1."""
 
-    quadric: Floats  # (4, 4), the largest entry about 1; of F = -1 where a solid has none
-    slabs: Floats  # (S, 2, 4), of both half-spaces, the largest entry about 1
+    quadric: Floats  # (4, 4), the largest entry about 1; F = -1 if the solid has no quadric
+    slabs: Floats  # (S, 2, 4), both half-spaces, the largest entry about 1
     numbers: Ints  # (S, 2), see `Occluder`
 
     @classmethod
@@ -324,7 +324,7 @@ class _Forms:
             quadric = quadric / np.abs(quadric).max()
         rows = planes_of(geometry, ix) @ to_local
         if geometry.is_patch[ix]:
-            # What is left between its two sides.
+            # A bounded plane is the space between its two sides.
             rows = np.concatenate([rows[:1], -rows[:1], rows[1:]])
         numbers = _pairs(rows)
         slabs = rows[np.where(numbers > 0, numbers, numbers[:, :1]) - 1]
@@ -333,12 +333,12 @@ class _Forms:
 
     @property
     def widths(self) -> Floats:
-        """Of what is between the two half-spaces of slabs, in radii times the gradient."""
+        """Widths of slabs, in radii times the gradient."""
         return np.where(self.numbers[:, 1] > 0, -self.slabs[..., 3].sum(axis=1), 0.0)
 
 
 def _pairs(rows: Floats) -> Ints:
-    """Half-spaces (M, 4) by pairs that look opposite ways (S, 2), from 1; 0 for none."""
+    """Pairs (S, 2) of opposite half-spaces (M, 4), numbered from 1; 0 for none."""
     left = dict(enumerate(rows, start=1))
     found = []
     while left:
@@ -383,7 +383,7 @@ def linears(sides: Floats, k: float) -> Floats:
 
 
 def quadratics_at_lamp(q: Floats) -> Floats:
-    """The same where rays count from the lamp, as coefficients of vv, av, bv, aa, ab, bb."""
+    """A, G, C if rays count from the lamp, as coefficients of vv, av, bv, aa, ab, bb."""
     a, b, v, one = range(4)
     none = np.zeros_like(q[v, v])
     return np.array(
@@ -396,7 +396,7 @@ def quadratics_at_lamp(q: Floats) -> Floats:
 
 
 def linears_at_lamp(sides: Floats) -> Floats:
-    """And c (M, 2, 3) and b of half-spaces (M, 4) as coefficients of v, a, b."""
+    """c and b (M, 2, 3) of half-spaces (M, 4) if rays count from the lamp, of v, a, b."""
     a, b, v, one = range(4)
     found = np.zeros((len(sides), 2, 3))
     found[:, 0, 0] = sides[:, one]

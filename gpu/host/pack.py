@@ -33,7 +33,7 @@ from halfstep.host.setup import START_BITS, Setup
 from halfstep.host.steps import Steps, format_for
 from halfstep.scene import Scene
 
-# A tile's record has its place, where each list begins, and where the last ends.
+# A tile's record has its place, the start of each list, and the end of the last list.
 MOST_CLASSES = layout.TILE_WORDS - 2
 # Rows: the class of a solid seen whole and from outside. Columns: its class whole, cut, and seen
 # from inside.
@@ -52,7 +52,7 @@ _CLASS_SEEN = np.array(
     ],
     np.int64,
 )
-# The article method has one way for all quadrics and one for all polyhedra.
+# The article method has one class for all quadrics and one for all polyhedra.
 _ARTICLE_CLASS = np.array(
     [
         Class.QUADRIC,
@@ -69,7 +69,7 @@ _ARTICLE_CLASS = np.array(
     np.int64,
 )
 
-# Classes that another one can do for.
+# Classes that another class can stand for.
 _CLOSED = {
     Class.POLYHEDRON: Class.POLYHEDRON_INSIDE,
     Class.QUADRIC: Class.QUADRIC_INSIDE,
@@ -81,15 +81,15 @@ _FRAME, _LIGHT = layout.FRAME.dtype(), layout.LIGHT.dtype()
 
 @dataclass(frozen=True)
 class Surfaces:
-    """What a scene's surfaces are called and look like."""
+    """The numbers and materials of a scene's surfaces."""
 
     numbers: Numbers
     color: F32  # (K, 3), of each solid's material
     specular: F32  # (K,)
     shininess: U32  # (K,)
-    normal: F32  # (M, 3), of each half-space, world
-    outside_class: Ints  # (K,), of each solid seen whole and from outside
-    appearances: Appearances | None  # of cells and their faces
+    normal: F32  # (M, 3), normal of each half-space, world
+    outside_class: Ints  # (K,), class of each solid seen whole and from outside
+    appearances: Appearances | None  # appearances of cells and their faces
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Packed:
 
     setup: Setup
     surfaces: Surfaces
-    steps: Steps  # of each solid in the order of ``setup``
+    steps: Steps  # halvings of each solid, in the order of ``setup``
     order: Ints  # (V,), row of each solid in ``setup``
     classes: Ints  # (V,)
     format: Format
@@ -106,34 +106,34 @@ class Packed:
     half_spaces: Records
     key_bits: int  # depth key = t 2^key_bits
     lights: Records
-    # What a shader depends on is taken from the scene where it can be, so that a solid that leaves
-    # the picture does not ask for another one.
+    # If possible, the needs of shaders are those of the whole scene, so that a solid that leaves
+    # the picture needs no new shader.
     present: tuple[Class, ...]  # classes that the scene's solids have, in this frame or otherwise
-    shininess_bits: int  # of the largest exponent of a highlight, 0 where no material shines
-    most_half_spaces: int  # of a solid
+    shininess_bits: int  # bits of the largest exponent of a highlight, 0 if no material shines
+    most_half_spaces: int  # the most half-spaces of a solid
     solid_count: int  # of the scene
     surface_count: int  # of the scene
-    regions: PackedRegions | None  # what copies of groups have besides
-    polynomials: PackedPolynomials | None  # what solids have besides that polynomials bound
-    expressions: PackedExpressions | None  # and those that other formulas do
-    locations: Records | None = None  # (V,), of the points of solids, if these are needed
-    shadows: PackedShadows | None = None  # what hides lights, if any have shadows
-    mirrors: PackedMirrors | None = None  # what mirrors show, if there are any
-    veils: PackedVeils | None = None  # what copies of groups hide of lights, if they hide any
+    regions: PackedRegions | None  # the copies of groups, if there are any
+    polynomials: PackedPolynomials | None  # the polynomials of solids, if there are any
+    expressions: PackedExpressions | None  # the other formulas of solids, if there are any
+    locations: Records | None = None  # (V,), positions of the points of solids, if needed
+    shadows: PackedShadows | None = None  # the occluders, if lights have shadows
+    mirrors: PackedMirrors | None = None  # the bodies, if there are mirrors
+    veils: PackedVeils | None = None  # the veils, if copies of groups hide lights
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     """Number the surfaces of ``scene`` and look up the material of each solid."""
     per_solid, alone = geometry.plane_count + 1, geometry.solid_count
     balls = geometry.in_balls
-    per_solid[balls] += 1  # a ball comes behind the half-spaces
+    per_solid[balls] += 1  # the number of a ball comes behind those of the half-spaces
     regions = geometry.regions
     if regions is not None:
         per_solid[alone:] = regions.faces[regions.of]
     first = 1 + np.cumsum(per_solid) - per_solid
     owner = np.repeat(np.arange(alone), per_solid[:alone])
     materials = [scene.material_of(solid) for solid in scene.solids]
-    # Cells have their own.
+    # Cells have their own materials.
     materials += [NO_MATERIAL] * (geometry.count - alone)
     normals = np.einsum(
         "ijn,jn->ni",
@@ -146,7 +146,7 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
     place = np.arange(len(of)) - geometry.plane_start[of]
     number[first[of] + 1 + place] = geometry.plane_number
     number[first[balls] + 1 + geometry.plane_count[balls]] = 1
-    # Edges of the screen rectangle have no normal: they are not seen.
+    # Edges of the screen rectangle are not seen and have no normal.
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return Surfaces(
         numbers=numbers_of(
@@ -188,6 +188,7 @@ def pack(
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
     polynomials = pack_polynomials(setup, half_spaces)
+    expressions = pack_expressions(setup, half_spaces)
     solids = solids.take(order)  # a fancy index copies member by member
     veils = None if lit is None else lit.veils
     words = np.zeros(0, np.uint32) if veils is None else veils.words
@@ -213,9 +214,10 @@ def pack(
             pack_regions(setup, tables.appearances, count, number_format, words),
             pack_higher(setup, count),
             polynomials,
+            expressions,
         ),
         polynomials=polynomials,
-        expressions=pack_expressions(setup, half_spaces),
+        expressions=expressions,
         locations=None if lit is None else locations(lit, setup, solids, number_format),
         shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
         mirrors=None if lit is None or lit.mirrors is None else lit.mirrors.packed(setup.view),
@@ -224,17 +226,22 @@ def pack(
 
 
 def _with_higher(
-    regions: PackedRegions, higher: Records | None, polynomials: PackedPolynomials | None
+    regions: PackedRegions,
+    higher: Records | None,
+    polynomials: PackedPolynomials | None,
+    expressions: PackedExpressions | None,
 ) -> PackedRegions:
     """Copies of groups with their surfaces of an order above two."""
-    if higher is None or polynomials is None:
+    if higher is None:
         return regions
     pairs = int(higher["pairs"].max(initial=0))
-    return replace(regions, higher=higher, polynomials=polynomials.records, pairs=pairs)
+    return replace(
+        regions, higher=higher, polynomials=polynomials, expressions=expressions, pairs=pairs
+    )
 
 
 class _Keys(NamedTuple):
-    """How depth keys are scaled."""
+    """The scale of depth keys."""
 
     bits: int  # depth key = t 2^bits
     spare: int  # bits below a last step
@@ -243,7 +250,7 @@ class _Keys(NamedTuple):
 def _keys(setup: Setup, count: Ints) -> _Keys:
     """The scale of the depth keys of solids that have ``count`` halvings."""
     longest = int((setup.level + np.maximum(count + 1, START_BITS)).max(initial=0))
-    # Room for bounds of the error finer than a step, where the key and 32-bit counts leave any.
+    # Spare bits for error bounds finer than a step, if the key and 32-bit counts leave room.
     spare = min(SPARE_BITS, 63 - longest, 30 - int(count.max(initial=1)))
     return _Keys(longest + spare, spare)
 
@@ -258,17 +265,20 @@ def _solids(
 ) -> Records:
     """Records of the solids in the order of ``setup``; ``offsets`` are largest monomials (V, 6)."""
     solids = np.zeros(setup.count, _types(number_format)[0])
-    quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
-    host_error = setup.host_error
+    # Copies of groups come last, and have no quadric themselves.
+    alone = setup.count if setup.copies is None else setup.count - len(setup.copies.row)
+    own = solids[:alone]
+    quadratic = {"a": setup.a[:alone], "g": setup.g[:alone], "c": setup.c[:alone]}
+    host_error = setup.host_error[:alone]
     if number_format.integer:
-        sums = [(np.abs(form) * offsets).sum(axis=1) for form in quadratic.values()]
+        sums = [(np.abs(form) * offsets[:alone]).sum(axis=1) for form in quadratic.values()]
         unit = fixed_point_scale(np.max(sums, axis=0))
         quadratic = {name: np.rint(form * unit) for name, form in quadratic.items()}
         host_error = host_error * unit[:, 0]
     for name, form in quadratic.items():
-        solids[name] = form
-    solids["host_error"] = host_error
-    solids["gradient"] = setup.gradient.reshape(-1, 18)
+        own[name] = form
+    own["host_error"] = host_error
+    own["gradient"] = setup.gradient[:alone].reshape(-1, 18)
     solids["center_x"], solids["center_y"] = setup.center.T
     solids["near_u"] = _value(setup.near_u, number_format)
     solids["far_u"] = _value(setup.far_u, number_format)
@@ -285,7 +295,7 @@ def _solids(
         Flag.NEAR_CUT: setup.near_cut,
         Flag.EYE_SURE: setup.eye_sure,
     }
-    # As plain numbers: members of an enumeration take NumPy longer.
+    # Plain numbers, because NumPy takes longer for members of an enumeration.
     solids["flags"] = sum(int(flag) * holds for flag, holds in facts.items())
     solids["surface"] = tables.numbers.first[setup.solid]
     solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
@@ -323,7 +333,7 @@ def _half_spaces(tables: Surfaces, setup: Setup, number_format: Format, offsets:
 
 
 def _largest_exponent(tables: Surfaces) -> int:
-    """Of all highlights, 0 where no material shines."""
+    """The largest exponent of all highlights, 0 if no material shines."""
     looks = tables.appearances
     largest = tables.shininess[tables.specular > 0].max(initial=0)
     if looks is not None:
@@ -334,24 +344,24 @@ def _largest_exponent(tables: Surfaces) -> int:
 
 @functools.cache
 def _types(number_format: Format) -> tuple[np.dtype[np.void], np.dtype[np.void]]:
-    """Of the records of solids and of half-spaces."""
+    """The dtypes of the records of solids and of half-spaces."""
     return layout.SOLID.dtype(number_format), layout.HALF_SPACE.dtype(number_format)
 
 
 def _classes(tables: Surfaces, setup: Setup) -> Ints:
     inside = setup.eye_inside | setup.near_cut
-    # The discriminant alone also finds the roots of a line behind the eye.
-    # What is seen from inside is cut as well, so the sum counts to two.
+    # The class of a whole ellipsoid asks only the discriminant, and would also find roots behind
+    # the eye. A solid seen from inside is cut as well, so the sum is up to two.
     cut = setup.near_cut | setup.starts_at_eye | (setup.far_u != 1.0)
     column = np.add(cut, inside, dtype=np.int64)
     return np.asarray(_CLASS_SEEN[tables.outside_class[setup.solid], column])
 
 
 def _fewer(classes: Ints, outside: Ints) -> tuple[Ints, Ints]:
-    """The classes, some joined: code for solids that rays may start in does for others, too.
+    """The classes, some joined: code for solids that rays may start in also works for others.
 
-    Regions are long to compile, so they share one class where one of them needs it. Polyhedra do
-    where there are more classes than a tile's record has lists, then quadrics, then ellipsoids.
+    Regions compile long, so they share one class if one of them needs it. If there are more classes
+    than a tile's record has lists, polyhedra share one, then quadrics, then ellipsoids.
     """
     table = np.arange(len(Class))
     seen = np.bincount(np.append(classes, outside), minlength=len(Class)) > 0
@@ -369,12 +379,12 @@ def _present(classes: Ints, outside: Ints) -> tuple[Class, ...]:
     """The classes that solids have in this frame or seen from outside, in order."""
     count = np.bincount(classes, minlength=len(Class)) + np.bincount(outside, minlength=len(Class))
     found = tuple(klass for klass, seen in zip(Class, count.tolist(), strict=True) if seen)
-    # Tiles have a list at least, if only of a class that no solid has.
+    # Tiles have at least one list, if need be of a class that no solid has.
     return found or (Class.POLYHEDRON,)
 
 
 def _outside_classes(geometry: Geometry) -> Ints:
-    """The class of each solid from outside and between the base planes."""
+    """The class of each solid seen from outside and between the base planes."""
     kinds = [geometry.is_patch, geometry.is_ellipsoid, geometry.has_quadric]
     classes = [Class.PATCH, Class.ELLIPSOID, Class.QUADRIC]
     found = np.select(kinds, classes, Class.POLYHEDRON)
@@ -387,15 +397,15 @@ def _outside_classes(geometry: Geometry) -> Ints:
 
 
 def _value(u: Floats, number_format: Format) -> Floats:
-    """Places on a ray as values of the format; the type they are stored in rounds them."""
+    """Positions u on a ray as values of the format; storing them rounds."""
     return u if number_format.value is np.float32 else np.rint(u * number_format.one)
 
 
 def _lights(scene: Scene, setup: Setup) -> Records:
-    # Those with shadows come first, in the order of their bits.
+    # Lights with shadows come first, in the order of their bits.
     lights = sorted(scene.effective_lights(), key=lambda light: not light.shadows)
     records = np.zeros(len(lights), _LIGHT)
-    # How far parallel rays may be from the middle of the picture.
+    # The largest distance of parallel rays from the middle of the picture.
     aside = setup.view.pixel * (setup.view.width + setup.view.height) if setup.view.parallel else 0
     for light, vector, color in zip(lights, records["vector"], records["color"], strict=True):
         if light.direction is not None:
@@ -403,7 +413,7 @@ def _lights(scene: Scene, setup: Setup) -> Records:
             vector[:3] = direction / np.sqrt(direction.dot(direction))
         else:
             place = np.array(light.position) - setup.view.eye
-            # Where the greatest length is about 1, squares are neither subnormal nor infinite.
+            # The greatest length becomes about 1, so that no square is subnormal or infinite.
             vector[3] = 2.0 ** -np.ceil(np.log2(max(np.abs(place).max(), setup.far, aside)))
             vector[:3] = place * vector[3]
         color[:3] = light.color
@@ -416,7 +426,7 @@ def frame_record(scene: Scene, setup: Setup, first_row: int, rows: int) -> Recor
     right, down, _ = view.camera_from_world
     record = np.zeros(1, _FRAME)
     corner = np.array(0), np.array(0)
-    # All at once: NumPy takes as long for one vector.
+    # All vectors at once, because NumPy takes as long for one.
     vectors = _clear(np.array([view.directions(*corner), right, down, scene.image.background]))
     vectors[1:3] *= view.pixel
     first, record["right"][0, :3], record["down"][0, :3], record["background"][0, :3] = vectors

@@ -5,28 +5,56 @@ from __future__ import annotations
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Records
+from halfstep.contract.arrays import Ints, Records
 from halfstep.contract.expressions import PackedExpressions
+from halfstep.host.expressions import FormulasOnRays
 from halfstep.host.forms import FAINT
+from halfstep.host.pack_polynomials import joined_records
 from halfstep.host.setup import Setup
 
-# Places beyond this are not known to shaders in any case.
+# Shaders know nothing of points with larger coordinates.
 LARGEST = 2.0**42
 
 
 def pack_expressions(setup: Setup, half_spaces: Records) -> PackedExpressions | None:
-    """Records of the formulas of a frame; None where the scene has none."""
-    seen = setup.formulas
-    if seen is None:
+    """Records of the formulas of a frame; None where the scene has none.
+
+    Those of copies of groups come behind those of solids.
+    """
+    parts: list[Records] = []
+    of_solids = setup.formulas
+    higher = None if setup.copies is None else setup.copies.higher
+    of_groups = None if higher is None else higher.formulas
+    if of_solids is not None:
+        edges, center = setup.rectangle[of_solids.row], setup.center[of_solids.row]
+        parts.append(_records(of_solids, edges, center))
+        known = of_solids.known
+        parts[0]["sheet"] = known.is_sheet[of_solids.of]
+        balls = np.where(known.is_in_ball[of_solids.of], setup.plane_count[of_solids.row] + 1, 0)
+        parts[0]["ball"] = balls
+    if higher is not None and of_groups is not None:
+        some = higher.is_formula
+        parts.append(_records(of_groups, higher.rectangle[some], higher.center[some]))
+        known = of_groups.known
+    if not parts:
         return None
+    return PackedExpressions(
+        joined_records(parts),
+        half_spaces,
+        known.programs,
+        known.numbers,
+        bool(known.is_in_ball.any()),
+    )
+
+
+def _records(seen: FormulasOnRays, rectangle: Ints, center: Ints) -> Records:
+    """Records of formulas with rectangles (E, 4) and middles (E, 2)."""
     known = seen.known
     records = np.zeros(len(seen.row), layout.EXPRESSION.counted(NUMBERS=known.numbers).dtype())
     records["host_error"], records["scale"] = seen.error, seen.scale
-    edges = setup.rectangle[seen.row] - np.repeat(setup.center[seen.row], 2, axis=1)
+    edges = rectangle - np.repeat(center, 2, axis=1)
     for name, edge in zip(("left", "right", "top", "bottom"), edges.T, strict=True):
         records[name] = edge
-    records["sheet"] = known.is_sheet[seen.of]
-    records["ball"] = np.where(known.is_in_ball[seen.of], setup.plane_count[seen.row] + 1, 0)
     # Where points are too far away, nothing is known of them.
     size = np.abs(seen.level).sum(axis=(0, 1)) + np.abs(seen.along).sum(axis=(0, 1))
     near = size < LARGEST / 2
@@ -40,6 +68,4 @@ def pack_expressions(setup: Setup, half_spaces: Records) -> PackedExpressions | 
         formula = known.formulas[place]
         record["formula"] = known.programs.index(formula.program)
         record["numbers"][: len(formula.numbers)] = formula.numbers
-    return PackedExpressions(
-        records, half_spaces, known.programs, known.numbers, bool(known.is_in_ball.any())
-    )
+    return records

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from halfstep.contract import layout
@@ -18,9 +20,9 @@ ROOM = 1.03
 
 
 def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | None:
-    """Records of the polynomials of a frame; None where the scene has none.
+    """Records of the polynomials of a frame; None if the scene has none.
 
-    Those of copies of groups come behind those of solids.
+    Polynomials of copies of groups come behind those of solids.
     """
     higher = None if setup.copies is None else setup.copies.higher
     parts: list[Records] = []
@@ -30,30 +32,44 @@ def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | 
         parts.append(_records(of_solids, edges, center))
         balls = np.where(of_solids.is_in_ball, setup.plane_count[of_solids.row] + 1, 0)
         parts[0]["ball"] = balls
-    if higher is not None:
-        parts.append(_records(higher.forms, higher.rectangle, higher.center))
+    if higher is not None and higher.forms is not None:
+        some = ~higher.is_formula
+        parts.append(_records(higher.forms, higher.rectangle[some], higher.center[some]))
     if not parts:
         return None
     forms = (of_solids, None if higher is None else higher.forms)
     degree = max(one.degree for one in forms if one is not None)
     has_balls = of_solids is not None and of_solids.has_balls
+    return PackedPolynomials(joined_records(parts), half_spaces, degree, has_balls)
+
+
+def joined_records(parts: Sequence[Records]) -> Records:
+    """Records of one type, one part after another."""
     # NumPy joins records without the room between them.
     ends = np.cumsum([0, *map(len, parts)]).tolist()
     records = np.zeros(ends[-1], parts[0].dtype)
     for first, part in zip(ends, parts, strict=False):
         records[first : first + len(part)] = part
-    return PackedPolynomials(records, half_spaces, degree, has_balls)
+    return records
 
 
 def pack_higher(setup: Setup, steps: Ints) -> Records | None:
-    """Records of surfaces of copies of an order above two, with ``steps`` (V,) halvings."""
+    """Records of the copies' surfaces of an order above two, with ``steps`` (V,) halvings."""
     copies = setup.copies
     if copies is None or copies.higher is None:
         return None
     higher = copies.higher
     records = np.zeros(len(higher.owner), layout.HIGHER.dtype())
-    before = 0 if setup.polynomials is None else len(setup.polynomials.row)
-    records["polynomial"] = before + np.arange(len(records))
+    known = setup.polynomials, setup.formulas
+    before = [0 if each is None else len(each.row) for each in known]
+    # Those of solids come first, of both kinds.
+    for is_formula, first in enumerate(before):
+        some = higher.is_formula == is_formula
+        records["form"][some] = first + np.arange(some.sum())
+    records["is_formula"] = higher.is_formula
+    # Float32 rounds them.
+    room = EPSILON * np.abs(higher.box)
+    records["low"], records["high"] = (higher.box[0] - room[0]).T, (higher.box[1] + room[1]).T
     records["pairs"] = higher.pairs
     records["center_x"], records["center_y"] = higher.center.T
     row = copies.row[higher.owner]
@@ -61,8 +77,8 @@ def pack_higher(setup: Setup, steps: Ints) -> Records | None:
     records["first"] = np.floor((start + 1) / 2 * np.exp2(steps[row]))
     records["start"], records["stop"] = start, stop
     inside, outside = 1, 2
-    known = np.where(higher.outside, outside, inside)
-    records["eye"] = np.where(setup.starts_at_eye[row], known, 0)
+    at_eye = np.where(higher.outside, outside, inside)
+    records["eye"] = np.where(setup.starts_at_eye[row] & higher.eye_counts, at_eye, 0)
     return records
 
 

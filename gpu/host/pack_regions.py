@@ -21,7 +21,7 @@ from halfstep.scene import Material, Scene
 from halfstep.scene.hues import colors_of
 from halfstep.scene.solids import Part
 
-# A base plane is known to this much, in u, besides its slack.
+# Error of a base plane, in u, beyond its slack.
 BASE_PLANE_ERROR = 2.0**-19
 # As many as fit a buffer, of which WebGPU asks a device for 128 MiB.
 MOST_APPEARANCES = (128 << 20) // layout.APPEARANCE.dtype().itemsize
@@ -29,19 +29,19 @@ MOST_APPEARANCES = (128 << 20) // layout.APPEARANCE.dtype().itemsize
 
 @dataclass(frozen=True)
 class Appearances:
-    """How the cells of each program look, and then its surfaces, one program after another.
+    """Appearances of the cells, then of the surfaces, of one program after another.
 
-    Where colours depend on the place, those of each copy in place of each program.
+    If colours depend on the copy, each copy has appearances of its own.
     """
 
     records: Records
-    start: Ints  # (I,), of each copy
-    # What excerpts of programs are as numbers, by program and what is left: see `excerpts`.
+    start: Ints  # (I,), first appearance of each copy
+    # Excerpts of programs as numbers, by program and the parts that are left; see `excerpts`.
     written: dict[tuple[int, bytes, bool], Any] = field(default_factory=dict)
 
 
 def appearances(scene: Scene, regions: Regions) -> Appearances:
-    """How all cells and surfaces look."""
+    """The appearances of all cells and surfaces."""
     rows: list[tuple[Material, bool]] = []
     start: list[int] = []
     for owned in regions.owned:
@@ -52,7 +52,7 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
         ]
         functions = owned.group.functions()
         for ix in owned.program.functions.tolist():
-            # Those of regions that cut the copy come behind the group's own.
+            # Functions of regions that cut the copy come behind the group's own.
             owner = functions[ix].owner if ix < len(functions) else None
             if isinstance(owner, Part) and (owner.material or owner.color) is not None:
                 rows.append((scene.material_of(owner), True))
@@ -107,13 +107,13 @@ def pack_regions(
     points = np.exp2(steps[row])
 
     def grid(u: Floats) -> Floats:
-        """Grid points of places on a ray, not whole."""
+        """Positions u on a ray as grid points, not rounded."""
         return (u + 1) / 2 * points
 
     near_u, far_u, slack = setup.near_u[row], setup.far_u[row], BASE_PLANE_SLACK
     near_cut, far_cut = setup.near_cut[row], far_u != 1.0
     room = slack + BASE_PLANE_ERROR
-    # Two cells of room, so that rays surely start before the first cell.
+    # Rays start two grid cells earlier, so that they surely start before the first cell.
     begin, end = np.floor(grid(copies.span[0])) - 2, np.ceil(grid(copies.span[1])) + 2
     records["first"] = np.clip(np.where(near_cut, np.ceil(grid(near_u)), begin), 0, points)
     records["start_end"] = np.where(near_cut, np.floor(grid(near_u + room)), -1)
@@ -166,7 +166,7 @@ def _write(
     setup: Setup,
     number_format: Format,
 ) -> None:
-    """Write the forms of surfaces, their errors, and what is known of them at the eye."""
+    """Write the forms of surfaces, their errors, and the ``EYE_…`` of each."""
     found, owner = batch.forms, copies.row[batch.of]
     if isinstance(found, Linear):
         forms = {"c": found.c, "b": found.b}

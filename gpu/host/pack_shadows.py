@@ -1,4 +1,4 @@
-"""What hides lights as the records that the shaders and the twin read."""
+"""Occluders as the records that the shaders and the twin read."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from halfstep.contract.layout import Shade
 from halfstep.contract.shadows import GROUP, MANY, PackedShadows
 from halfstep.host.occluders import Occluder, Shadows
 
-# Integer coefficients are such that no value of a form exceeds 2^VALUE_BITS, the radius being
+# Integer coefficients are scaled so that no value of a form exceeds 2^VALUE_BITS, with a radius of
 # 2^RADIUS_BITS.
 VALUE_BITS, RADIUS_BITS = 29, 28
-# The largest magnitudes of monomials, in radii: of hh, ah, bh, aa, ab, bb, and of h, a, b.
+# The largest magnitudes, in radii, of hh, ah, bh, aa, ab, bb, and of h, a, b.
 QUADRATIC_REACH = np.array([1.0, 2.0, 2.0, 4.0, 4.0, 4.0])
 LINEAR_REACH = np.array([1.0, 2.0, 2.0])
-# Boxes are wider than solids by so many units: float32 has 24 bits of 30.
+# Boxes are wider than solids by so many units, because float32 holds 24 bits of 30.
 BOX_MARGIN = 2.0**8
-# A box that nothing touches, and how far those reach that have no end.
+# The coordinates of a box that nothing touches, and of an infinite end.
 NOWHERE = 3e38
-# As many boxes behind the last as a subgroup has invocations at most.
+# Number of boxes behind the last one: the most invocations of a subgroup.
 SPARE_BOXES = 16
 
 
 class ShadowTables:
-    """Records of what a scene's lights are hidden by, which do not depend on the camera."""
+    """Records of the occluders of a scene's lights, which do not depend on the camera."""
 
     def __init__(self, shadows: Shadows) -> None:
         self.shadows = shadows
@@ -50,7 +50,7 @@ class ShadowTables:
             encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
         )
 
-    @functools.cache  # noqa: B019 - there are two, and they last as long as the scene
+    @functools.cache  # noqa: B019 - two entries, and they last as long as the scene
     def _tables(self, integer: bool) -> tuple[Records, Records, Records, Records]:
         """Views, occluders, slabs and boxes in a number format."""
         number_format, shadows = FIXED32 if integer else FLOAT32, self.shadows
@@ -93,7 +93,7 @@ class ShadowTables:
                 np.arange(len(shadows.occluders)) < shadows.far_lights,
                 [len(hiding) for hiding in shadows.occluders],
             )
-            # Of lamps, across over along has a margin already.
+            # For lamps, the way across over the way along has a margin already.
             margin = BOX_MARGIN * np.array([[-1.0], [1.0]]) * np.ones(3)
             spans += np.where(is_far[:, None, None], margin, margin * [0.0, 0.0, 1.0])
             spans = np.clip(spans, -NOWHERE, NOWHERE)
@@ -108,7 +108,7 @@ class ShadowTables:
 
 
 def fill(record: np.void, one: Occluder, shadows: Shadows, *, integer: bool) -> None:
-    """Write what a record says of an occluder."""
+    """Write the record of an occluder."""
     forms = _scaled_forms(one.forms, integer)
     record["a"], record["g"], record["c"] = forms
     record["end"] = np.rint(one.end * 2.0**RADIUS_BITS) if integer else one.end
@@ -118,7 +118,7 @@ def fill(record: np.void, one: Occluder, shadows: Shadows, *, integer: bool) -> 
     record["shear_x"], record["shear_y"] = one.axes.shear
     if one.reach:
         record["reach"], record["weight"] = one.reach, 1 / one.reach
-        # 2^28/reach with 30 bits.
+        # The record holds 2^28/reach with 30 bits.
         shift = 29 - RADIUS_BITS + math.ceil(math.log2(one.reach))
         record["factor"] = np.rint(2.0 ** (RADIUS_BITS + shift) / one.reach)
         record["factor_shift"] = shift
@@ -140,7 +140,7 @@ def _scaled_forms(forms: Floats, integer: bool) -> Floats:
 
 
 def _scales(one: Occluder, integer: bool) -> Floats:
-    """What takes the coefficients of each slab (S,) to those of a number format."""
+    """The factor (S,) that takes the coefficients of each slab to a number format."""
     if not integer:
         return np.ones(len(one.slabs))
     largest = (np.abs(one.slabs) * LINEAR_REACH).sum(axis=2).max(axis=1, initial=0.0)
@@ -149,5 +149,5 @@ def _scales(one: Occluder, integer: bool) -> Floats:
 
 
 def _integer_scale(largest: float) -> float:
-    """What takes values that are at most ``largest`` in radii to almost 2^VALUE_BITS."""
+    """The factor that takes values of at most ``largest``, in radii, to almost 2^VALUE_BITS."""
     return 2.0**VALUE_BITS * (1 - 2.0**-10) / largest if largest > 0 else 1.0

@@ -1,4 +1,4 @@
-"""What copies of groups hide of lights as the records that the shaders and the twin read."""
+"""Veils as the records that the shaders and the twin read."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from halfstep.host.occluders import Shadows
 from halfstep.host.pack_shadows import BOX_MARGIN, NOWHERE, SPARE_BOXES, fill
 from halfstep.host.veils import Veiled
 
-# Members of records that tell where an excerpt is.
+# Members of records that tell the position of an excerpt.
 _WRITTEN = ("first_group", "end_group", "list_start", "flat_count", "curved_count")
 
 
 def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> PackedVeils | None:
-    """The records of copies before the lights of ``shadows``; None where there are no copies."""
+    """The records of veils for the lights of ``shadows``; None if there are no veils."""
     every = [one for before in veiled for one in before]
     if not every:
         return None
@@ -51,7 +51,7 @@ def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> Pack
     for name, column in zip(_WRITTEN, np.array(written, np.uint32).T, strict=True):
         records[name] = column
 
-    # Of lamps, across over along has a margin already.
+    # For lamps, the way across over the way along has a margin already.
     margins = np.array([[0.0, 0.0, BOX_MARGIN], [BOX_MARGIN] * 3])
     far = sum(len(before) for before in veiled[: shadows.far_lights])
     margin = margins[(owner < far).astype(np.int64)]
@@ -76,17 +76,18 @@ def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> Pack
         most_surfaces=max(len(one.surfaces) for one in excerpts),
         levels=max(one.levels for one in excerpts),
         encloses=any(one.occluder.encloses for one in every),
+        has_hidden=any(one.has_hidden for one in every),
     )
 
 
 def _joined(parts: Sequence[Floats]) -> tuple[Floats, Ints]:
-    """Arrays one after another, and where each begins."""
+    """Arrays one after another, and the start of each."""
     counts = np.array([len(part) for part in parts], np.int64)
     return np.concatenate(parts), np.cumsum(counts) - counts
 
 
 class _Programs:
-    """Excerpts of formulas as words, each of them once."""
+    """Excerpts of formulas as words, each excerpt once."""
 
     def __init__(self) -> None:
         self._parts: list[U32] = [np.zeros(0, np.uint32)]
@@ -94,7 +95,7 @@ class _Programs:
         self._known: dict[tuple[bytes, bytes, int], tuple[int, ...]] = {}
 
     def add(self, excerpt: Excerpt, planes: int) -> tuple[int, ...]:
-        """Where an excerpt of a program with so many planes is: its members of ``_WRITTEN``."""
+        """The members ``_WRITTEN`` for an excerpt of a program with ``planes`` planes."""
         key = excerpt.words.tobytes(), excerpt.surfaces.tobytes(), planes
         if key not in self._known:
             begin, words = self._length, len(excerpt.words)
@@ -112,5 +113,5 @@ class _Programs:
 
     @property
     def words(self) -> U32:
-        """All that was added."""
+        """The words of all excerpts."""
         return np.concatenate(self._parts)

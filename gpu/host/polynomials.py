@@ -1,7 +1,7 @@
 """Polynomials on the rays of a frame: the base-plane form of any degree, float64, on the host.
 
-The point of a ray is affine in (1, x, y), and both parts of that in u, so F, of degree d, is a
-polynomial of degree d in u whose coefficients are polynomials of degree d in the pixel offset.
+The point of a ray is level + u along, both affine in (1, x, y). So F, of degree d, is a polynomial
+of degree d in u whose coefficients are polynomials of degree d in the pixel offset.
 Over a frustum this is the form of M. Reimers and J. Seland, "Ray casting algebraic surfaces using
 the frustum form", Computer Graphics Forum 27 (2008); here u runs over the solid's own interval.
 
@@ -11,7 +11,7 @@ were exact before they were rounded to float64. Solids come last in every array.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -22,15 +22,15 @@ from halfstep.contract.powers import places
 from halfstep.host.forms import Sight, power_of_two, scaled_error
 from halfstep.scene import Algebraic, HigherShape, Solid, algebra
 
-# Roundings of float64 that a term meets on its way into a coefficient on the ray, for each degree.
+# Roundings of float64 that a term passes on its way to a coefficient on the ray, for each degree.
 ROUNDINGS = 32 * 2.0**-53
-# A term below this, next to 1, counts as rounding.
+# A term below this, next to 1, counts as rounding and is dropped.
 SMALLEST_TERM = 2.0**-60
-# F is expanded about a multiple of 2 to minus this.
+# F is expanded about a multiple of 2 to the power of minus this.
 MIDDLE_BITS = 6
-# Of a search for a depth.
-MOST_HALVINGS = 60
-# Least degree for which shaders are written.
+# A search for a depth tries so many halves of halves, and so many parts of one.
+HALVES, PARTS = 60, 256
+# The least degree of a shader; lower degrees use it, too.
 LEAST_DEGREE = 3
 
 
@@ -39,16 +39,16 @@ class Polynomials:
     """The Q solids of a scene that are bounded by polynomials."""
 
     solid: Ints  # (Q,), rows in ``Geometry``
-    degree: int  # d, the highest of the scene
+    degree: int  # d, the highest degree in the scene
     own_degree: Ints  # (Q,)
     coefficients: Floats  # (d + 1, d + 1, d + 1, Q), of x^i y^j z^k
     center: Floats  # (3, Q), middle of the box, local
     size: Floats  # (3, Q), half of it
     is_sheet: Bools  # (Q,)
-    is_in_ball: Bools  # (Q,), their quadric in ``Geometry`` is that of a ball that bounds them
+    is_in_ball: Bools  # (Q,), a ball bounds the solid; ``Geometry.quadric`` has its matrix
 
     def at(self, places: Ints) -> Polynomials:
-        """Those at ``places``."""
+        """The polynomials at ``places``."""
         return Polynomials(
             self.solid[places],
             self.degree,
@@ -61,7 +61,7 @@ class Polynomials:
         )
 
     def of_degree(self, degree: int) -> Polynomials:
-        """The same with room for a higher degree."""
+        """The same polynomials with room for a higher degree."""
         more = degree - self.degree
         room = [(0, more)] * 3 + [(0, 0)]
         return replace(self, degree=degree, coefficients=np.pad(self.coefficients, room))
@@ -80,20 +80,20 @@ class OnRays:
     row: Ints  # (P,), rows in ``Setup``
     degree: int  # the highest of the scene
     own_degree: Ints  # (P,)
-    middle: Floats  # (P,), u about which F is expanded: powers are those of u less this
+    middle: Floats  # (P,), u about which F is expanded, in powers of u - middle
     terms: Floats  # (P, T), as ``contract.powers`` orders them
     host_error: Floats  # (P,), error of F made by this set-up
-    scale: Floats  # (P,), of pixel offsets: with it they are at most 1
+    scale: Floats  # (P,), scale that brings pixel offsets to at most 1
     frame: Floats  # (P, 3, 3), right, down and forward, world
-    tangents: Floats  # (P, 3), of the middle pixel to the right and down; of one offset
-    stretch: Floats  # (P, 2), width of one offset over half the interval: in the middle, per u
+    tangents: Floats  # (P, 3), right and down of the middle pixel; of an offset of 1
+    stretch: Floats  # (P, 2), width of an offset of 1 over half the interval: at u = 0, per u
     is_sheet: Bools  # (P,)
     is_in_ball: Bools  # (P,)
-    has_balls: bool  # some solid of the scene is in one
+    has_balls: bool  # a ball bounds some solid of the scene
 
 
 def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
-    """Stack the polynomials of ``solids``; None where there is none."""
+    """Stack the polynomials of ``solids``; None if there are none."""
     found = [
         (ix, solid)
         for ix, solid in enumerate(solids)
@@ -118,7 +118,7 @@ def stacked(
     is_sheet: Bools,
     is_in_ball: Bools,
 ) -> Polynomials:
-    """The polynomials of shapes, each about the middle of its box; arguments are those of all."""
+    """The polynomials of shapes, each about the middle of its box; one argument for each shape."""
     coefficients = np.zeros((degree + 1, degree + 1, degree + 1, len(shapes)))
     center, size = np.empty((2, 3, len(shapes)))
     for q, shape in enumerate(shapes):
@@ -133,7 +133,7 @@ def stacked(
             for axis in range(3)
         )
         terms = algebra.substituted(shape.polynomial(), axes)
-        # Beyond the range of floats nothing of it may be: all are scaled exactly.
+        # No coefficient may be beyond the range of floats: all are scaled exactly.
         largest = max(map(abs, terms.values()), default=Fraction(1))
         for exponents, value in terms.items():
             coefficients[(*exponents, q)] = value / largest
@@ -155,16 +155,16 @@ def on_rays(
 
     Args:
         known: (P,).
-        row: (P,), of each in ``Setup``.
-        sight: how they are seen, (P,).
-        depth: (2, P), least and greatest of each solid.
-        tangent: (2, P), of the pixels where x = y = 0, to the right and down.
+        row: (P,), row of each in ``Setup``.
+        sight: the rays through each, (P,).
+        depth: (2, P), least and greatest depth of each solid.
+        tangent: (2, P), tangents of the pixels where x = y = 0, right and down.
         camera_from_world: (3, 3), rows right, down and forward.
         pixel: width of a pixel at depth 1.
-        has_balls: whether some solid of the scene is in a ball.
+        has_balls: whether a ball bounds some solid of the scene.
     """
     half = sight.half
-    # A place with few bits: what is left of u when it is taken away has no more than u.
+    # The middle has few bits, so that u - middle has no more bits than u.
     place = ((depth[0] + depth[1]) / 2 - sight.middle) / half
     place = np.rint(place * 2.0**MIDDLE_BITS) * 2.0**-MIDDLE_BITS
     middle = sight.middle + place * half
@@ -181,7 +181,7 @@ def on_rays(
         points[0, 1:] *= middle
     points[0, 0] += rays[0]
 
-    # What counts is F between the ends of the solid.
+    # Only F between the ends of the solid counts.
     along = (depth[1] - depth[0]) / (2 * half) + 2.0**-MIDDLE_BITS
     forms = restricted(known.coefficients, points)
     size = np.abs(points[0]).sum(axis=0) + along * np.abs(points[1]).sum(axis=0)
@@ -199,7 +199,7 @@ def on_rays(
     step = pixel * reach
     aside, stretch = np.stack([*tangent, step]), np.stack([step * middle / half, step])
     if sight.parallel:
-        # Pixels are as far apart at any depth, and no ray leads aside.
+        # Parallel rays have the same distance at any depth, and no tangents.
         aside[:], stretch = 0.0, np.stack([step / half, np.zeros_like(step)])
     return OnRays(
         row=row,
@@ -227,44 +227,55 @@ def restricted(coefficients: Floats, points: Floats) -> Floats:
     """
     first, second, third = np.moveaxis(points, 2, 0)
     degree = len(coefficients) - 1
-    shape = coefficients.shape
-    whole = np.zeros(shape)
-    for i in range(degree, -1, -1):
-        plane = np.zeros(shape)
-        for j in range(degree - i, -1, -1):
-            line = np.zeros(shape)
-            for k in range(degree - i - j, -1, -1):
-                line = _times(line, third)
-                line[0, 0, 0] += coefficients[i, j, k]
-            plane = _times(plane, second) + line
-        whole = _times(whole, first) + plane
-    return whole
+    # Horner's rule in z for all powers of x and y at once, then in y for those of x, then in x.
+    # After s products nothing has a power above s, and nothing is there of more than d - s before.
+    i, j = np.indices((degree + 1, degree + 1)).reshape(2, -1)
+    i, j = np.stack([i, j])[:, np.argsort(i + j, kind="stable")]
+    lines = planes = whole = np.zeros((0, 1, 1, 1, coefficients.shape[-1]))
+    for s in range(degree + 1):
+        some = slice((s + 1) * (s + 2) // 2)
+        lines = _times(lines, third, len(i[some]), s + 1)
+        lines[:, 0, 0, 0] += coefficients[i[some], j[some], degree - s]
+    for s in range(degree + 1):
+        planes = _times(planes, second, s + 1, s + 1)
+        left = np.arange(s + 1)
+        # Where the sum is i + j, those with less come first, and then those with less i.
+        of_row = (left + degree - s) * (left + degree - s + 1) // 2 + left
+        planes += lines[of_row, : s + 1, : s + 1, : s + 1]
+    for s in range(degree + 1):
+        whole = _times(whole, first, 1, s + 1)
+        whole += planes[degree - s, : s + 1, : s + 1, : s + 1]
+    return whole[0]
 
 
-def _times(form: Floats, affine: Floats) -> Floats:
-    """A form times one that is affine in (1, x, y), in both parts of u; (2, 3, P)."""
-    product = np.zeros_like(form)
+def _times(forms: Floats, affine: Floats, count: int, size: int) -> Floats:
+    """Forms (N, u, x, y, P) times one that is affine in (1, x, y), in both parts of u; (2, 3, P).
+
+    Forms of 0 make them ``count``. They get ``size`` powers each: those beyond are 0.
+    """
+    product = np.zeros((count, size, size, size, forms.shape[-1]))
     for in_u in (0, 1):
-        target, source = product[in_u:], form[: len(form) - in_u]
-        target += affine[in_u, 0] * source
-        target[:, 1:] += affine[in_u, 1] * source[:, :-1]
-        target[:, :, 1:] += affine[in_u, 2] * source[:, :, :-1]
+        for place, (in_x, in_y) in enumerate(((0, 0), (1, 0), (0, 1))):
+            source = forms[:, : size - in_u, : size - in_x, : size - in_y]
+            number, of_u, of_x, of_y, _ = source.shape
+            along = slice(in_u, in_u + of_u)
+            target = product[:number, along, in_x : in_x + of_x, in_y : in_y + of_y]
+            target += affine[in_u, place] * source
     return product
 
 
 def _value(coefficients: Floats, point: Floats) -> Floats:
-    """F (P,) at points (3, P)."""
-    degree = len(coefficients) - 1
-    powers = point ** np.arange(degree + 1)[:, None, None]
+    """F (…, P) at points (3, …, P)."""
+    powers = np.stack([point**k for k in range(len(coefficients))])
     x, y, z = np.moveaxis(powers, 1, 0)
-    return np.asarray(np.einsum("ijkp,ip,jp,kp->p", coefficients, x, y, z))
+    return np.asarray(np.einsum("ijk...,i...,j...,k...->...", coefficients, x, y, z))
 
 
 class AtEye:
-    """What is known of polynomials at the centre of projection, (P,)."""
+    """Values of polynomials at the centre of projection, (P,)."""
 
     def __init__(self, known: Polynomials, sight: Sight) -> None:
-        """``sight``: how they are seen, (P,)."""
+        """``sight``: the rays through each, (P,)."""
         self._known, self._rays = known, known.normalized(sight.rays)
         eye = self._rays[0]
         self._size = np.abs(eye)
@@ -273,7 +284,7 @@ class AtEye:
         off = sight.error / known.size
         error = ROUNDINGS * (known.degree + 2) * _value(self._sizes, self._size)
         error += _value(self._sizes, self._size + off) - _value(self._sizes, self._size)
-        # The difference above cancels; each value is off by less than the first term.
+        # The difference above cancels; the error of each value is less than the first term.
         error *= 2
         self.outside: Bools = np.asarray(value > 0)
         self.sure: Bools = np.asarray(np.abs(value) > error)
@@ -286,12 +297,22 @@ class AtEye:
         least = _value(self._sizes, self._size)
 
         def passes(depth: Floats) -> Bools:
-            reached = _value(self._sizes, self._size + depth * self._steepest)
+            places = self._size[:, None] + depth * self._steepest[:, None]
+            reached = _value(self._sizes, places)
             return np.asarray(reached - least < self._level)
 
-        low, high = np.zeros(len(least)), np.full(len(least), far)
-        for _ in range(MOST_HALVINGS):
-            middle = (low + high) / 2
-            before = passes(middle)
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        return low
+        return furthest(passes, len(least), far)
+
+
+def furthest(passes: Callable[[Floats], Bools], count: int, far: float) -> Floats:
+    """The greatest depth (N,) up to ``far`` that passes, less by one part in PARTS at most.
+
+    Args:
+        passes: whether depths (D, N) pass. What is nearer than one that does passes, too.
+        count: N.
+        far: the greatest that is tried.
+    """
+    tried = np.broadcast_to(far * np.exp2(-np.arange(HALVES))[:, None], (HALVES, count))
+    low = np.where(passes(tried), tried, 0.0).max(axis=0)
+    tried = np.minimum(low * (1 + np.arange(1, PARTS)[:, None] / PARTS), far)
+    return np.maximum(low, np.where(passes(tried), tried, 0.0).max(axis=0))

@@ -1,8 +1,8 @@
-"""The way from a scene to the records of a frame; every program here takes it.
+"""The way from a scene to the records of a frame, for every program of this project.
 
-What solids are does not depend on the camera and is computed once (`Solids`). Of each frame come
-the view and its base planes, the constants of the visible solids (`frame_setup`), their numbers of
-halvings, and the records that shaders and twin read (`prepare`).
+`Solids` are computed once for all cameras. For each frame, `frame_setup` computes the view, its
+base planes, and the constants of the visible solids. `prepare` adds their numbers of halvings and
+makes the records that shaders and twin read.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from halfstep.host.setup import Setup, setup
 from halfstep.host.steps import steps_for
 from halfstep.scene import Fragment, Scene
 
-# What solids and cells are made of.
+# The fields of a scene that its solids and cells depend on.
 _SHARED = ("solids", "materials", "volume", "lights", *Fragment.model_fields)
 
 
 @dataclass(frozen=True)
 class Solids:
-    """What the frames of a scene share, whatever the camera."""
+    """The data that all frames of a scene share, for any camera."""
 
     geometry: Geometry
     volume: tuple[Floats, Floats]  # corners (min, max) of the modelled volume, world, (3,) each
@@ -42,11 +42,11 @@ class Solids:
 
     @classmethod
     def of(cls, scene: Scene, *, hidden: bool = False) -> Self:
-        """The solids of ``scene``; with ``hidden``, cells that are not shown are among them.
+        """The solids of ``scene``; with ``hidden`` also the cells that are not shown.
 
         Raises:
-            SceneError: nothing bounds what is seen and the scene gives no volume; a cell is empty;
-                a limit is exceeded; a solid has no end, and there are shadows or mirrors.
+            SceneError: all solids are unbounded and the scene gives no volume; a cell is empty; a
+                limit is exceeded; a solid is unbounded, and there are shadows or mirrors.
         """
         built = geometry.build(scene)
         groups = regions.regions_of(scene, hidden=hidden)
@@ -74,13 +74,13 @@ def prepare(
     """Records of a frame of ``scene``.
 
     Args:
-        scene: what is seen, by its camera, at its size and accuracy.
+        scene: the scene with its camera, size and accuracy.
         samples: k, for k x k pixels of the frame in each pixel of the picture.
-        solids: those of ``scene``, where they are known.
+        solids: the solids of ``scene``, if they are known.
         most_steps: no tolerance gets more halvings; None leaves it to the number format.
 
     Raises:
-        SceneError: as of `Solids.of`.
+        SceneError: as from `Solids.of`.
     """
     known = Solids.of(scene) if solids is None else solids
     constants = frame_setup(scene, samples, solids=known)

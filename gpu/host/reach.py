@@ -1,10 +1,10 @@
 """Which solids the rays through a block of pixels may meet, conservatively.
 
-Over a block, x and y run through a rectangle and u through [-1, 1], so the forms of ``setup``, as
+Over a block, x and y run through a rectangle and u through [-1, 1].  So the forms of ``setup``,
 c + b u of a half-space and F = A u² + G u + C, have bounds in closed form.  No ray of the block
-meets a solid whose half-spaces leave no u between them, whose F is positive for all the u they
-leave, or that has C > 0 and G² - 4 A C < 0, which is a quadratic form in (x, y) again.  The
-margins exceed the device's rounding of the forms.
+hits a solid in three cases: its half-spaces leave no u; its F is positive for all u that they
+leave; or C > 0 and G² - 4 A C < 0, which is again a quadratic form in (x, y).  The margins exceed
+the device's rounding of the forms.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.forms import discriminant
 from halfstep.host.setup import Setup
 
-# The device's values of forms that are at most 1 are much closer to them than this.
+# The device's rounding of forms that are at most 1 is much smaller than this.
 MARGIN = 2.0**-18
 
 
@@ -32,7 +32,7 @@ class Blocks:
     half_height: Floats
 
     def at(self, places: Ints) -> Blocks:
-        """Those at ``places``."""
+        """The blocks at ``places``."""
         return Blocks(
             self.solid[places],
             self.x[places],
@@ -43,7 +43,7 @@ class Blocks:
 
 
 def squares_of(setup: Setup, solid: Ints, left: Ints, top: Ints, side: int) -> Blocks:
-    """Squares of pixels with a corner (P,) each, as far as they are in the rectangles of solids."""
+    """Squares of pixels by their corners (P,), cut to the rectangles of their solids."""
     i0, i1, j0, j1 = setup.rectangle[solid].T
     left, right = np.maximum(left, i0), np.minimum(left + side - 1, i1)
     top, bottom = np.maximum(top, j0), np.minimum(top + side - 1, j1)
@@ -61,12 +61,12 @@ class Reach:
     """The tests of one frame."""
 
     def __init__(self, setup: Setup, is_patch: Bools, last_step: Floats) -> None:
-        """Prepare them.
+        """Prepare the tests.
 
         Args:
             setup: V solids.
             is_patch: (V,).
-            last_step: (V,), 2^-n: the method ``article`` asks half-spaces up to a step away.
+            last_step: (V,), 2^-n; the method ``article`` tests half-spaces up to a step away.
         """
         self._setup, self._is_patch = setup, is_patch
         self._line_count = setup.plane_count + is_patch
@@ -80,7 +80,7 @@ class Reach:
         self._discriminant = discriminant(self._forms)
 
     def meets(self, blocks: Blocks) -> Bools:
-        """Whether some ray of each block may meet its solid, (P,)."""
+        """Whether some ray of each block may hit its solid, (P,)."""
         low, high = self._interval(blocks)
         meets: Bools = np.less_equal(low, high)
         asked = np.flatnonzero(meets & self._curved[blocks.solid])
@@ -95,12 +95,12 @@ class Reach:
         owner = np.repeat(np.arange(len(count)), count)
         place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
         own = blocks.at(owner)
-        # A patch is between the two sides of its own plane, of which the second comes last.
+        # A patch lies between the two sides of its own plane; the second side comes last.
         second_side = self._is_patch[own.solid] & (place == count[owner] - 1)
         line = setup.plane_start[own.solid] + np.where(second_side, 0, place)
         forms = np.take(self._ends, line, axis=-1) * np.where(second_side, -1.0, 1.0)
         first, last = _linear_least(forms, own) - self._line_slack[line]
-        # The least value of all rays is concave in u, so it is above the chord between its ends.
+        # The least value over all rays is concave in u, so it lies above the chord of its ends.
         crossing = (first + last) / np.where(first == last, 1.0, first - last)
         np.maximum.at(low, owner, np.where(first > 0, np.where(last > 0, np.inf, crossing), -1.0))
         np.minimum.at(high, owner, np.where(last > 0, np.where(first > 0, -np.inf, crossing), 1.0))

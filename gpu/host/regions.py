@@ -1,8 +1,8 @@
-"""Groups of cells made ready once a scene: merged surfaces, formulas as programs, copies.
+"""Prepares groups of cells once for a scene: merged surfaces, formulas as programs, copies.
 
-Surfaces that coincide become one, so that at every grid point exactly one of F <= 0 and F > 0
-holds for all cells that name them: neighbours have neither gap nor overlap, and a hole as deep as
-its part leaves no skin.
+Surfaces that coincide become one. So at every grid point either F <= 0 or F > 0 holds for all cells
+that name them: neighbours have neither gap nor overlap, and a hole as deep as its part leaves no
+skin.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.errors import SceneError
 from halfstep.host.boxes import box_of
+from halfstep.host.cores import Cores, core_of
 from halfstep.host.formulas import (
     Formula,
     Senses,
@@ -46,13 +47,15 @@ from halfstep.scene.region import Intersection, Literal, Region, Union
 
 # Surfaces coincide if their coefficients, in units of the group's box, agree to this.
 COINCIDENT = 2.0**-34
-# The sign of a surface is that of its first coefficient above this.
+# The sign of a surface is the sign of its first coefficient above this.
 SIGN = 2.0**-20
 # A box is widened by this part of its size, against rounding.
 PADDING = 2.0**-20
-# Distinct surfaces of a group.
+# Limit of the distinct surfaces of a group.
 MOST_SURFACES = 4096
-# What solids that are copies of groups have in place of a material.
+# Copies of a group, if they are so many that it pays to make ready what is theirs alone.
+MANY = 64
+# Stands for the material of a copy of a group.
 NO_MATERIAL = Material(name="none", color=(0.0, 0.0, 0.0))
 _UPPER = np.triu_indices(4)
 
@@ -61,22 +64,22 @@ _UPPER = np.triu_indices(4)
 class Program:
     """The visible cells of a group over its S distinct surfaces.
 
-    P planes come first, and those of an order above two last.
+    P planes come first, and surfaces of an order above two last.
 
     Coordinates count from ``middle``, in the axes of the group.
     """
 
     middle: Floats  # (3,), in coordinates of the group
-    box: Floats  # (2, 3), infinite where nothing bounds the cells
-    # (4, 4, S), F = [x 1] M [x 1]; of a plane only the linear part, 0 of an order above two
+    box: Floats  # (2, 3), infinite if nothing bounds the cells
+    # (4, 4, S), F = [x 1] M [x 1]; a plane has only the linear part; 0 for an order above two
     matrices: Floats
-    higher: tuple[Higher, ...]  # of the last surfaces
+    higher: tuple[Higher, ...]  # the last surfaces
     planes: int  # P
-    functions: Ints  # (S,), of each surface the first of the group's functions that it stands for
-    cells: Ints  # (C,), the group's cells that the program has, in its order
-    formula: Formula  # of these cells
-    thinnest: float  # least distance of surfaces side by side, infinite where there are none
-    seen: Bools  # (S,), which are of cells that are shown
+    functions: Ints  # (S,), for each surface, the first of the group's functions merged into it
+    cells: Ints  # (C,), indices of the group's cells, in the program's order
+    formula: Formula  # the formulas of these cells
+    thinnest: float  # least distance of surfaces side by side, infinite if there are none
+    seen: Bools  # (S,), whether a shown cell has the surface
 
     @property
     def count(self) -> int:
@@ -85,7 +88,7 @@ class Program:
 
     @property
     def lower(self) -> int:
-        """Number of surfaces of second order at most."""
+        """Number of surfaces of at most second order."""
         return self.count - len(self.higher)
 
 
@@ -98,22 +101,22 @@ def compiled(
     higher: Mapping[int, Higher],
     hidden: bool = False,
 ) -> Program | None:
-    """The program of a group, None where no visible cell has a point, or no surface.
+    """The program of a group; None if no visible cell has a point, or none has a surface.
 
     Args:
         matrices: (F, 4, 4), the functions of the group, in its coordinates.
-        regions: of its cells, over these functions.
-        is_visible: (C,), of each cell.
+        regions: the regions of its cells, over these functions.
+        is_visible: (C,), whether each cell is visible.
         volume: (2, 3), a box outside of which nothing is shown, in coordinates of the group.
-        higher: those of the functions that are of an order above two, by their index.
-        hidden: the program has the cells too that are not visible; if none is, it is of these
-            alone.
+        higher: the functions of an order above two, by their index.
+        hidden: whether the program also has the invisible cells; without a visible cell it has
+            only these.
     """
     plain = Senses(range(len(matrices)), [False] * len(matrices))
     taken = np.arange(len(regions)) if hidden else np.flatnonzero(is_visible)
     formulas = [normal_form(regions[ix], plain) for ix in taken.tolist()]
     is_shown = is_visible[taken]
-    # What is seen, and how exactly, does not depend on cells that are not shown, if any is.
+    # If any cell is shown, invisible cells must not change the picture or its accuracy.
     counts = is_shown if is_shown.any() else ~is_shown
     boxes = [box_with(formulas[ix], matrices, higher) for ix in np.flatnonzero(counts).tolist()]
     found = [box for box in boxes if box is not None]
@@ -134,8 +137,8 @@ def compiled(
     slots = {ix: slot for slot, ix in enumerate(kept)}
     senses = Senses([slots.get(int(ix), -1) for ix in first], opposite.tolist())
     normal = [normal_form(region, senses) for region in formulas]
-    # Merging may leave a cell without a point. What is all of space has no surface to be seen: it
-    # hides nothing, but overlaps all others.
+    # Merging may leave a cell without a point. A cell that is all of space has no visible surface:
+    # it hides nothing, but overlaps all others.
     everywhere = np.array([region == Intersection(()) for region in normal])
     is_shown &= ~everywhere
     some = [ix for ix, region in enumerate(normal) if literals(region) or everywhere[ix] & hidden]
@@ -175,7 +178,7 @@ def _moved(matrices: Floats, middle: Floats) -> Floats:
 
 
 def _scaled(matrices: Floats, radius: float) -> Floats:
-    """Coefficients (F, 10) where the radius of the box is 1, the largest 1 in magnitude."""
+    """Coefficients (F, 10) in units of the box's radius; the largest has magnitude 1."""
     stretch = np.array([radius, radius, radius, 1.0])
     rows = (matrices * np.multiply.outer(stretch, stretch))[:, _UPPER[0], _UPPER[1]]
     size = np.abs(rows).max(axis=1, keepdims=True)
@@ -183,7 +186,7 @@ def _scaled(matrices: Floats, radius: float) -> Floats:
 
 
 def _second_order(matrix: Floats, radius: float) -> Bools:
-    """Which second-order terms of a matrix (4, 4) are more than rounding next to the others."""
+    """Whether second-order terms of a matrix (4, 4) are more than rounding of the others."""
     stretch = np.array([radius, radius, radius, 1.0])
     scaled = np.abs(matrix * np.multiply.outer(stretch, stretch))
     return np.asarray(scaled[:3, :3] > COINCIDENT * scaled.max(initial=0.0))
@@ -192,7 +195,7 @@ def _second_order(matrix: Floats, radius: float) -> Bools:
 def _all_merged(
     matrices: Floats, higher: Mapping[int, Higher], middle: Floats, radius: float
 ) -> tuple[Ints, Bools]:
-    """`_merged`, and the same of functions of an order above two, whose matrices are 0."""
+    """`_merged` with functions of an order above two, whose matrices are 0."""
     if not higher:
         return _merged(matrices, radius)
     first, opposite = np.arange(len(matrices)), np.zeros(len(matrices), bool)
@@ -207,12 +210,12 @@ def _all_merged(
 
 
 def _merged(matrices: Floats, radius: float) -> tuple[Ints, Bools]:
-    """Of each function (F,) the first that coincides with it, and whether it has the other sign."""
+    """For each function (F,) the first that coincides with it, and whether its sign differs."""
     rows = _scaled(matrices, radius)
     leading = np.argmax(np.abs(rows) > SIGN, axis=1)
     sign = np.where(rows[np.arange(len(rows)), leading] < 0, -1.0, 1.0)
     rows = rows * sign[:, None]
-    # Equal rows have equal sums of any kind: only neighbours in their order can be equal.
+    # Equal rows have equal weighted sums, so only neighbours in the order of sums can be equal.
     weights = np.sqrt(np.arange(2.0, 12.0))
     order = np.argsort(rows @ weights, kind="stable")
     sums = (rows @ weights)[order]
@@ -230,7 +233,7 @@ def _merged(matrices: Floats, radius: float) -> tuple[Ints, Bools]:
 
 @dataclass(frozen=True)
 class Owned:
-    """A program and whose it is."""
+    """A program and its owner."""
 
     program: Program
     group: Fragment
@@ -239,12 +242,12 @@ class Owned:
 
 @dataclass(frozen=True)
 class Regions:
-    """I copies of groups; copies come last in every array."""
+    """I copies of groups; copies are the last axis of every array."""
 
     owned: tuple[Owned, ...]
     of: Ints  # (I,), index of each copy's program
-    number: Ints  # (I,), of the copy, -1 of the scene itself
-    all_cells: tuple[Cell, ...]  # of the scene and its groups, in the order of the file
+    number: Ints  # (I,), number of the copy, -1 for the scene itself
+    all_cells: tuple[Cell, ...]  # cells of the scene and its groups, in the order of the file
     origin: Floats  # (3, I), the program's middle, world
     world_from_local: Floats  # (3, 3, I)
 
@@ -259,8 +262,15 @@ class Regions:
         return len(self.of)
 
     @functools.cached_property
+    def commonest(self) -> Program | None:
+        """The program that most copies have, if these are many."""
+        counts = np.bincount(self.of)
+        number = int(counts.argmax())
+        return self.programs[number] if counts[number] >= MANY else None
+
+    @functools.cached_property
     def first_surface(self) -> Ints:
-        """The first surface of each program among those of all, and their number (G + 1,)."""
+        """Index of each program's first surface among all, then the number of all (G + 1,)."""
         return np.cumsum([0, *(program.count for program in self.programs)])
 
     @functools.cached_property
@@ -270,28 +280,40 @@ class Regions:
 
     @functools.cached_property
     def functions(self) -> Ints:
-        """Of each surface of all programs (ΣS,) the function of its group."""
+        """The function of its group for each surface of all programs (ΣS,)."""
         return np.concatenate([program.functions for program in self.programs])
 
     @functools.cached_property
     def first_program_cell(self) -> Ints:
-        """Where the cells of each program begin in ``cells`` (G,)."""
+        """Index of each program's first cell in ``cells`` (G,)."""
         return np.cumsum([0, *(len(program.cells) for program in self.programs)])[:-1]
 
     @functools.cached_property
     def cells(self) -> Ints:
-        """Of each cell of all programs (ΣC,) its number among those of the scene."""
+        """The number, among the scene's cells, of each cell of all programs (ΣC,)."""
         return np.concatenate([each.first_cell + each.program.cells for each in self.owned])
 
     @functools.cached_property
     def faces(self) -> Ints:
-        """Of each program (G,) how many faces can be told apart: cells times surfaces."""
+        """The number of faces of each program (G,): cells times surfaces."""
         return np.array([len(one.cells) * one.count for one in self.programs], np.int64)
 
     @functools.cached_property
-    def higher(self) -> Polynomials | None:
-        """Polynomials of all surfaces of an order above two, one program after another."""
-        return stacked_of([each for one in self.programs for each in one.higher])
+    def higher(self) -> tuple[Higher, ...]:
+        """All surfaces of an order above two, one program after another."""
+        return tuple(each for one in self.programs for each in one.higher)
+
+    @functools.cached_property
+    def polynomials(self) -> Polynomials | None:
+        """Those that are polynomials."""
+        return stacked_of(self.higher)
+
+    @functools.cached_property
+    def cores(self) -> Cores:
+        """Of each program a box that shown cells fill."""
+        return Cores.of(
+            [core_of(one.formula, one.matrices, one.lower, one.box) for one in self.programs]
+        )
 
     @functools.cached_property
     def matrices(self) -> Floats:
@@ -300,12 +322,12 @@ class Regions:
 
 
 def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
-    """All that the scene shows of cells, None where it has none.
+    """The visible cells of a scene as copies of groups; None if it has none.
 
-    With ``hidden``, cells that are not shown are there, too.
+    With ``hidden``, invisible cells are there, too.
 
     Raises:
-        SceneError: nothing bounds some cells and there is no volume, or a limit is exceeded.
+        SceneError: some cells are unbounded and there is no volume, or a limit is exceeded.
     """
     if not scene.cells and not scene.groups:
         return None
@@ -326,7 +348,7 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
     for copies in layout.copies():
         group, first_cell = copies.group, first_cells[id(copies.group)]
         shown = np.array([cell.is_shown for cell in group.cells])
-        # One cell alone overlaps none.
+        # A single cell overlaps no other.
         if not (shown.any() or (hidden and len(shown) > 1)) or not len(copies.number):
             continue
         key = id(group)
@@ -365,7 +387,7 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
 
 
 def _cells_of(fragment: Fragment) -> Iterator[Cell]:
-    """All cells, the order in which `_first_cells` counts."""
+    """All cells, in the order in which `_first_cells` counts."""
     yield from fragment.cells
     for group in fragment.groups:
         yield from _cells_of(group)
@@ -416,7 +438,7 @@ def _program_of(
     matrices, higher, regions = own.matrices, own.higher, own.regions
     plain = Senses(range(len(matrices)), [False] * len(matrices))
     program = compiled(matrices, regions, shown, volume, higher=higher, hidden=hidden)
-    # Merging surfaces may have left a cell without a point.
+    # Merging surfaces may leave a cell without a point.
     kept = set() if program is None else set(program.cells.tolist())
     for ix in np.flatnonzero(shown).tolist():
         region = normal_form(regions[ix], plain)
@@ -447,10 +469,10 @@ def _cut_copies(
     *,
     hidden: bool,
 ) -> tuple[Ints, list[tuple[Ints, Program]]]:
-    """Which copies regions around them leave whole, and the programs of those that they cut.
+    """The copies that regions around them leave whole, and the programs of those that they cut.
 
-    Copies that are cut alike, as those in a lattice are, share a program. The others are cut away.
-    A group without a program of its own is everywhere, or nowhere.
+    Copies that are cut alike, as in a lattice, share a program. The other copies are cut away. A
+    group without a program of its own is everywhere, or nowhere.
     """
     state = np.ones(len(copies.number), np.int8)
     everywhere = np.array([[-np.inf] * 3, [np.inf] * 3])
@@ -464,7 +486,8 @@ def _cut_copies(
         moved = np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)
         given.append(_Around(within.region, moved, higher, maps[:, :3]))
         box = _left(box, given[-1])
-    # A side that makes a face of the box is not decided by it, so that no two decide one another.
+    # The box does not decide a side that made one of its faces, so that no two sides decide each
+    # other.
     around = [(one, signed(_signs(one.matrices, box), one.higher, one.maps, box)) for one in given]
     for one, signs in around:
         state = np.minimum(state, truth(one.region, signs))
@@ -477,7 +500,7 @@ def _cut_copies(
             first, ix = sum(map(len, functions)), members[0]
             own = one.matrices[ix]
             plain = Senses(range(first, first + len(own)), [False] * len(own))
-            cut = normal_form(_undecided(one.region, signs[:, ix]), plain)
+            cut = normal_form(_undecided(one.region, tuple(signs[:, ix].tolist())), plain)
             regions = [Intersection((cell, cut)) for cell in regions]
             functions.append(own)
             higher |= {first + k: each.moved(one.maps[ix]) for k, each in one.higher.items()}
@@ -493,15 +516,15 @@ class _Around(NamedTuple):
     """A region around copies."""
 
     region: Region
-    matrices: Floats  # (N, S, 4, 4), of its functions in coordinates of each copy
-    higher: Mapping[int, Higher]  # those of an order above two, in its own
-    maps: Floats  # (N, 3, 4), from each copy to its own
+    matrices: Floats  # (N, S, 4, 4), its functions in coordinates of each copy
+    higher: Mapping[int, Higher]  # functions of an order above two, in the region's coordinates
+    maps: Floats  # (N, 3, 4), from each copy to the region's coordinates
 
 
 def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> list[Ints]:
-    """Some copies (C,), those together that regions cut alike.
+    """Copies (C,) in groups that the regions cut alike.
 
-    Equal is what the regions decide not, and its surfaces.
+    The undecided parts of the regions, and their surfaces, are the same in a group.
     """
     keys: list[list[object]] = [[] for _ in copies]
     for one, signs in around:
@@ -511,7 +534,7 @@ def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> 
             by_signs.setdefault(column.tobytes(), []).append(place)
         for places in by_signs.values():
             chosen = copies[places]
-            left = _undecided(one.region, signs[:, chosen[0]])
+            left = _undecided(one.region, tuple(signs[:, chosen[0]].tolist()))
             used = sorted({literal.surface for literal in literals(left)})
             matrices = one.matrices[chosen][:, used]
             size = np.abs(matrices).max(axis=(2, 3), keepdims=True, initial=1e-300)
@@ -531,14 +554,14 @@ def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> 
     return [np.array(members) for members in alike.values()]
 
 
-def _undecided(region: Region, signs: NDArray[np.int8]) -> Region:
-    """What signs (S,) leave of a region."""
+def _undecided(region: Region, signs: tuple[int, ...]) -> Region:
+    """The part of a region that signs (S,) leave undecided."""
     plain = Senses(range(len(signs)), [False] * len(signs))
-    return decided(normal_form(region, plain), signs.tolist())
+    return decided(normal_form(region, plain), signs)
 
 
 def _left(box: Floats, around: _Around) -> Floats:
-    """A box (2, 3) of what a region leaves of one in all copies, or a larger one."""
+    """A box (2, 3) that contains the part of a box inside the region, in all copies."""
     region, own = around.region, around.matrices
     if not len(own):
         return box
@@ -553,7 +576,7 @@ def _left(box: Floats, around: _Around) -> Floats:
 
 
 def _without(region: Region, surfaces: Bools) -> Region:
-    """A region in normal form, and more: all sides of some surfaces hold."""
+    """A larger region: all sides of some surfaces of a region in normal form hold."""
     if isinstance(region, Literal):
         return Intersection(()) if surfaces[region.surface] else region
     assert isinstance(region, Intersection | Union)
@@ -561,7 +584,7 @@ def _without(region: Region, surfaces: Bools) -> Region:
 
 
 def _signs(matrices: Floats, box: Floats) -> NDArray[np.int8]:
-    """Signs (S, N) of functions (N, S, 4, 4) that they have all over a box, 0 where unknown."""
+    """Signs (S, N) of functions (N, S, 4, 4) everywhere in a box, 0 if unknown."""
     finite = np.isfinite(box).all(axis=0)
     ends = np.where(finite, box, 0.0)
     half = np.ptp(ends, axis=0) / 2
@@ -571,6 +594,6 @@ def _signs(matrices: Floats, box: Floats) -> NDArray[np.int8]:
     bend = np.einsum("i,nsij,j->sn", half, np.abs(matrices[:, :, :3, :3]), half)
     size = np.einsum("i,nsij,j->sn", np.abs(point), np.abs(matrices), np.abs(point))
     reach = slope.T + bend + COINCIDENT * size
-    # Along an axis where the box has no end a function must not change.
+    # The sign is unknown if a function changes along an axis in which the box is infinite.
     reach[(matrices[:, :, :3][:, :, ~finite] != 0).any(axis=(2, 3)).T] = np.inf
     return (value > reach).astype(np.int8) - (value < -reach)

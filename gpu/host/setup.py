@@ -3,10 +3,10 @@
 For one solid, u in [-1, 1] runs over its own depth interval, (x, y) are pixel offsets from the
 middle of its screen rectangle, and the point of the ray is p = P(x, y) + u W(x, y) with P and W
 affine.  Then F = A u² + G u + C with A, G, C quadratic in (x, y), and a half-space is c + b u with
-c, b affine.  Nothing in these numbers knows how far away the camera is.
+c, b affine.  The distance of the camera has no effect on these numbers.
 
-Of parallel rays, W does not depend on (x, y).  They start in a plane, not at one eye, so whether
-one starts inside a solid is asked for each of them, as at a near base plane that cuts it.
+For parallel rays, W does not depend on (x, y).  They start in a plane, not at one eye.  So each ray
+is tested whether it starts inside a solid, as at a near base plane that cuts the solid.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from halfstep.host.expressions import FormulaAtEye, FormulasOnRays, formulas_on_
 from halfstep.host.forms import (
     HOST_ROUNDINGS,
     NEGLIGIBLE,
+    Curved,
     Sight,
     curved,
     depth_of,
@@ -43,7 +44,8 @@ from halfstep.host.polynomials import AtEye, OnRays, on_rays
 
 # An interval starts at a multiple of 2^-START_BITS of its own length.
 START_BITS = 4
-# No interval is shorter than 2^-32 of the far depth: the depth key has 64 bits and n goes to 30.
+# No interval is shorter than 2^-32 of the far depth, because the depth key has 64 bits and n goes
+# to 30.
 MAX_LEVEL = 32
 # An interval is wider than the solid by this fraction of its extent, against host rounding.
 PADDING = 2.0**-18
@@ -55,7 +57,7 @@ BASE_PLANE_ROUNDING = 2.0**-44
 # A plane that passes closer in front of the eye is moved this far from it, next to the largest
 # value of its form: in float32 rays would start behind it and miss it.
 EYE_CLEARANCE = 2.0**-20
-# No form is scaled up from less than this part of what it is elsewhere.
+# A form that is smaller than this part of its values elsewhere is not scaled up.
 FAINTEST = 2.0**-64
 
 
@@ -67,15 +69,15 @@ class Setup:
     near: float  # depths of the base planes
     far: float
     solid: Ints  # (V,), index in the scene
-    is_loose: Bools  # (V,), the rectangle is that of some of the solid's inequalities only
+    is_loose: Bools  # (V,), the rectangle takes only some of the solid's inequalities
     level: Ints  # (V,), e: the interval is 2^-e of the far depth
     start: Floats  # (V,), t at u = -1, a multiple of 2^-(e+4)
-    near_u: Floats  # (V,), u of the near base plane where it cuts the solid, else -1
-    far_u: Floats  # (V,), u of the far base plane where it cuts the solid, else 1
-    near_cut: Bools  # (V,), the near base plane, or where parallel rays start, cuts the solid
+    near_u: Floats  # (V,), u of the near base plane if it cuts the solid, else -1
+    far_u: Floats  # (V,), u of the far base plane if it cuts the solid, else 1
+    near_cut: Bools  # (V,), the near base plane, or the start of parallel rays, cuts the solid
     starts_at_eye: Bools  # (V,), u = -1 is the centre of projection
     eye_inside: Bools  # (V,), the solid contains the centre of projection and rays start there
-    eye_outside_quadric: Bools  # (V,), F(h) > 0, the indicator (9), where rays start at the eye
+    eye_outside_quadric: Bools  # (V,), F(h) > 0, the indicator (9), if rays start at the eye
     rectangle: Ints  # (V, 4), first and last pixel: i0, i1, j0, j1
     center: Ints  # (V, 2), pixel where x = y = 0
     offsets: Floats  # (V, 2), largest |x| and |y|
@@ -86,7 +88,7 @@ class Setup:
     eye_sure: Bools  # (V,), rounding cannot have decided ``eye_inside`` or ``eye_outside_quadric``
     depth_error: Floats  # (V,), error of depths from the rounding of this set-up, scene units
     gradient: Floats  # (V, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis], largest about 1
-    nearest: Floats  # (V,), no point of the solid is seen at a smaller depth
+    nearest: Floats  # (V,), least depth at which a point of the solid may be seen
     depth_middle: Floats  # (V,), depth at u = 0
     depth_half: Floats  # (V,), depth = depth_middle + u * depth_half
     plane_start: Ints  # (V,)
@@ -95,9 +97,9 @@ class Setup:
     plane_c: Floats  # (N, 3), coefficients of 1, x, y
     plane_b: Floats  # (N, 3)
     plane_host_error: Floats  # (N,), error of c and b made by this set-up
-    copies: Copies | None  # of groups; they are the last of the scene's solids
-    polynomials: OnRays | None  # of the solids that have one of any degree
-    formulas: FormulasOnRays | None  # of the solids that have one that is no polynomial
+    copies: Copies | None  # the copies of groups, which are the last of the scene's solids
+    polynomials: OnRays | None  # of solids whose F is a polynomial, but no quadric
+    formulas: FormulasOnRays | None  # of solids whose F is another formula
 
     @property
     def count(self) -> int:
@@ -132,13 +134,13 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     # The eye and the direction of a ray are rounded once each, and so are the products with depth.
     eye_distance, stretch = length(rays[:2])
     if view.parallel:
-        # Where a ray starts is a sum of two lengths.
+        # The start of a ray is a sum of two lengths.
         eye_distance = eye_distance + view.pixel * (view.width + view.height)
     error = HOST_ROUNDINGS * (eye_distance + stretch * (middle + half))
     sight = Sight(rays, middle, half, offsets, error, view.parallel)
 
-    matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
-    bent = curved(matrix, has_quadric, rotation, sight)
+    alone = int(np.searchsorted(ix, geometry.solid_count))
+    bent = _bent(geometry, ix[:alone], rotation[..., :alone], sight)
     flat = _flat(geometry, ix, sight, starts_at_eye, rectangle, center)
     at_eye = np.flatnonzero(starts_at_eye)
     facts = _Eye.elsewhere(len(ix))
@@ -147,7 +149,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
             values[at_eye] = found
     groups = None
     if geometry.regions is not None:
-        row = np.flatnonzero(ix >= geometry.solid_count)
+        row = np.arange(alone, len(ix))
         spans = (np.stack([low, high[ix]]) - middle) / half
         at_eye = starts_at_eye[row]
         groups = _copies(
@@ -183,13 +185,13 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         rectangle=rectangle.T,
         center=center.T,
         offsets=offsets.T,
-        a=bent.a.T,
-        g=bent.g.T,
-        c=bent.c.T,
-        host_error=bent.error,
+        a=_of_all(bent.a, len(ix)).T,
+        g=_of_all(bent.g, len(ix)).T,
+        c=_of_all(bent.c, len(ix)).T,
+        host_error=_of_all(bent.error, len(ix)),
         eye_sure=facts.sure,
         depth_error=sight.error,
-        gradient=bent.gradient.transpose(3, 0, 1, 2),
+        gradient=_of_all(bent.gradient, len(ix)).transpose(3, 0, 1, 2),
         nearest=np.maximum(low, facts.nearest),
         depth_middle=middle,
         depth_half=half,
@@ -205,9 +207,24 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     )
 
 
+def _bent(geometry: Geometry, ix: Ints, rotation: Floats, sight: Sight) -> Curved:
+    """Forms of the quadrics of solids ``ix``, the first of those that are visible."""
+    matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
+    return curved(matrix, has_quadric, rotation, sight.first(len(ix)))
+
+
+def _of_all(values: Floats, count: int) -> Floats:
+    """Values (…, K) of solids as those (…, count) with copies of groups behind: these have none."""
+    if values.shape[-1] == count:
+        return values
+    found = np.zeros((*values.shape[:-1], count))
+    found[..., : values.shape[-1]] = values
+    return found
+
+
 @dataclass(frozen=True)
 class _Flat:
-    """What ``Setup`` needs of the half-spaces."""
+    """The half-spaces of the visible solids, as in `Setup`."""
 
     start: Ints  # (V,)
     count: Ints  # (V,)
@@ -218,7 +235,7 @@ class _Flat:
 
 
 class _Eye(NamedTuple):
-    """What ``Setup`` needs to know of the eye."""
+    """The position of the eye relative to the solids, as in `Setup`."""
 
     inside: Bools  # (V,)
     outside_quadric: Bools  # (V,)
@@ -227,7 +244,7 @@ class _Eye(NamedTuple):
 
     @classmethod
     def elsewhere(cls, count: int) -> _Eye:
-        """Of solids whose rays start elsewhere."""
+        """The values for solids whose rays start elsewhere."""
         inside, outside_quadric = np.zeros((2, count), bool)
         return cls(inside, outside_quadric, np.ones(count, bool), np.zeros(count))
 
@@ -259,7 +276,8 @@ def _flat(
     else:
         largest = np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
         steepest = length(slopes) * middle
-    # A plane seen edge on may be this small in its rectangle alone, and would overflow beside it.
+    # A plane seen edge on may be so small in its rectangle alone; scaled up, it would overflow
+    # beside it.
     scale = power_of_two(np.maximum(largest, FAINTEST * steepest))
     seen = np.flatnonzero(starts_at_eye[owner] & ~geometry.plane_bounds[plane])
     two_sided = geometry.plane_two_sided[plane[seen]]
@@ -338,17 +356,18 @@ def _copies(
     span: Floats,
     at_eye: Bools,
 ) -> Copies:
-    """The visible copies of groups, in rows of solids ``ix``; what follows is theirs."""
+    """The visible copies of groups, in rows of solids ``ix``; the other arguments are theirs."""
     assert geometry.regions is not None
     copy = ix[row] - geometry.solid_count
-    higher = higher_on_rays(geometry.regions, copy, middle, sight, view, geometry.degree)
+    known = geometry.degree, geometry.expressions, at_eye
+    higher = higher_on_rays(geometry.regions, copy, middle, sight, view, *known)
     return copies(geometry.regions, row, copy, sight, span, at_eye, higher)
 
 
 def _polynomials(
     geometry: Geometry, ix: Ints, view: View, center: Ints, sight: Sight, depth: Floats
 ) -> OnRays | None:
-    """Polynomials of the visible solids along their rays; None where the scene has none."""
+    """Polynomials of the visible solids along their rays; None if the scene has none."""
     known = geometry.polynomials
     if known is None:
         return None
@@ -372,9 +391,9 @@ def _polynomials(
 
 
 def _see_polynomials(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:
-    """Add what polynomials are at the eye to what half-spaces are, in rows whose rays start there.
+    """Add the signs of polynomials at the eye to ``facts``, in rows whose rays start there.
 
-    Nobody is inside of a sheet.
+    The eye is never inside of a sheet.
     """
     known = geometry.polynomials
     assert known is not None
@@ -384,11 +403,13 @@ def _see_polynomials(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight
 
 
 def _formulas(geometry: Geometry, ix: Ints, sight: Sight) -> FormulasOnRays | None:
-    """Formulas of the visible solids along their rays; None where the scene has none."""
+    """Formulas of the visible solids along their rays; None if the scene has none."""
     known = geometry.expressions
     if known is None:
         return None
     row = np.flatnonzero(np.isin(ix, known.solid))
+    if not len(row) and not len(known.solid):
+        return None
     rotation = geometry.world_from_local.take(ix[row], axis=-1)
     return formulas_on_rays(known, row, known.places(ix[row]), sight.at(row), rotation)
 
@@ -401,7 +422,7 @@ def _see_formulas(
     ix: Ints,
     sight: Sight,
 ) -> None:
-    """The same as `_see_polynomials` of formulas."""
+    """Add the signs of formulas at the eye, as `_see_polynomials` does."""
     from_eye = starts_at_eye[formulas.row]
     row, of, known = formulas.row[from_eye], formulas.of[from_eye], formulas.known
     if len(row):
@@ -421,7 +442,7 @@ def _see(
 
 
 def _see_balls(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:
-    """Add what balls about solids are at the eye."""
+    """Add the signs of balls that bound solids at the eye."""
     matrix, seen = geometry.quadric.take(ix[row], axis=-1), sight.at(row)
     radius = np.sqrt(-matrix[3, 3])
     away = length(seen.rays[0])
@@ -441,7 +462,7 @@ def _heights(rows: Floats, rays: Floats) -> tuple[Floats, Floats]:
 
 
 def _lines_of(geometry: Geometry, ix: Ints) -> tuple[Ints, Ints, Ints]:
-    """The half-spaces of solids one after another: how many of each; solid and row of each."""
+    """The half-spaces of solids: the number of each solid's; the solid and row of each."""
     count = geometry.plane_count[ix]
     owner = np.repeat(np.arange(len(ix)), count)
     skipped = geometry.plane_start[ix] - np.cumsum(count) + count
@@ -449,7 +470,7 @@ def _lines_of(geometry: Geometry, ix: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def _radius(tangent: Floats, view: View, low: Floats) -> Floats:
-    """A lower bound of how far what is seen of each solid reaches from its middle."""
+    """A lower bound of the radius of each solid's visible part."""
     first = np.array([[view.x_first], [view.y_first]])
     last = first + view.pixel * (np.array([[view.width], [view.height]]) - 1)
     width = np.minimum(tangent[:, 1], last) - np.maximum(tangent[:, 0], first)
@@ -464,7 +485,7 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
     that the paper's t and step (7) keep their meaning: the first e steps are decided already.
     """
     extent = np.maximum(high - low, FLATNESS * radius) / far
-    # The least is no shorter than at MAX_LEVEL, and the greatest no longer than at level 0.
+    # At least the length at MAX_LEVEL, and at most that at level 0.
     need = np.minimum(np.maximum(extent * (1 + 2 * PADDING), 2.0**-MAX_LEVEL), 1.0)
     level = np.floor(-np.log2(need)).astype(np.int32)
     padding = np.where(low > 0, PADDING * extent, 0.0)
@@ -483,9 +504,10 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
 
 
 def _eye_clearance(height: Floats, two_sided: Bools) -> Floats:
-    """What takes a plane's value at the eye to ``EYE_CLEARANCE`` if the eye is outside of it.
+    """The move that takes a plane's value at the eye to ``EYE_CLEARANCE``, if the eye is outside.
 
-    Some have two outsides.  An eye inside needs nothing: there the ray starts in any case.
+    A two-sided plane has two outer sides.  A plane with the eye inside is not moved, because a ray
+    starts at the eye in any case.
     """
     outside = (height > 0) | (two_sided & (height < 0))
     missing = np.maximum(EYE_CLEARANCE - np.abs(height), 0.0)

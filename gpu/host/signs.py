@@ -1,7 +1,7 @@
-"""Signs that surfaces of regions keep all over blocks of pixels, on pieces of their rays.
+"""Signs that surfaces of regions keep everywhere in blocks of pixels, on pieces of their rays.
 
 The part of a ray between two grid points is cut into `PIECES` of equal length. Over a block and a
-piece, x, y and u run through a box, where F = A u² + G u + C has bounds in closed form.
+piece, x, y and u run through a box, in which F = A u² + G u + C has bounds in closed form.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from halfstep.contract.arrays import F32, Bools, Bytes, Floats, Ints
 from halfstep.host.copies import Copies
 from halfstep.host.reach import MARGIN, Blocks
 
-# One bit each.
+# A piece has one bit.
 PIECE_BITS = 3
 PIECES = 1 << PIECE_BITS
 _BITS = (1 << np.arange(PIECES)).astype(np.uint8)[:, None]
@@ -24,14 +25,14 @@ CHUNK = 1 << 11
 
 @dataclass(frozen=True)
 class Rays:
-    """P parts of rays, between grid points of 2^n; they are cut into `PIECES`."""
+    """P parts of rays, between two of the 2^n grid points each; they are cut into `PIECES`."""
 
     first: Ints
     last: Ints
     steps: Ints
 
     def at(self, places: Ints) -> Rays:
-        """Those at ``places``."""
+        """The parts at ``places``."""
         return Rays(self.first[places], self.last[places], self.steps[places])
 
     @property
@@ -41,14 +42,19 @@ class Rays:
 
     @property
     def ends(self) -> Ints:
-        """Grid points between which the pieces are, (PIECES + 1, P)."""
+        """Grid points at the ends of the pieces, (PIECES + 1, P)."""
         length = self.last - self.first
         return self.first + (length * np.arange(PIECES + 1)[:, None] >> PIECE_BITS)
 
     def narrowed(self, first: Ints, last: Ints) -> Rays:
-        """From one piece to another."""
+        """The parts from piece ``first`` to piece ``last``."""
         ends, rays = self.ends, np.arange(len(self.first))
         return Rays(ends[first, rays], ends[last + 1, rays], self.steps)
+
+    def between(self, first: Ints, last: Ints) -> Rays:
+        """What is of them between grid points (P,), or nothing that has a length."""
+        begin = np.minimum(np.maximum(self.first, first), self.last)
+        return Rays(begin, np.maximum(np.minimum(self.last, last), begin), self.steps)
 
     def places(self) -> tuple[Floats, Floats]:
         """The middle of each piece in u, and half its length, (PIECES, P)."""
@@ -59,14 +65,14 @@ class Rays:
 def signs(
     copies: Copies, surface: Ints, block: Ints, squares: Blocks, rays: Rays
 ) -> tuple[Bytes, Bytes]:
-    """The pieces all over which F <= 0, and those all over which F > 0, (P,) each.
+    """The pieces with F <= 0 everywhere, and the pieces with F > 0 everywhere, (P,) each.
 
     Args:
         copies: the surfaces of a frame.
-        surface: (P,), of them.
-        block: (P,), for each of them one of the blocks.
+        surface: (P,), indices of surfaces.
+        block: (P,), index of a block for each surface.
         squares: B blocks; their ``solid`` does not matter.
-        rays: (B,), of each block.
+        rays: (B,), the part of the rays of each block.
     """
     inside = np.empty(len(surface), np.uint8)
     outside = np.empty_like(inside)
@@ -79,20 +85,35 @@ def signs(
     return inside, outside
 
 
+def signs_at(copies: Copies, surface: Ints, squares: Blocks, u: Floats) -> NDArray[np.int8]:
+    """1 where F > 0 all over squares (P,) at one place of each ray, -1 where F <= 0, else 0.
+
+    ``surface`` (P,) are of a frame; squares lie in the coordinates of their copies.
+    """
+    found = np.empty(len(surface), np.int8)
+    middle = np.stack([squares.x, squares.y, squares.half_width, squares.half_height, u, 0 * u])
+    places = middle.astype(np.float32)
+    for first in range(0, len(surface), CHUNK):
+        part = slice(first, first + CHUNK)
+        negative, positive = _signs(copies, surface[part], places[:, part])
+        found[part] = positive.astype(np.int8) - negative
+    return found
+
+
 def _signs(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:
-    # About the middle of a block A, G, C and G² - 4AC are a value, two slopes, and what is of
-    # second order. The margins exceed float32's rounding of forms that are at most 1.
+    # About the middle of a block, A, G, C and G² - 4AC are a value, two slopes, and second-order
+    # terms. The margins exceed float32's rounding of forms that are at most 1.
     forms = copies.forms.take(surface, axis=-1).reshape(4, 6, -1)
     slack = MARGIN + copies.host_error.take(surface).astype(np.float32)
     one, x1, y1, x2, xy, y2 = forms.transpose(1, 0, 2)
     x, y, across, down = places[:4]
-    u, half = places[4:].reshape(2, PIECES, -1)
+    u, half = places[4:].reshape(2, -1, places.shape[1])
     by_x, by_y = x2 * x, y2 * y
     mixed = xy * y
     value = one + (x1 + by_x + mixed) * x + (y1 + by_y) * y
     along_x = (x1 + (by_x + by_x) + mixed) * across
     along_y = (y1 + xy * x + (by_y + by_y)) * down
-    # Of G² - 4AC only the greatest value matters, so what bends it down does not.
+    # Only the greatest value of G² - 4AC matters, so terms that bend it down do not.
     x2[3], y2[3] = np.maximum(x2[3], 0), np.maximum(y2[3], 0)
     bends = np.abs(x2) * (across * across) + np.abs(y2) * (down * down)
     bends += np.abs(xy) * (across * down)
@@ -115,11 +136,11 @@ def _signs(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:
 
 
 def _is_beside(copies: Copies, surface: Ints, places: F32) -> Bools:
-    """Where surfaces (P,) of an order above two, or what they bound, are not met (PIECES, P)."""
+    """Whether no ray crosses surfaces (P,) of an order above two in a piece, (PIECES, P)."""
     higher = copies.higher
     assert higher is not None
     x, y, across, down = places[:4]
-    u, half = places[4:].reshape(2, PIECES, -1)
+    u, half = places[4:].reshape(2, -1, places.shape[1])
     place = np.minimum(np.searchsorted(copies.higher_at, surface), len(copies.higher_at) - 1)
     left, right, top, bottom = higher.edges[:, place]
     start, stop = higher.stretch[:, place]
@@ -130,11 +151,11 @@ def _is_beside(copies: Copies, surface: Ints, places: F32) -> Bools:
 
 
 def _polynomial(forms: F32, u: F32) -> F32:
-    """A u² + G u + C of forms (3 or more, P) at places (PIECES, P)."""
+    """A u² + G u + C of forms (3 or more, P) at ``u`` (PIECES, P)."""
     a, g, c, *_ = forms
     return np.asarray((a * u + g) * u + c)
 
 
 def _packed(holds: Bools) -> Bytes:
     """A byte (P,) of bits (PIECES, P)."""
-    return np.asarray(np.bitwise_or.reduce(holds * _BITS, axis=0))
+    return np.asarray(np.bitwise_or.reduce(holds * _BITS[: len(holds)], axis=0))

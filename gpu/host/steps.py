@@ -1,8 +1,8 @@
-"""From the accuracy a scene asks for to the number of halvings of each solid.
+"""The number of halvings of each solid, from the accuracy that a scene asks for.
 
-After n halvings a root is known within 2^-n of half the solid's interval.  A tolerance is met by
-the smallest n for which that, with a little room for rounding, stays below it at the nearest depth
-where the solid can be seen; one n serves all rays of a solid.
+After n halvings a root is known within 2^-n of half the solid's interval.  The smallest n is taken
+for which this error, with some room for rounding, stays below the tolerance at the least depth
+where the solid can be seen.  All rays of a solid have the same n.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from halfstep.scene import Accuracy, Scene
 
 # Share of a tolerance that is left to rounding.
 ROUNDING_SHARE = 2.0**-4
-# Where points are asked for shadows or mirrors, they are known to this: an edge of a shadow is as
-# far off as they are.
+# Least halvings if points are needed for shadows or mirrors. The error of a point moves the edges
+# of shadows on it as far.
 SHADOW_STEPS = 16
-# Halvings of a region beyond those that make a cell as long as its parts are thin.
+# Halvings of a region beyond those that make a grid cell as short as its thinnest part.
 THIN_STEPS = 2
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Halvings of each visible solid, and what the number format cannot reach."""
+    """Halvings of each visible solid, and tolerances that the number format cannot meet."""
 
     count: Ints  # (V,)
-    short: Bools  # (V,), the tolerance wants more than ``most``
+    short: Bools  # (V,), the tolerance would need more than ``most``
     reached: Floats  # (V,), depth error that is met, in scene units
-    most: int  # halvings that a tolerance gets: more do not pay, or are not to be had
+    most: int  # the most halvings for a tolerance: more gain nothing, or are not possible
 
 
 def steps_for(
@@ -46,9 +46,9 @@ def steps_for(
     """Halvings that meet the scene's ``[accuracy]`` in the frame ``setup``.
 
     Args:
-        scene: whose accuracy is asked for.
+        scene: the scene with its accuracy.
         setup: the frame.
-        samples: how many pixels of ``setup`` make the width of a pixel of the picture.
+        samples: number of pixels of ``setup`` in the width of a pixel of the picture.
         most_steps: no tolerance gets more; None leaves it to the number format.
         lit: whether there are shadows or mirrors.
     """
@@ -64,7 +64,7 @@ def steps_for(
             tolerance = np.full(setup.count, accuracy.tolerance)
         else:
             assert accuracy.tolerance_pixels is not None  # validation leaves exactly one of three
-            # Parallel rays a pixel apart are so at any depth.
+            # Parallel rays have the same distance at any depth.
             nearest = np.ones(setup.count) if setup.view.parallel else setup.nearest
             tolerance = accuracy.tolerance_pixels * samples * setup.view.pixel * nearest
         share = tolerance * (1 - ROUNDING_SHARE) / setup.depth_half
@@ -72,7 +72,7 @@ def steps_for(
         short = wanted > most
         count = np.minimum(np.maximum(wanted, 1), most).astype(np.int64)
         if setup.copies is not None and accuracy.method == "visible":
-            # What lies between two surfaces that are nearer than a cell would be lost.
+            # The space between two surfaces closer than a grid cell would be lost.
             row = setup.copies.row
             cells = 2 * setup.depth_half[row] / setup.copies.thinnest
             needed = np.ceil(np.log2(np.maximum(cells, 1.0))) + THIN_STEPS

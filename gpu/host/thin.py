@@ -1,9 +1,9 @@
-"""How thin a group's parts are: the least distance between surfaces that run side by side.
+"""The thickness of a group's thinnest parts: the least distance of surfaces side by side.
 
 A piece of a ray that is shorter than a cell between two grid points is lost. So a region gets
-halvings enough for the least distance between parallel planes, concentric spheres and coaxial
-cylinders, surfaces whose F differ by a constant; and between a plane and a sphere, or a cylinder
-along it, where they are nearest in the box.
+enough halvings for the least distance of surfaces side by side. These are surfaces whose F differ
+by a constant: parallel planes, concentric spheres, coaxial cylinders. They are also a plane and a
+sphere, or a cylinder parallel to it, where these are nearest in the box.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from halfstep.contract.arrays import Floats
 
-# Coefficients that agree to this, next to the largest, are those of surfaces side by side.
+# Surfaces are side by side if their coefficients agree to this part of the largest.
 PARALLEL = 2.0**-30
-# Closer than this, next to the box, they are taken for one surface with rounding.
+# Surfaces closer than this part of the box count as one surface with rounding.
 CLOSEST = 2.0**-26
 
 
 def least_distance(matrices: Floats, size: float) -> float:
-    """The least distance of surfaces side by side, infinite where there are none.
+    """The least distance of surfaces side by side, infinite if there are none.
 
     Args:
         matrices: (4, 4, S), F = [x 1] M [x 1], coordinates that count from the middle of a box.
@@ -38,7 +38,7 @@ def least_distance(matrices: Floats, size: float) -> float:
     shape, level = shape * sign[:, None], level * sign
     is_plane = np.abs(shape[:, [0, 1, 2, 4, 5, 7]]).max(axis=1, initial=0.0) <= PARALLEL
     place = _places(shape, level, is_plane)
-    # Neighbours in the order of one sum are all that can run side by side.
+    # Only neighbours in the order of one sum can be side by side.
     order = np.lexsort([place, np.rint(shape @ np.sqrt(np.arange(2.0, 11.0)) / PARALLEL / 64)])
     first, second = order[:-1], order[1:]
     alike = np.abs(shape[first] - shape[second]).max(axis=1, initial=0.0) <= PARALLEL
@@ -49,9 +49,9 @@ def least_distance(matrices: Floats, size: float) -> float:
 
 
 def _films(shape: Floats, level: Floats, plane: Floats, place: Floats) -> Floats:
-    """Distances of spheres and cylinders (S, 9) from planes (P, 9), where a plane is along them.
+    """Distances of spheres and cylinders (S, 9) from planes (P, 9) that are parallel to them.
 
-    The box reaches from -1 to 1; those outside of it do not count.
+    The box reaches from -1 to 1; distances outside of it do not count.
     """
     second, linear = _parts(shape)
     bends, axes = np.linalg.eigh(second)
@@ -87,10 +87,10 @@ def _parts(shape: Floats) -> tuple[Floats, Floats]:
 
 
 def _places(shape: Floats, level: Floats, is_plane: NDArray[np.bool_]) -> Floats:
-    """Where each surface is along its normal, from where all surfaces side by side count.
+    """The position of each surface along its normal, from the point where its neighbours count.
 
-    Of a plane that is its distance, of F = x·M x + 2 s·x - k the semi-axis sqrt(k'/λ), k' being -F
-    at the centre and λ the largest curvature.
+    For a plane it is the distance. For F = x·M x + 2 s·x - k it is the semi-axis sqrt(k'/λ), where
+    k' is -F at the centre and λ the largest curvature.
     """
     second, linear = _parts(shape)
     normal = np.linalg.norm(linear, axis=1)

@@ -1,8 +1,8 @@
 """Preselection by tiles: the solids that rays of a tile may meet, and few others.
 
-A solid's screen rectangle names the tiles that may see it.  Where it is loose, blocks of tiles are
-tested, large ones first and then the quarters of those that are left.  What a ray sees depends
-neither on the order of the lists nor on solids in them that it does not meet.
+A solid's screen rectangle names the tiles that may see it.  If it is loose, blocks of tiles are
+tested, large ones first and then the quarters of those that are left.  The point that a ray sees
+depends neither on the order of the lists nor on solids in them that the ray does not hit.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.classes import SHORT, Class
+from halfstep.contract.classes import BEHIND_REGION, Class
 from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.host.pack import Packed
 from halfstep.host.reach import Reach, squares_of
@@ -56,7 +56,7 @@ def tile_lists(packed: Packed, classes: Classes, first_row: int, rows: int) -> t
 class TileGroup(NamedTuple):
     """Tiles of a band that one shader renders."""
 
-    classes: Classes  # that the shader knows
+    classes: Classes  # classes that the shader knows
     records: U32  # (T, TILE_WORDS), as ``layout`` describes them
 
 
@@ -79,9 +79,9 @@ def tile_groups(
         starts: where the lists begin, by tile and class.
         classes: the classes of the lists.
         tiles_x: tiles in a row of tiles.
-        sets: the classes that each shader knows, all of them last; a tile goes to the one with the
-            fewest that knows all it sees.
-        left_out: tiles (T,) that are not to be rendered, by default none.
+        sets: the classes that each shader knows; the last one knows all. A tile goes to the shader
+            with the fewest classes that knows all classes of the tile.
+        left_out: tiles (T,) that are not rendered, by default none.
     """
     seen = _seen(starts, classes)
     choice = np.full(len(seen), len(sets) - 1)
@@ -110,11 +110,11 @@ def tile_groups(
 
 def _draws(known: Classes, klass: Class) -> bool:
     """Whether a shader that knows some classes can draw another one."""
-    return klass in known or (klass in SHORT and Class.REGION in known)
+    return klass in known or (klass in BEHIND_REGION and Class.REGION in known)
 
 
 def frequent_sets(starts: U32, classes: Classes, whole: Classes) -> list[Classes]:
-    """The sets of classes that many tiles see exactly, but for the whole, most frequent first."""
+    """The sets of classes that many tiles see exactly, without the whole, most frequent first."""
     sets, counts = np.unique(_seen(starts, classes), axis=0, return_counts=True)
     often = np.argsort(-counts, kind="stable")[:MOST_SETS]
     found = [
@@ -134,7 +134,7 @@ class _Pairs(NamedTuple):
     """P solids, each with a block of 2^level x 2^level tiles of the band."""
 
     row: Ints  # (P,), in ``Packed.solids``
-    x: Ints  # (P,), which block from the left
+    x: Ints  # (P,), number of the block from the left
     y: Ints  # and from the top
 
 
@@ -147,7 +147,7 @@ class _Spans(NamedTuple):
     bottom: Ints
 
     def at(self, level: int) -> _Spans:
-        """The same in blocks of 2^level x 2^level tiles."""
+        """The spans in blocks of 2^level x 2^level tiles."""
         return _Spans(*(edge >> level for edge in self))
 
 

@@ -1,13 +1,13 @@
-"""What copies of groups of cells hide of lights, float64, once for a scene.
+"""Veils: copies of groups of cells that hide lights, float64, once for a scene.
 
-Rays to a light about a copy are those about any solid (`occluders`): F = A v^2 + G v + C and
-half-spaces c + b v. The interval of v from -1 to 1, in which the whole copy is, is a grid of 2^n
-cells, on which all its surfaces are crossed. A walk asks if the region holds anywhere ahead of a
-point.
+Rays to a light about a copy have the coordinates of `occluders`: F = A v^2 + G v + C and
+half-spaces c + b v. The interval of v from -1 to 1 contains the whole copy. It is a grid of 2^n
+cells, on which the crossings of all surfaces are found. A walk finds whether the region holds
+anywhere ahead of a point.
 
-As of the picture, rays that are close together are in one tile, a *veil*, which knows what of the
-group's formula matters to them: an excerpt. Rays may begin anywhere in it, so what is behind the
-first piece that is in a cell counts, too.
+A *veil* is for a bundle of rays to a light what a tile is for rays of the picture. It has an
+excerpt of the group's formula, the part that matters to the bundle. Rays may begin anywhere in the
+copy, so pieces behind the first one that is in a cell matter, too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from halfstep.contract.arrays import Bytes, Floats
 from halfstep.contract.veils import VEIL_STEPS
 from halfstep.errors import SceneError
-from halfstep.host.formulas import Excerpt
+from halfstep.host.formulas import Excerpt, Formula
 from halfstep.host.geometry import Geometry
 from halfstep.host.occluders import (
     Approach,
@@ -34,53 +34,56 @@ from halfstep.host.occluders import (
     spans_of_points,
     view_of_light,
 )
-from halfstep.host.regions import COINCIDENT, Program, Regions
+from halfstep.host.regions import COINCIDENT, Regions
 from halfstep.host.world import World
 from halfstep.scene import Light, Scene
 
-# Pieces of the rays of a veil, a bit of a byte each.
+# Pieces of the rays of a veil; each has a bit of a byte.
 PIECES = 8
-# A veil is made for rays so far beside it, too, in radii: a point is that near its surface.
+# A veil also serves rays that pass it at this distance, in radii, because a point lies near its
+# surface only to this distance.
 ASIDE = 2.0**-12
-# Veils across a copy whose formula has more literals than this; of fewer one is enough.
+# (literals, veils): if a copy's formula has more literals, so many veils lie across it; else one.
 ACROSS = ((6, 4), (16, 12))
-# Where copies are many, veils across each are fewer: about so many are before a light.
+# With many copies, fewer veils lie across each: about so many in all for a light.
 ENOUGH = 1 << 11
-# Surfaces of a group that a ray crosses in one veil: it holds where it crosses each.
+# Limit of the surfaces of a group that rays may cross in one veil, because shaders keep the
+# crossings of each.
 MOST_CROSSED = 255
-# Of how many copies each of how many lights is hidden.
+# Limit of copies times lights.
 MOST_VEILED = 1 << 12
-# How far veils reach where a lamp is amid them.
+# The extent of a veil of a copy that surrounds a lamp.
 EVERYWHERE = 3e38
 
 
 @dataclass(frozen=True)
 class Veil:
-    """What rays that are close together meet of a copy."""
+    """The part of a copy that a bundle of rays to a light may hit."""
 
     low: Floats  # (2,), least a and b over h, in radii
     high: Floats  # (2,)
-    first: int  # grid point before which is nothing of it
-    last: int  # and behind which
+    first: int  # grid point before which it has nothing
+    last: int  # grid point behind which it has nothing
     excerpt: Excerpt
-    box: Floats  # (2, 3), as of `Occluder`
+    box: Floats  # (2, 3), as in `Occluder`
 
 
 @dataclass(frozen=True)
 class Veiled:
-    """A copy before a light."""
+    """A copy that may hide a light."""
 
     occluder: Occluder  # without F and half-spaces
-    planes: Floats  # (P, 2, 3), of c and b of its planes
-    quadrics: Floats  # (Q, 3, 6), of A, G, C of its quadrics
+    planes: Floats  # (P, 2, 3), c and b of its planes
+    quadrics: Floats  # (Q, 3, 6), A, G, C of its quadrics
     veils: tuple[Veil, ...]
+    has_hidden: bool  # some cells hide no light
 
 
 def veils_of(scene: Scene, geometry: Geometry, world: World) -> tuple[tuple[Veiled, ...], ...]:
-    """What copies of groups hide of each light with shadows; lights far away first.
+    """The copies that may hide each light with shadows, with their veils; far lights first.
 
     Raises:
-        SceneError: there are too many copies, or too many surfaces on one way to a light.
+        SceneError: there are too many copies, or too many surfaces in one veil.
     """
     lights = [light for light in scene.lights if light.shadows]
     lights.sort(key=lambda light: light.position is not None)
@@ -99,8 +102,10 @@ def _before_light(
     scene: Scene, geometry: Geometry, regions: Regions, world: World, light: Light
 ) -> tuple[Veiled, ...]:
     axes, _ = axes_of(light, world.grid)
+    formulas = _casting(regions)
     found = tuple(
-        _before(geometry, regions, world, copy, light, axes) for copy in range(regions.count)
+        _before(geometry, regions, formulas[program], world, copy, light, axes)
+        for copy, program in enumerate(regions.of.tolist())
     )
     most = max(len(veil.excerpt.surfaces) for one in found for veil in one.veils)
     if most > MOST_CROSSED:
@@ -111,8 +116,22 @@ def _before_light(
     return found
 
 
+def _casting(regions: Regions) -> list[Formula]:
+    """The formula of each program, in which cells that hide no light count as not shown."""
+    spared = np.array([not cell.casts_shadow for cell in regions.all_cells])
+    cells = np.split(spared[regions.cells], regions.first_program_cell[1:])
+    formulas = [program.formula for program in regions.programs]
+    return [formula.hiding(those) for formula, those in zip(formulas, cells, strict=True)]
+
+
 def _before(
-    geometry: Geometry, regions: Regions, world: World, copy: int, light: Light, axes: Axes
+    geometry: Geometry,
+    regions: Regions,
+    formula: Formula,
+    world: World,
+    copy: int,
+    light: Light,
+    axes: Axes,
 ) -> Veiled:
     grid, ix = world.grid, geometry.solid_count + copy
     program = regions.programs[regions.of[copy]]
@@ -130,14 +149,15 @@ def _before(
     encloses = False
     if approach.at_lamp:
         planes, quadrics = linears_at_lamp(sides), quadratics_at_lamp(bent)
-        holds = program.formula.holds_at(matrices[3, 3, :, None] > 0)
-        encloses = bool(holds[~program.formula.hidden].any())
-        veils = _amid(program)
+        holds = formula.holds_at(matrices[3, 3, :, None] > 0)
+        encloses = bool(holds[~formula.hidden].any())
+        veils = _amid(formula)
     else:
         end = 0.0 if approach.reach == 0 else approach.end
         planes, quadrics = linears(sides, end), quadratics(bent, end)
         most = max(1, int((ENOUGH / regions.count) ** 0.5))
-        veils = _across(program, most, matrices, to_local, world, approach, end, light, axes)
+        box = program.box
+        veils = _across(formula, box, most, matrices, to_local, world, approach, end, light, axes)
     return Veiled(
         occluder=Occluder(
             solid=ix,
@@ -160,20 +180,22 @@ def _before(
         planes=planes,
         quadrics=quadrics.transpose(2, 0, 1),
         veils=veils,
+        has_hidden=bool(formula.hidden.any()),
     )
 
 
-def _amid(program: Program) -> tuple[Veil, ...]:
-    """All that a lamp sees of a copy that is around it, or near."""
+def _amid(formula: Formula) -> tuple[Veil, ...]:
+    """The veil of a copy that is around a lamp, or near it."""
     everywhere = np.array([[-EVERYWHERE] * 3, [EVERYWHERE] * 3])
     ends = everywhere[:, :2]
     # The lamp is the middle of the grid.
     last = 1 << (VEIL_STEPS - 1)
-    return (Veil(ends[0], ends[1], 0, last, program.formula.whole, everywhere),)
+    return (Veil(ends[0], ends[1], 0, last, formula.whole, everywhere),)
 
 
 def _across(
-    program: Program,
+    formula: Formula,
+    box: Floats,
     most: int,
     matrices: Floats,
     to_local: Floats,
@@ -183,17 +205,17 @@ def _across(
     light: Light,
     axes: Axes,
 ) -> tuple[Veil, ...]:
-    """Of rays to a light that is not near, the veils in which something may hide it.
+    """The veils of a copy in which something may hide a light that is not near.
 
-    There are ``most`` veils across the copy at most.
+    At most ``most`` veils lie across the copy.
     """
-    corners = program.box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]]
+    corners = box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]]
     a, b, v, _ = np.linalg.solve(to_local, np.concatenate([corners, np.ones((1, 8))]))
     least = min(1.0, float((1 - end * v).min()))
     seen = np.array([a, b]) / (1 - end * v)
     low, high = seen.min(axis=1) - ASIDE, seen.max(axis=1) + ASIDE
     from_v, to_v = max(float(v.min()) - ASIDE, -1.0), min(float(v.max()) + ASIDE, 1.0)
-    count = program.formula.literal_count
+    count = formula.literal_count
     across = min(most, max([1, *(tiles for literals, tiles in ACROSS if count > literals)]))
     edges = low[:, None] + (high - low)[:, None] * np.arange(across + 1) / across
     edges[:, -1] = high
@@ -202,7 +224,6 @@ def _across(
     highs = np.stack([edges[0, x + 1], edges[1, y + 1]])
     cuts = from_v + (to_v - from_v) * np.arange(PIECES + 1) / PIECES
     inside, outside = _signs(matrices, lows, highs, cuts, end, ASIDE / least)
-    formula = program.formula
     never, always = np.zeros(across * across, bool), np.ones(across * across, bool)
     known = formula.decided(inside, outside, None, never, always)
     live, holds = formula.live(known), formula.holds(known)
@@ -220,9 +241,9 @@ def _across(
 def _signs(
     matrices: Floats, lows: Floats, highs: Floats, cuts: Floats, end: float, room: float
 ) -> tuple[Bytes, Bytes]:
-    """Of surfaces (4, 4, S) and veils (T,) the pieces where F <= 0 all over, and F > 0: (S, T).
+    """Pieces (S, T) of veils (T,) in which surfaces (4, 4, S) have F <= 0 everywhere, and F > 0.
 
-    ``room`` is how much larger than they are the veils are taken.
+    Veils are made larger by ``room``.
     """
     shrinks = 1 - end * np.stack([cuts[:-1], cuts[1:]])  # (2, P)
     ends = np.stack([lows - room, highs + room])[:, None, :, :, None] * shrinks[:, None, None]
@@ -256,7 +277,7 @@ def _boxes(
     light: Light,
     axes: Axes,
 ) -> Floats:
-    """Where veils (T,) hide the light at most, (2, 3, T), as of `Occluder`."""
+    """Boxes (2, 3, T) of all points that veils (T,) may hide from the light, as in `Occluder`."""
     grid, is_lamp = world.grid, light.position is not None
     ends = np.stack([lows, highs])
     corners = []

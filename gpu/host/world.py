@@ -1,6 +1,6 @@
-"""A grid of the world: whole numbers for places, which do not know the camera.
+"""A grid of the world: whole numbers for positions, which do not depend on the camera.
 
-It holds all solids, which must end, and the lamps that have shadows.
+It holds all solids, which must be bounded, and the lamps that have shadows.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from halfstep.host.geometry import Geometry, world_boxes
 from halfstep.scene import Light, Scene
 from halfstep.scene.region import Intersection, Literal
 
-# Everything that is seen is within 2^GRID_BITS units of the middle of the grid, on average of any
-# two axes, so that differences of sheared coordinates have no more than 32 bits.
+# All solids and lamps are within 2^GRID_BITS units of the middle of the grid, on average of any two
+# axes, so that differences of sheared coordinates fit 32 bits.
 GRID_BITS = 29
-# Solids of fewer units are hardly resolved.
+# The grid hardly resolves solids of fewer units.
 FEWEST_UNITS = 2.0**9
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Whole numbers for places in the world."""
+    """Whole numbers for positions in the world."""
 
     middle: Floats  # (3,), world
     unit: float
@@ -41,7 +41,7 @@ class World:
     """The grid with the solids of a scene."""
 
     grid: Grid
-    boxes: Floats  # (2, 3, K), around each solid, world; infinite where one is empty
+    boxes: Floats  # (2, 3, K), box around each solid, world; infinite for an empty solid
     coarse: Ints  # solids that the grid hardly resolves
     first_surface: Ints  # (K,), number of each solid's first surface, from 1
     surface_count: Ints  # (K,)
@@ -51,8 +51,8 @@ class World:
         """The grid of ``scene``.
 
         Raises:
-            SceneError: a solid or a copy of a group has no end, so that no grid holds it, and
-                ``what`` is not drawn.
+            SceneError: a solid or a copy of a group is unbounded, so that no grid holds it; the
+                message says that ``what``.
         """
         found = _solid_boxes(geometry)
         is_endless = ~geometry.is_empty & ~np.isfinite(found).all(axis=(0, 1))
@@ -83,7 +83,7 @@ class World:
 
 
 def _solid_boxes(geometry: Geometry) -> Floats:
-    """World boxes (2, 3, K) of the solids, infinite where none is found."""
+    """World boxes (2, 3, K) of the solids, infinite if none is found."""
     found = world_boxes(geometry)
     for ix in np.flatnonzero(~np.isfinite(found).all(axis=(0, 1)) & ~geometry.is_empty).tolist():
         local = _enclosed(geometry, ix)
@@ -119,6 +119,6 @@ def _grid(points: Floats, lights: list[Light]) -> Grid:
     middle = (low + high) / 2
     lamps = [np.array(light.position) for light in lights if light.position is not None]
     halves = np.max([(high - low) / 2, *(np.abs(lamp - middle) for lamp in lamps)], axis=0)
-    # Sheared, one axis may add to another. A little more, as points are found with rounding.
+    # Shearing may add one axis to another. The margin covers the rounding of points.
     reach = max(float(np.sort(halves)[1:].sum()), 1e-300) * (1 + 2.0**-10)
     return Grid(middle, 2.0 ** (math.ceil(math.log2(reach)) - 1 - GRID_BITS))

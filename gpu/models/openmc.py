@@ -66,11 +66,11 @@ class Surface:
 
     @property
     def is_torus(self) -> bool:
-        """Whether it is one, which has no matrix."""
+        """Whether it is a torus, which has no matrix."""
         return self.kind.endswith("torus")
 
     def torus(self) -> TorusShape:
-        """The torus that it is."""
+        """The surface as a torus."""
         *place, major, along, across = self.coefficients
         axis = np.eye(3)[self.axis].tolist()
         return TorusShape(

@@ -13,8 +13,8 @@ from halfstep.scene.values import Array
 Bools = NDArray[np.bool_]
 # A bound of the relative rounding error of the sums below.
 _ROUNDING = 32 * 2.0**-53
-# Roots whose imaginary part is no more than this, in units of a torus, may be two that are nearly
-# one: eigenvalues of such are off by the root of a rounding.
+# Roots with an imaginary part up to this, in units of a torus, may be a nearly double root: its
+# eigenvalues have an error of the root of a rounding.
 NEARLY_REAL = 1e-6
 
 
@@ -72,8 +72,8 @@ def _exact(surface: Surface, point: list[float]) -> Fraction:
 def _is_beyond_torus(surface: Surface, points: Array) -> Bools:
     """`is_positive` of a torus.
 
-    With q the square of the distance from the axis and w that of the height over it, times (C/B)²,
-    F > 0 where l = q + w + A² - C² > 2 A √q: where l > 0 and l² > 4 A² q.
+    Let q be the square of the distance from the axis, and w the square of the height, times (C/B)².
+    F > 0 if l = q + w + A² - C² > 2 A √q, which is l > 0 and l² > 4 A² q.
     """
     *middle, major, along, across = surface.coefficients
     away = points - np.array(middle)
@@ -100,11 +100,11 @@ def _is_beyond_torus_exactly(surface: Surface, point: list[float]) -> bool:
 
 
 def _torus_crossings(surface: Surface, origins: Array, directions: Array) -> Array:
-    """(N, 4), `crossings` of a torus; where two are nearly one, more may be told than there are."""
+    """(N, 4), `crossings` of a torus; a nearly double root may give too many."""
     *middle, major, along, across = surface.coefficients
     lengths = np.sqrt((directions**2).sum(axis=1))
     step = directions / lengths[:, None]
-    # From where the ray is nearest to the middle, in units of the torus.
+    # The point of the ray nearest to the middle, in units of the torus.
     start = -((origins - np.array(middle)) * step).sum(axis=1)
     reach = major + across + along
     point = (origins - np.array(middle) + start[:, None] * step) / reach
@@ -135,9 +135,9 @@ def _torus_crossings(surface: Surface, origins: Array, directions: Array) -> Arr
 
 
 def crossings(surface: Surface, origins: Array, directions: Array) -> Array:
-    """Where rays (N, 3) cross a surface, in lengths of a direction: (N, 2), of a torus (N, 4).
+    """Distances at which rays (N, 3) cross a surface, in lengths of a direction: (N, 2) or (N, 4).
 
-    NaN stands for nowhere.
+    A torus has four crossings, any other surface two. NaN stands for no crossing.
     """
     if surface.is_torus:
         return _torus_crossings(surface, origins, directions)

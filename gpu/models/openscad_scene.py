@@ -152,7 +152,7 @@ class _Builder:
             return []
         matrix = matrix / matrix[3, 3] if matrix[3, 3] else np.zeros((4, 4))
         if state.is_flat:
-            # As in OpenSCAD: what is flat stays in its plane.
+            # A flat shape stays in its plane, as in OpenSCAD.
             matrix[2], matrix[:, 2] = 0.0, 0.0
             matrix[2, 2] = 1.0
         sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
@@ -197,7 +197,7 @@ class _Builder:
         return [replace(part, region=_all([part.region, *sides])) for part in inside]
 
     def _turned(self, call: Call, state: _State) -> list[_Part]:
-        """What circles become when they are turned about the axis: tori."""
+        """The tori that circles give by a turn about the axis."""
         if call.arguments.get("angle") not in (None, 360.0) or solids.fragments(call):
             what = "rotate_extrude by less than a turn, or with flat sides, is not drawn"
             self._source.fault(call.at, what)
@@ -216,7 +216,7 @@ class _Builder:
             return []
 
     def _ring(self, leaf: Leaf, placed: solids.Placement) -> Formula:
-        """The side of the torus that the side of a circle becomes."""
+        """The side of a torus, from the side of the circle that is turned."""
         assert isinstance(leaf, Sense)
         assert isinstance(leaf.surface, int)
         torus = placed.torus(self.matrices[leaf.surface - 1])

@@ -134,7 +134,7 @@ def polyhedron(call: Call) -> list[Array]:
         corners = points[numbers]
         places = [corner.tobytes() for corner in corners + 0.0]
         sides.update(map(frozenset, zip(places, places[1:] + places[:1], strict=True)))
-        # The sum of the cross products of its sides is across a face, whatever its corners are.
+        # The sum of the cross products of a face's sides is normal to it, for any corners.
         normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
         length = float(np.linalg.norm(normal))
         if length <= 1e-12 * size**2:
@@ -196,17 +196,17 @@ def polygon(call: Call) -> list[Array]:
 
 @dataclass(frozen=True)
 class Placement:
-    """A place that turns, moves and scales alike in all directions."""
+    """A map that turns, moves and scales, the same in all directions."""
 
     matrix: Array  # (4, 4)
     scale: float
 
     @classmethod
     def of(cls, matrix: Array) -> Self:
-        """That of a matrix.
+        """The placement of a matrix.
 
         Raises:
-            Refusal: it does more.
+            Refusal: the matrix does more.
         """
         linear = matrix[:3, :3]
         scale = float(abs(np.linalg.det(linear))) ** (1 / 3)
@@ -215,12 +215,12 @@ class Placement:
         return cls(matrix, scale)
 
     def torus(self, matrix: Array) -> TorusShape:
-        """What an ellipse along x and y, F <= 0 of a matrix (4, 4), becomes, turned about y.
+        """The torus of an ellipse along x and y, F <= 0 of a matrix (4, 4), turned about y.
 
         OpenSCAD turns the plane's y to z.
 
         Raises:
-            Refusal: it is no such ellipse, or reaches over the axis.
+            Refusal: it is no ellipse along x and y, or reaches over the axis.
         """
         bends = np.diag(matrix)[:2]
         if bends.min() <= 0 or matrix[0, 1] != 0:

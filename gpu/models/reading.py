@@ -58,7 +58,7 @@ def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scen
         return scene_of(model, seen)
     if look is not None and look != Look():
         raise UsageError(
-            f"{path_or_name}: says itself how it is looked at; that is for others' files"
+            f"{path_or_name}: sets its own look; these options are for files of other programs"
         )
     return reading.load(path_or_name)
 

@@ -21,7 +21,7 @@ from halfstep.device.adapters import (
     wgpu_errors,
 )
 from halfstep.device.compute import Compute
-from halfstep.device.handles import GpuBuffer, GpuDevice
+from halfstep.device.handles import GpuBuffer, GpuDevice, GpuTexture
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
 from halfstep.host.excerpts import Lists, lists_of
@@ -38,6 +38,7 @@ from halfstep.run.needs import needs_of
 from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
+from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
 from halfstep.shader.source import (
     EXPRESSIONS_BINDING,
@@ -45,6 +46,7 @@ from halfstep.shader.source import (
     LOCATIONS,
     MIRROR_BINDINGS,
     SHADOW_BINDINGS,
+    TEXTURE,
     VEIL_BINDINGS,
 )
 
@@ -93,8 +95,16 @@ _NAMES = {
     30: "planes of copies before lights",
     31: "quadrics of copies before lights",
 }
-# A binding: a buffer, and the offset and length of its bound part in bytes.
-_Binding = tuple[GpuBuffer, int, int]
+# A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
+_Binding = tuple[GpuBuffer, int, int] | object
+
+
+class _Texture(NamedTuple):
+    """A texture that holds records."""
+
+    handle: GpuTexture
+    view: object
+    rows: int
 
 
 class Device(Turns):
@@ -150,6 +160,7 @@ class Device(Turns):
         # The frame buffer with its layout and background, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
         self._buffers: dict[str, GpuBuffer] = {}
+        self._textures: dict[str, _Texture] = {}
         self._timed = "timestamp-query" in self._device.features
         self._queries: object = None
         if self._timed:
@@ -171,11 +182,13 @@ class Device(Turns):
         close_device(device)
 
     def _drop_buffers(self) -> None:
-        """Destroy all buffers, and forget their content."""
+        """Destroy all buffers and textures, and forget their content."""
         self._bound = None, None
         self._blank = None, np.zeros(0, bool)
         while self._buffers:
             self._buffers.popitem()[1].destroy()
+        while self._textures:
+            self._textures.popitem()[1].handle.destroy()
 
     def check_format(self, number_format: Format) -> None:
         """Check that the device can work in a number format.
@@ -230,8 +243,20 @@ class Device(Turns):
                 f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which shadows "
                 "need; use --no-shadows, or the backend numpy"
             )
+        lists = lists_of(packed, first_row, rows, written_for(outputs, packed))
+        return self._render_lists(scene, packed, lists, first_row, rows, outputs)
+
+    def _render_lists(
+        self,
+        scene: Scene,
+        packed: Packed,
+        lists: Lists,
+        first_row: int,
+        rows: int,
+        outputs: frozenset[str],
+    ) -> tuple[Planes, float | None]:
+        """`render_band` of what the tiles try."""
         written = written_for(outputs, packed)
-        lists = lists_of(packed, first_row, rows, written)
         needs = needs_of(
             packed,
             lists,
@@ -246,13 +271,21 @@ class Device(Turns):
         needs = shaders.needs  # equal, and knows its facts already
         frame = frame_record(scene, packed.setup, first_row, rows)
         self._check_rounds_of_light(needs, packed)
-        too_long = rounds.exceed(needs, packed, lists, self.loop_rounds)
-        if len(packed.order) > 1 and (too_long or self._is_too_large(packed, lists)):
-            return self._render_in_halves(scene, packed, first_row, rows, outputs)
-        if too_long:
-            raise DeviceError(
-                f"adapter {self.adapter.summary}: the driver ends loops after "
-                f"{self.loop_rounds:,} rounds, and one solid with these lights takes more"
+        if len(packed.order) > 1 and self._is_too_large(packed, lists):
+            halves = split.halves(packed)
+            keyed = first_row, rows, outputs | {"key"}
+            return _joined([self.render_band(scene, half, *keyed) for half in halves], outputs)
+        if rounds.exceed(needs, packed, lists, self.loop_rounds):
+            first = rounds.fits(needs, packed, lists, self.loop_rounds)
+            if not first.any():
+                raise DeviceError(
+                    f"adapter {self.adapter.summary}: the driver ends loops after "
+                    f"{self.loop_rounds:,} rounds, and one solid with these lights takes more"
+                )
+            keyed = first_row, rows, outputs | {"key"}
+            parts = split.parted(lists, first)
+            return _joined(
+                [self._render_lists(scene, packed, part, *keyed) for part in parts], outputs
             )
         layout = FrameBuffer(written, packed.setup.view.width, rows)
         with device_errors(self.adapter):
@@ -327,31 +360,12 @@ class Device(Turns):
         held += [] if lists.regions is None else lists.regions.arrays
         return max(array.nbytes for array in held) > self.largest_binding
 
-    def _render_in_halves(
-        self,
-        scene: Scene,
-        packed: Packed,
-        first_row: int,
-        rows: int,
-        outputs: frozenset[str],
-    ) -> tuple[Planes, float | None]:
-        """`render_band` for each half of the solids, joined by the nearest point of each pixel."""
-        found: list[Planes] = []
-        times: list[float] = []
-        for half in split.halves(packed):
-            job = (scene, half, first_row, rows, outputs | {"key"})
-            planes, milliseconds = self.render_band(*job)
-            found.append(planes)
-            times += [] if milliseconds is None else [milliseconds]
-        joined = split.nearest(*found)
-        if "key" not in outputs:
-            del joined["key"]
-        return joined, sum(times) if times else None
-
     def _upload(self, number: int, type_: str, content: Array) -> _Binding:
         """Write ``content`` to the buffer of binding ``number``, and return the part to bind."""
         # WebGPU forbids an empty binding. No shader reads this record of zeros.
         content = content if len(content) else np.zeros(1, content.dtype)
+        if type_ == TEXTURE:
+            return self._upload_texels(_NAMES[number], content)
         size, bound = content.nbytes, None
         if number == 3:
             # Dispatches bind parts of one size, so the buffer needs room beyond the last part.
@@ -362,6 +376,37 @@ class Device(Turns):
         buffer = self._buffer(_NAMES[number], size, "UNIFORM|STORAGE|COPY_DST")
         self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
         return buffer, 0, bound or buffer.size
+
+    def _upload_texels(self, name: str, content: Array) -> object:
+        """Write records to the texture called ``name``, and return its view."""
+        texels = np.ascontiguousarray(content).view(np.uint8).reshape(-1, TEXEL)
+        across = 1 << ROW_BITS
+        rows, rest = divmod(len(texels), across)
+        texture = self._texture(name, rows + (rest > 0))
+        for first, down, wide in ((0, rows, across), (rows, int(rest > 0), rest)):
+            if down:
+                self._device.queue.write_texture(
+                    {"texture": texture.handle, "origin": (0, first, 0)},
+                    texels[first * across :][: down * wide],
+                    {"bytes_per_row": wide * TEXEL, "rows_per_image": down},
+                    (wide, down, 1),
+                )
+        return texture.view
+
+    def _texture(self, name: str, rows: int) -> _Texture:
+        """The kept texture called ``name``, replaced if it has fewer than ``rows`` rows."""
+        texture = self._textures.get(name)
+        if texture is None or texture.rows < rows:
+            if texture is not None:
+                self._textures.pop(name).handle.destroy()
+            size = (1 << ROW_BITS, rows, 1)
+            with wgpu_errors(f"adapter {self.adapter.summary}: {rows:,} rows for the {name}"):
+                handle = self._device.create_texture(
+                    label=name, size=size, format="rgba32uint", usage="TEXTURE_BINDING|COPY_DST"
+                )
+                texture = _Texture(handle, handle.create_view(), rows)
+            self._textures[name] = texture
+        return texture
 
     def _frame_buffer(self, layout: FrameBuffer) -> GpuBuffer:
         """The buffer that the shader writes a band to."""
@@ -420,15 +465,32 @@ class Device(Turns):
             group = self._device.create_bind_group(
                 layout=layout,
                 entries=[
-                    {
-                        "binding": number,
-                        "resource": {"buffer": buffer, "offset": offset, "size": size},
-                    }
-                    for number, (buffer, offset, size) in sorted(bindings.items())
+                    {"binding": number, "resource": _resource(bindings[number])}
+                    for number in sorted(bindings)
                 ],
             )
             self._bound = (layout, bindings), group
         return self._bound[1]
+
+
+def _resource(binding: _Binding) -> object:
+    """A binding as wgpu takes it."""
+    if not isinstance(binding, tuple):
+        return binding
+    buffer, offset, size = binding
+    return {"buffer": buffer, "offset": offset, "size": size}
+
+
+def _joined(
+    parts: list[tuple[Planes, float | None]], outputs: frozenset[str]
+) -> tuple[Planes, float | None]:
+    """Both parts of a band, which have keys, as if they had been rendered together."""
+    (first, first_ms), (second, second_ms) = parts
+    joined = split.nearest(first, second)
+    if "key" not in outputs:
+        del joined["key"]
+    known = first_ms is not None and second_ms is not None
+    return joined, first_ms + second_ms if known else None
 
 
 def _special(packed: Packed, lists: Lists) -> dict[int, Array]:

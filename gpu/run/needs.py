@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
@@ -27,6 +29,9 @@ def needs_of(
         uniform: put solids and half-spaces in uniform memory if they fit.
     """
     shadows, veils, regions = packed.shadows, packed.veils, lists.regions
+    is_formula = np.empty(0)
+    if regions is not None and regions.higher is not None:
+        is_formula = regions.higher["is_formula"]
     before_lights = 0 if veils is None else veils.most_surfaces
     return Needs(
         classes=packed.present,
@@ -40,8 +45,12 @@ def needs_of(
         uniform=uniform and _fits_uniform(packed),
         surfaces=0 if regions is None else _enough(max(regions.most_surfaces, before_lights)),
         levels=0 if regions is None else max(regions.levels, 0 if veils is None else veils.levels),
-        hidden=regions is not None and regions.has_hidden,
+        hidden=(regions is not None and regions.has_hidden)
+        or (veils is not None and veils.has_hidden),
+        known=lists.known,
         pairs=0 if regions is None else regions.pairs,
+        curved=bool((is_formula == 0).any()),
+        other=bool((is_formula == 1).any()),
         degree=0 if packed.polynomials is None else packed.polynomials.degree,
         shadows=0 if shadows is None else len(shadows.views),
         bounces=0 if packed.mirrors is None else packed.mirrors.bounces,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from halfstep.contract.arrays import Ints
+from halfstep.contract.arrays import Bools, Ints
 from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS
@@ -58,32 +58,49 @@ def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> I
     )
     surfaces, certified = flat + curved, "error" in needs.facts
     groups = records["end_group"].astype(np.int64) - records["first_group"]
+    inside = packed.classes[records["solid"]] == Class.REGION_INSIDE
     # Every surface is crossed once, and twice more for `error`. Every surface is looked up for
     # normals and appearances once for all pixels that show the region.
     rounds = surfaces * (steps + 2) + 2
     rounds += certified * surfaces * (2 * steps + 5)
     rounds += surfaces + cells + 6
-    # A walk leaps from crossing to crossing: two for a quadric, one for a plane. It looks once
-    # more at its begin and at its end.
-    looks = 2 * curved + flat + 2
+    # A walk leaps from crossing to crossing: two for a quadric, one for a plane, which is two where
+    # F > 0 is not asked of what F <= 0 is. It looks once more at its begin and at its end.
+    looks = 2 * curved + (1 + certified) * flat + 2
     if regions.higher is not None:
         # A surface of an order above two tries cells, halves each root and looks for its bounds.
         # Each root, and the rest behind the last one, begins anew.
         counts = regions.words[records["list_start"].astype(np.int64) + surfaces + cells]
         higher, pairs = counts.astype(np.int64), regions.pairs
         roots = 2 * pairs + 1
-        rounds += higher * (CLOCKS * pairs + roots * (steps + BOUNDS + 4) + 6 * pairs + 8)
+        asked = CLOCKS * pairs + roots * (steps + 2 * BOUNDS + 4)
+        # A formula asks for both sides of a bound in turn, and for each axis. If there are several
+        # programs, each of these rounds asks every program.
+        asked *= 1 + 2 * len(needs.programs) if needs.other else 1
+        rounds += higher * (asked + 6 * pairs + 16)
         looks += higher * 2 * pairs
-    walks = 6 if certified else 2
-    rounds += walks * (looks * (groups + 2) + 2)
+    rounds += _walks(needs, inside) * (looks * (groups + 2) + 1) + 1
     return np.asarray(
         rounds + 3
     )  # the 3: to come to the record in the tile's list, and to decide whether to try it
 
 
+def _walks(needs: Needs, inside: Bools) -> Ints:
+    """How many walks there are through each of some copies, ``inside`` of which rays may start."""
+    facts = needs.facts
+    count = np.where(inside | ("leaving" in facts), 2, 1)
+    if "claims" in facts:
+        count = np.full(len(inside), 6)
+    if "error" in facts:
+        count = np.where("claims" in facts, 6, 2) + np.where(inside, 4, 2)
+    return np.asarray(count)
+
+
 def rounds_of_finish(needs: Needs) -> int:
-    """The most rounds that an invocation takes to shade its block."""
-    return needs.quads * needs.light_rounds
+    """The most rounds that an invocation takes to shade its block, whatever it shows."""
+    # Where it shows no region, it looks for one in each list, and looks one up.
+    of_regions = 8 + needs.surfaces if needs.has_regions else 0
+    return needs.quads * needs.light_rounds + of_regions
 
 
 def rounds_of_light(needs: Needs, packed: Packed) -> int:
@@ -96,8 +113,9 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
     if packed.veils is not None and "veils" in needs.facts:
         of_shadows += _rounds_of_veils(packed.veils, needs.broadcast)
     if packed.mirrors is not None and "mirrors" in needs.facts:
+        # All balls, and the half-spaces of all bodies to find what is met, and to look at it.
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
-        of_mirrors = int((faces + MIRROR_STEPS + 5).sum())
+        of_mirrors = 2 * len(packed.mirrors.balls) + 2 * int((faces + 3).sum()) + MIRROR_STEPS
     bounces = needs.bounces if of_mirrors else 0
     return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
 
@@ -113,15 +131,35 @@ def _rounds_of_veils(veils: PackedVeils, together: int) -> int:
 def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
     """Whether an invocation of some tile may take more than ``granted`` rounds."""
     left = granted - rounds_of_finish(needs) - rounds_of_light(needs, packed)
-    edges = lists.starts[:: max(len(lists.classes), 1)].astype(np.int64)
+    edges = _edges(lists)
     solids = rounds_of_solids(needs, packed)
     longest = int(np.diff(edges).max(initial=0))
     if lists.regions is None and longest * int(solids.max(initial=0)) <= left:
         return False  # most frames need no sums
-    rounds = rounds_of_members(needs, packed, lists)
-    total = np.zeros(len(rounds) + 1, np.int64)
-    np.cumsum(rounds, out=total[1:])
+    total = _sums(rounds_of_members(needs, packed, lists))
     return int(np.diff(total[edges]).max(initial=0)) > left
+
+
+def fits(needs: Needs, packed: Packed, lists: Lists, granted: int) -> Bools:
+    """Of the M members of the tiles' lists, those that come first in each and take no more.
+
+    None of a tile's do whose first takes more than ``granted`` rounds.
+    """
+    left = granted - rounds_of_finish(needs) - rounds_of_light(needs, packed)
+    edges = _edges(lists)
+    total = _sums(rounds_of_members(needs, packed, lists))
+    before = np.repeat(total[edges[:-1]], np.diff(edges))
+    return np.asarray(total[1:] - before <= left)
+
+
+def _edges(lists: Lists) -> Ints:
+    """Where the members of each of T tiles begin, and the last ones end (T + 1,)."""
+    return lists.starts[:: max(len(lists.classes), 1)].astype(np.int64)
+
+
+def _sums(rounds: Ints) -> Ints:
+    """The sums of the first of them, from none to all."""
+    return np.concatenate([[0], np.cumsum(rounds)])
 
 
 def rounds_of_members(needs: Needs, packed: Packed, lists: Lists) -> Ints:

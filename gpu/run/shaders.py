@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from halfstep.contract.arrays import U32
+from halfstep.contract.classes import Class
 from halfstep.device.handles import GpuDevice
 from halfstep.host.tiles import Classes, frequent_sets
 from halfstep.shader.needs import Needs
-from halfstep.shader.source import binding_types, compose
+from halfstep.shader.source import TEXTURE, binding_types, compose
 
 
 class Shaders:
@@ -55,7 +56,9 @@ class Shaders:
     def pipeline(self, classes: Classes) -> object:
         """The compiled shader for these classes."""
         if classes not in self._pipelines:
-            needs = replace(self.needs, classes=classes)
+            # Shaders that do not know the program are those of other scenes, too.
+            known = self.needs.known if Class.REGION_KNOWN in classes else None
+            needs = replace(self.needs, classes=classes, known=known)
             self._pipelines[classes] = self._store.pipeline(needs, self.layout)
         return self._pipelines[classes]
 
@@ -88,11 +91,7 @@ class ShaderStore:
         key = tuple(types.items())
         if key not in self._layouts:
             entries = [
-                {
-                    "binding": number,
-                    "visibility": "COMPUTE",
-                    "buffer": {"type": type_, "has_dynamic_offset": number == 3},
-                }
+                {"binding": number, "visibility": "COMPUTE"} | _bound(number, type_)
                 for number, type_ in key
             ]
             self._layouts[key] = self._device.create_bind_group_layout(entries=entries)
@@ -108,3 +107,10 @@ class ShaderStore:
                 compute={"module": module, "entry_point": "render"},
             )
         return self._pipelines[needs]
+
+
+def _bound(number: int, type_: str) -> dict[str, object]:
+    """The part of an entry of a layout that depends on the type of the binding."""
+    if type_ == TEXTURE:
+        return {"texture": {"sample_type": "uint", "view_dimension": "2d"}}
+    return {"buffer": {"type": type_, "has_dynamic_offset": number == 3}}

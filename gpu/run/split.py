@@ -1,4 +1,7 @@
-"""Split a frame whose solids exceed one binding of the device, and join the rendered parts."""
+"""Split a frame that a device cannot render at once, and join the rendered parts.
+
+Solids may exceed one binding of the device, or the members of a tile's lists its rounds of loops.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from halfstep.contract.arrays import Planes
+from halfstep.contract.arrays import Bools, Planes
 from halfstep.contract.planes import PLANES
+from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
 
 
@@ -34,6 +38,17 @@ def _part(packed: Packed, rows: slice) -> Packed:
         half_spaces=half_spaces,
         locations=None if packed.locations is None else packed.locations[rows],
     )
+
+
+def parted(lists: Lists, first: Bools) -> tuple[Lists, Lists]:
+    """The lists with the members (M,) that are ``first``, and with the others."""
+    return _kept(lists, first), _kept(lists, ~first)
+
+
+def _kept(lists: Lists, kept: Bools) -> Lists:
+    """The lists with some of their members (M,)."""
+    before = np.concatenate([[0], np.cumsum(kept)]).astype(np.uint32)
+    return lists._replace(starts=before[lists.starts], members=lists.members[kept])
 
 
 def nearest(first: Planes, second: Planes) -> Planes:

@@ -1,7 +1,7 @@
-"""What a frame shows: scenes, valid by construction, from files or from Python.
+"""Scenes, valid by construction, from files or from Python.
 
-A scene is built by `load` (a file or a bundled name), `Scene.from_dict` (a mapping), of which
-`as_scene` chooses, or `Scene` (tables); `with_overrides` makes a changed copy.
+`load` reads a scene from a file or by a bundled name, `Scene.from_dict` takes a mapping, and
+`as_scene` chooses between the two. `Scene` takes tables. `with_overrides` makes a changed copy.
 """
 
 from halfstep.scene.algebraic import Algebraic, HigherShape, TorusShape

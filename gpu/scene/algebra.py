@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from halfstep.scene.expression import Node
 
-# Of every part of a formula.
+# The highest degree that a part of a formula may have.
 MAX_DEGREE = 10
 
 Exponents = tuple[int, int, int]
@@ -39,7 +39,7 @@ def coordinate(axis: int) -> Polynomial:
 
 
 def degree(polynomial: Polynomial) -> int:
-    """Of the highest term; 0 where there is none."""
+    """The degree of the highest term; 0 if there is no term."""
     return max(map(sum, polynomial), default=0)
 
 
@@ -81,7 +81,7 @@ def substituted(polynomial: Polynomial, axes: tuple[Polynomial, ...]) -> Polynom
 
 
 def is_polynomial(node: Node) -> bool:
-    """Whether a formula is a polynomial, of whatever degree."""
+    """Whether a formula is a polynomial of any degree."""
     known: dict[int, bool] = {}
 
     def visit(node: Node) -> bool:
@@ -93,7 +93,7 @@ def is_polynomial(node: Node) -> bool:
 
 
 def _keeps(node: Node) -> bool:
-    """Whether an operation makes a polynomial of polynomials."""
+    """Whether the operation gives a polynomial if its operands are polynomials."""
     match node.kind:
         case "number" | "coordinate" | "+" | "-" | "*":
             return True
@@ -107,7 +107,7 @@ def _keeps(node: Node) -> bool:
 
 
 def expanded(node: Node) -> Polynomial:
-    """The polynomial that a formula is, which `is_polynomial`.
+    """A formula as a polynomial; `is_polynomial` must hold of it.
 
     Raises:
         DegreeError: a part of it has too high a degree.

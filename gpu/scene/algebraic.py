@@ -1,4 +1,4 @@
-"""Solids of which F is a polynomial of any degree, or any formula: the torus, and formulas."""
+"""Solids whose F is no quadric: the torus, and implicit solids, whose F is a formula."""
 
 import functools
 import math
@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import (
-    AfterValidator,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -24,18 +23,16 @@ from halfstep.scene.bases import CutSolid
 from halfstep.scene.expression import Node, name_fault, parsed
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, Fault, fault, show
 from halfstep.scene.formula import fault_at
-from halfstep.scene.keys import SolidKey, are_in_order
+from halfstep.scene.keys import SolidKey
 from halfstep.scene.programs import compiled
 from halfstep.scene.ranges import is_positive
 from halfstep.scene.shapes import Placed
 from halfstep.scene.values import (
-    MAX_HALF_SPACES,
     Array,
     Coordinate,
     HalfSpace,
     Length,
     Point,
-    Sequence,
     Table,
     Vector,
     check_some,
@@ -44,18 +41,18 @@ from halfstep.scene.values import (
 
 
 class HigherShape(Placed, ABC):
-    """A function F of its own coordinates that is no quadric: a polynomial or another formula."""
+    """A function F of local coordinates that is no quadric: a polynomial or another formula."""
 
     is_algebraic: ClassVar[bool] = True
 
     @property
     def has_polynomial(self) -> bool:
-        """Whether F is a polynomial, whatever its numbers are."""
+        """Whether F is a polynomial for all values of its numbers."""
         return True
 
     @abstractmethod
     def polynomial(self) -> Polynomial:
-        """F in local coordinates, with exact coefficients, where it is a polynomial."""
+        """F in local coordinates, with exact coefficients; only if F is a polynomial."""
 
     @abstractmethod
     def expression(self) -> Node:
@@ -63,24 +60,24 @@ class HigherShape(Placed, ABC):
 
     @abstractmethod
     def degree(self) -> int:
-        """The highest that F has with any values of its numbers."""
+        """The highest degree that F has for any values of its numbers."""
 
     @abstractmethod
     def box(self) -> tuple[Vector, Vector]:
-        """Least and greatest local coordinates of what contains it."""
+        """Least and greatest corner of a local box that contains F <= 0."""
 
 
 class Algebraic(CutSolid, HigherShape, ABC):
-    """A solid F <= 0 of which F is a polynomial or another formula."""
+    """A solid F <= 0 whose F is a polynomial or another formula."""
 
     is_algebraic: ClassVar[bool] = True
 
     def is_in_ball(self) -> bool:
-        """Whether a ball about the origin bounds it, which is surface 1: `quadric` is its own."""
+        """Whether a ball about the origin bounds it; `quadric` is then the ball's, surface 1."""
         return False
 
     def is_sheet(self) -> bool:
-        """Whether F = 0 is shown, from both sides, in place of a solid."""
+        """Whether the surface F = 0 is shown, from both sides, and no solid."""
         return False
 
 
@@ -98,9 +95,9 @@ Radii = Annotated[
     BeforeValidator(_pair, json_schema_input_type=Length | tuple[Length, Length]),
 ]
 _TORUS = "(sqrt((x/across)^2 + (y/across)^2) - major/across)^2 + (z/along)^2 - 1"
-# Lengths of a torus that crosses itself, which shaders know in units of one another.
+# Limits for the lengths of a torus that crosses itself. Its shader works with their ratios.
 LEAST_SPINDLE, LARGEST_SPINDLE = 1e-9, 1e9
-# Corners of the polygons around a torus: they are 1 % wider.
+# Number of corners of the polygons around a torus. The polygons are 1 % wider than the torus.
 _CORNERS = 24
 
 
@@ -129,11 +126,11 @@ class TorusShape(HigherShape):
 
     @property
     def has_polynomial(self) -> bool:
-        """Whether the tube does not cross itself: inside of what does, the polynomial is > 0."""
+        """Whether the tube does not cross itself. Inside a crossing the polynomial is > 0."""
         return self.minor[0] <= self.major
 
     def expression(self) -> Node:
-        """The left side less 1."""
+        """The left side of the inequality less 1."""
         major, across, along = self.major, *self.minor
         return _parsed(_TORUS, (("major", major), ("across", across), ("along", along)))
 
@@ -157,7 +154,7 @@ class TorusShape(HigherShape):
         return (-far, -far, -along), (far, far, along)
 
     def corners(self) -> Array:
-        """Of the polygons below and above it."""
+        """Corners of the polygons below and above it."""
         angle = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
         across, along = self.minor
         far = (self.major + across) / math.cos(math.pi / _CORNERS)
@@ -205,9 +202,9 @@ class FormulaBounds(Table):
 
 
 class ImplicitKey(SolidKey):
-    """Where an implicit solid is at a time of the animation, and values of its parameters.
+    """Position and rotation of an implicit solid at a time, and the values of its parameters.
 
-    These stand beside the other keys: ``{ at = 0.5, a = 2.0 }``.
+    Parameters stand beside the other keys: ``{ at = 0.5, a = 2.0 }``.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -216,7 +213,7 @@ class ImplicitKey(SolidKey):
     @field_validator("rotation_degrees")
     @classmethod
     def _says_something(cls, angles: Vector | None, _: ValidationInfo) -> Vector | None:
-        return angles  # what it says may be a parameter
+        return angles  # a key may hold parameters only
 
     @model_validator(mode="after")
     def _says_anything(self) -> Self:
@@ -225,24 +222,19 @@ class ImplicitKey(SolidKey):
         return self
 
 
-class ImplicitShape(Algebraic):
-    """formula <= 0 within the bounds, which cut it; sheet: formula = 0 itself, two-sided.
+class ImplicitShape(HigherShape):
+    """formula <= 0 within the bounds, which cut it.
 
     Attributes:
         parameters: values of names in the formula.
-        formula: as `expression` reads it.
+        formula: a text that `expression.parsed` reads.
         bounds: in local coordinates.
-        sheet: whether formula = 0 itself is shown, from both sides.
     """
 
     kind: Literal["implicit"] = "implicit"
-    keyframes: Annotated[Sequence[ImplicitKey], AfterValidator(are_in_order)] = Field(
-        default=(), alias="key"
-    )
     parameters: Mapping[str, Coordinate] = Field(default_factory=dict)
     formula: str
     bounds: FormulaBounds
-    sheet: bool = False
 
     @field_validator("parameters")
     @classmethod
@@ -272,41 +264,23 @@ class ImplicitShape(Algebraic):
     @field_validator("bounds")
     @classmethod
     def _hold_something(cls, bounds: FormulaBounds, info: ValidationInfo) -> FormulaBounds:
-        # What keys move may be empty at times.
+        # An animated solid may be empty at times.
         if {"parameters", "formula"} <= info.data.keys() and not info.data.get("keyframes"):
             given = tuple(info.data["parameters"].items())
             if _is_positive(info.data["formula"], given, bounds.box(), bounds.radius):
                 raise fault("nothing of the solid is in them, where the formula is positive")
         return bounds
 
-    @field_validator("sheet")
-    @classmethod
-    def _are_few_enough_with_bounds(cls, sheet: bool, info: ValidationInfo) -> bool:
-        ends = sum(info.data.get(key) is not None for key in ("z_min", "z_max"))
-        bounds = info.data.get("bounds")
-        sides = 0 if bounds is None or bounds.radius is not None else 6
-        total = sides + ends + len(info.data.get("cut", ()))
-        if total > MAX_HALF_SPACES:
-            raise fault(f"{total} half-spaces with those of the bounds is not <= {MAX_HALF_SPACES}")
-        return sheet
-
-    def at_rest(self, state: Mapping[str, Any]) -> dict[str, Any]:
-        """What keys say, with values of parameters among the others of the solid."""
-        parameters = {**self.parameters}
-        parameters |= {name: value for name, value in state.items() if name in parameters}
-        others = {name: value for name, value in state.items() if name not in parameters}
-        return {**others, "parameters": parameters}
-
     @property
     def has_polynomial(self) -> bool:
-        """Whether the formula is one with these parameters and with others."""
+        """Whether the formula is a polynomial with these parameters and with others."""
         return _has_polynomial(self.formula, tuple(self.parameters.items()))
 
     def check(self) -> None:
-        """See that the formula has a meaning with these parameters.
+        """Check that the formula has a meaning with these parameters.
 
         Raises:
-            ValueError: it has none; with the column.
+            ValueError: it has no meaning; the text tells the column.
         """
         _check(self.formula, self.parameters)
 
@@ -319,45 +293,36 @@ class ImplicitShape(Algebraic):
         return _expanded(self.formula, self.parameters)
 
     def degree(self) -> int:
-        """That of the formula with parameters of which no terms cancel."""
+        """The degree of the formula with parameters with which no terms cancel."""
         return algebra.degree(_expanded(self.formula, _generic(self.parameters)))
 
     def box(self) -> tuple[Vector, Vector]:
-        """Around its bounds."""
+        """A box around the bounds."""
         return self.bounds.box()
 
     def quadric(self) -> Array:
-        """Of the ball that bounds it; 0 where a box does."""
+        """The symmetric (4, 4) matrix of the ball that bounds it, local; 0 if a box does."""
         if self.bounds.radius is None:
             return np.zeros((4, 4))
         return np.diag([1.0, 1.0, 1.0, -(self.bounds.radius**2)])
 
     def is_in_ball(self) -> bool:
-        """As the bounds say."""
+        """Whether the bounds have a radius."""
         return self.bounds.radius is not None
 
-    def is_sheet(self) -> bool:
-        """As the scene says."""
-        return self.sheet
-
-    def corners(self) -> Array:
-        """All eight of the bounds."""
-        box = np.array(self.box())
-        return box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]].T
-
-    def _rows(self) -> Iterable[HalfSpace]:
+    def sides(self) -> Iterable[HalfSpace]:
+        """The half-spaces of the box that bounds it, in the order of their numbers."""
         if not self.is_in_ball():
             for axis, (low, high) in enumerate(zip(*self.box(), strict=True)):
                 x, y, z = np.eye(3)[axis].tolist()
                 yield -x, -y, -z, -low
                 yield x, y, z, high
-        yield from super()._rows()
 
 
-# Of a formula that is no polynomial, for which a shader is written: compilers take a tenth of a
-# second for each.
+# Limit for a formula that is no polynomial. Its operations become shader code, and a compiler takes
+# a tenth of a second for each.
 MOST_OPERATIONS = 256
-# What numbers of such a formula are known to shaders, of either sign.
+# Range of the magnitudes of numbers in a formula that is no polynomial.
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 4e12
 Parameters = tuple[tuple[str, float], ...]
 
@@ -368,7 +333,7 @@ def _parsed(formula: str, parameters: Parameters) -> Node:
 
 
 def _generic(parameters: Iterable[str]) -> Mapping[str, float]:
-    """Values of parameters with which nothing cancels and no power is whole."""
+    """Values of parameters with which no terms cancel and no exponent is whole."""
     return {name: k + 1 / (math.pi + k) for k, name in enumerate(parameters, start=2)}
 
 
@@ -380,7 +345,7 @@ def _has_polynomial(formula: str, parameters: Parameters) -> bool:
         return found
     try:
         return algebra.is_polynomial(_parsed(formula, tuple(_generic(names).items())))
-    except ValueError:  # these values have no meaning; those of the scene have
+    except ValueError:  # the formula has no meaning with these values, but with the scene's
         return found
 
 
@@ -388,17 +353,17 @@ def _has_polynomial(formula: str, parameters: Parameters) -> bool:
 def _is_positive(
     formula: str, parameters: Parameters, box: tuple[Vector, Vector], radius: float | None
 ) -> bool:
-    """Whether a formula surely exceeds 0 all over bounds."""
+    """Whether a formula surely exceeds 0 everywhere in the bounds."""
     made = compiled(_parsed(formula, parameters))
     low, high = map(np.array, box)
     return is_positive(made.program, made.numbers, (low, high), radius)
 
 
 def _check(formula: str, parameters: Mapping[str, float]) -> None:
-    """See that a formula has a meaning.
+    """Check that a formula has a meaning.
 
     Raises:
-        ValueError: it has none; with the column.
+        ValueError: it has no meaning; the text tells the column.
     """
     given = tuple(parameters.items())
     if _parsed(formula, given).kind == "number":
@@ -409,12 +374,12 @@ def _check(formula: str, parameters: Mapping[str, float]) -> None:
     made = compiled(_parsed(formula, given))
     for number in map(abs, made.numbers):
         if number > LARGEST_NUMBER or 0 < number < SMALLEST_NUMBER:
-            what = "what numbers of a formula that is no polynomial may be"
+            what = "the range of numbers in a formula that is no polynomial"
             limits = f"{SMALLEST_NUMBER:g} to {LARGEST_NUMBER:g}"
             raise ValueError(f"{number:g} is not within {limits}, {what}")
     count = len(made.program)
     if count > MOST_OPERATIONS:
-        what = "operations, which is the most of a formula that is no polynomial"
+        what = "operations, the most in a formula that is no polynomial"
         raise ValueError(f"{count} is not <= {MOST_OPERATIONS} {what}")
 
 
@@ -430,9 +395,9 @@ def _expansion(formula: str, parameters: Parameters) -> Polynomial:
 
 
 def _expanded(formula: str, parameters: Mapping[str, float]) -> Polynomial:
-    """The polynomial that a formula is.
+    """A formula as a polynomial.
 
     Raises:
-        ValueError: it has too high a degree, or is the same everywhere; with the column.
+        ValueError: its degree is too high, or it is the same everywhere; the text tells the column.
     """
     return _expansion(formula, tuple(parameters.items()))

@@ -1,10 +1,10 @@
-"""Animation: what each frame of a scene shows, as a scene that stands still.
+"""Animation: each frame of a scene as a scene that stands still.
 
-A frame depends on the scene and its own number, nothing else, so that any machine can render any
-frame. Between keys every number follows a monotone cubic: it is smooth, passes through the keys,
-and never leaves the range between two neighbours, so what rests on a floor does not sink into it.
-Angles are numbers like all others: from 0 to 720 a solid turns twice. Before its first key and
-after its last, everything stands still.
+A frame depends on the scene and the frame's number alone, so any machine can render any frame.
+Between keys every number follows a monotone cubic: it is smooth, passes through the keys, and never
+leaves the range between two neighbouring keys. So a solid that rests on a floor does not sink into
+it. Angles are numbers like all others: from 0 to 720 a solid turns twice. Before its first key and
+after its last key a solid stands still.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ _Numbers = tuple[float, ...]
 
 
 def scene_at(scene: Scene, frame: int) -> Scene:
-    """What ``frame`` of the scene's animation shows, a scene without animation.
+    """Frame number ``frame`` of the scene's animation, as a scene without animation.
 
-    Without ``[animation]`` the camera turns once about look_at, in 60 frames. If the end is like
-    the beginning, the last frame is one step before it, so that a loop has no frame twice.
+    Without ``[animation]`` the camera turns once about look_at, in 60 frames. If the animation ends
+    as it begins, the last frame is one step before the end, so that a loop has no frame twice.
 
     Raises:
-        UsageError: there is no such frame.
-        SceneError: a fault of the camera or a solid at this moment.
+        UsageError: the animation has no frame of that number.
+        SceneError: a fault of the camera or of a solid in this frame.
     """
     animation = scene.effective_animation()
-    # There is no frame 0.5, nor one of a name.
+    # There is no frame 0.5, and no frame with a name.
     is_whole = hasattr(frame, "__index__")
     if not (is_whole and 0 <= frame < animation.frames):
         raise UsageError(f"frame {frame}: the frames are 0 to {animation.frames - 1}")
@@ -54,7 +54,7 @@ def scene_at(scene: Scene, frame: int) -> Scene:
 
 
 def _closes(scene: Scene, animation: Animation) -> bool:
-    """Whether everything ends as it begins."""
+    """Whether the animation ends as it begins."""
     whole = math.fmod(animation.orbit_degrees or 0.0, FULL_TURN) == 0.0
     solids: list[_Keys] = [solid.keyframes for solid in scene.solids]
     keys: list[_Keys] = [animation.keyframes, *solids, *_keys_inside(scene)]
@@ -64,7 +64,7 @@ def _closes(scene: Scene, animation: Animation) -> bool:
 
 
 def _keys_inside(fragment: Fragment) -> Iterator[_Keys]:
-    """Keys of the parts and places of a scene or group, and of the groups in it."""
+    """The keys of the parts and places of a scene or group and of all groups defined in it."""
     for moving in (*fragment.parts, *fragment.places):
         yield moving.keyframes
     for group in fragment.groups:
@@ -83,14 +83,14 @@ def _orbit(camera: Camera, degrees: float) -> dict[str, Any]:
     up /= np.linalg.norm(up)
     arm = np.subtract(camera.center, camera.look_at)
     angle = math.radians(math.fmod(degrees, FULL_TURN))
-    # Rodrigues' rotation as what is added to the centre: nothing at all at an angle of 0.
+    # Rodrigues' rotation, as a difference to the centre: exactly 0 at an angle of 0.
     across = np.cross(up, arm)
     moved = math.sin(angle) * across + 2 * math.sin(angle / 2) ** 2 * np.cross(up, across)
     return {"center": camera.center + moved}
 
 
 def _state(keys: _Keys, time: float) -> dict[str, Any]:
-    """What the keys say at a time, by name."""
+    """The values of the keys at a time, by name."""
     state: dict[str, Any] = {}
     for name, times, values in _tracks(keys):
         whole = times[0] == 0.0 and times[-1] == 1.0
@@ -101,7 +101,7 @@ def _state(keys: _Keys, time: float) -> dict[str, Any]:
 
 
 def _tracks(keys: _Keys) -> Iterator[tuple[str, _Numbers, list[_Numbers]]]:
-    """Of everything that some of the keys say: its name, their times and its values."""
+    """For each quantity that a key gives: its name, the times of its keys, and its values there."""
     names = dict.fromkeys(name for key in keys for name, _ in key if name != "at")
     for name in names:
         every = [(key.at, getattr(key, name, None)) for key in keys]
@@ -114,9 +114,9 @@ def _tracks(keys: _Keys) -> Iterator[tuple[str, _Numbers, list[_Numbers]]]:
 def _interpolate(times: _Numbers, values: _Numbers, time: float, loops: bool) -> float:
     """A monotone piecewise cubic at ``time``, constant outside ``times``.
 
-    It is that of F. N. Fritsch and J. Butland, "A method for constructing local monotone piecewise
-    cubic interpolants", SIAM J. Sci. Stat. Comput. 5 (1984). At the ends it comes to rest; one that
-    ``loops`` runs on from its end into its beginning.
+    Source: F. N. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic
+    interpolants", SIAM J. Sci. Stat. Comput. 5 (1984). The curve comes to rest at its ends; if it
+    ``loops``, its end runs on into its beginning.
     """
     ix = bisect_right(times, time) - 1
     if ix < 0:

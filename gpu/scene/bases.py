@@ -1,4 +1,4 @@
-"""What kinds of solids have in common."""
+"""The base classes of the kinds of solids."""
 
 import math
 from collections.abc import Iterable
@@ -25,14 +25,14 @@ from halfstep.scene.values import (
 
 
 class BaseSolid(Placed, Named):
-    """What all solids have: a frame of their own, and a colour.
+    """The base of all solids: a coordinate frame and a colour.
 
     Attributes:
         is_flat: whether planes alone bound the kind.
-        is_patch: whether it is a part of a plane, which has no inside.
-        is_algebraic: whether F is a polynomial in its coordinates, of any degree.
-        is_ellipsoid: whether it is one, whatever rounding says of its matrix.
-        bulges: whether between its ends it may be wider than a cone through their discs.
+        is_patch: whether it is a piece of a plane, which has no inside.
+        is_algebraic: whether F is a polynomial of any degree or another formula, but no quadric.
+        is_ellipsoid: whether it is an ellipsoid, also if rounding spoils its matrix.
+        bulges: whether it may be wider between its ends than a cone through the discs at the ends.
         casts_shadow: whether it hides lights that have shadows.
     """
 
@@ -77,19 +77,19 @@ class BaseSolid(Placed, Named):
         return np.zeros((4, 4))
 
     def ends(self) -> tuple[float, float]:
-        """Least and greatest local z, as far as `z_min` and `z_max` bound the kind by themselves.
+        """Least and greatest local z, if `z_min` and `z_max` alone bound the kind.
 
-        The first exceeds the second where nothing is left.
+        The first exceeds the second if nothing is left of the solid.
         """
         return -math.inf, math.inf
 
     def corners(self) -> Array | None:
-        """Its corners (P, 3) in local coordinates; None where they are found from half-spaces."""
+        """Its corners (P, 3) in local coordinates; None if the half-spaces give them."""
         return None
 
 
 class CutSolid(BaseSolid):
-    """What planes may cut."""
+    """A solid that planes may cut."""
 
     is_flat: ClassVar[bool] = False
 

@@ -1,6 +1,6 @@
-"""Scenes with something in place of what they say."""
+"""Changed copies of scenes: options in place of the scene's own values, animations, one moment."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, TypedDict, TypeVar, Unpack, cast
 
 import numpy as np
@@ -29,20 +29,20 @@ CameraLike = Camera | Mapping[str, object]
 
 
 class Overrides(TypedDict, total=False):
-    """Options that replace what a scene says, wherever one is rendered; None is not given.
+    """Options of a rendering that replace values of the scene; None stands for no option.
 
-    But for ``size`` and ``shadows`` each has the name of the key that it replaces in the scene's
+    Each option but ``size`` and ``shadows`` has the name of the key that it replaces in the scene's
     ``[image]`` or ``[accuracy]``.
     """
 
     size: tuple[int, int] | None  # (width, height) in pixels
     samples: int | None  # k for k x k samples in each pixel of image and color, 1…8
-    # One of the next three replaces whichever of them the scene has.
+    # Each of the next three replaces whichever of the three the scene has.
     steps: int | None  # halvings of every ray and solid, 1…30
     tolerance_pixels: float | None  # largest depth error in widths of a pixel at that depth
     tolerance: float | None  # largest depth error in scene units
     number_format: str | None  # "float32" or "fixed32"
-    # "visible", the joint logic first, or "article", the paper's own sequences.
+    # "visible", the joint logic first, or "article", the paper's own sequence.
     method: str | None
     shadows: bool | None  # of all lights of the scene
 
@@ -53,17 +53,16 @@ def with_overrides(
     camera: CameraLike | None = None,
     **overrides: Unpack[Overrides],
 ) -> Scene:
-    """The scene with what is given in place of what it says; only that is checked again.
+    """The scene with other values; only these are checked again.
 
     Args:
-        scene: left as it is.
-        camera: a camera, or keys that replace those of the scene's camera.
+        scene: not changed.
+        camera: a camera, or keys that replace keys of the scene's camera.
         overrides: options by name.
 
     Raises:
-        SceneError: with every fault, each beginning with the option it is in, as
-            ``steps: 31 is not <= 30``.
-        TypeError: there is no such option.
+        SceneError: with every fault; each begins with its option, as ``steps: 31 is not <= 30``.
+        TypeError: an option is unknown.
     """
     given, options = _keys(overrides)
     if camera is None and not given:
@@ -72,7 +71,7 @@ def with_overrides(
     changes: dict[str, Table] = {}
 
     def replace(key: str, data: object, options: Mapping[str, Loc]) -> None:
-        """Validates a new table `key`; `options` are the options that its own keys came from."""
+        """Validate a new table `key`; `options`: the option that each of its keys came from."""
         try:
             changes[key] = type(getattr(scene, key)).model_validate(data)
         except ValidationError as error:
@@ -103,7 +102,7 @@ def with_overrides(
 
 
 def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
-    """What the solids of a scene cannot have, by the options that are ``given``."""
+    """Faults of the options that are ``given``: those that do not fit the solids of the scene."""
     found = algebraic_faults(scene, scene.solids, scene.accuracy)
     lights = [each.shadows for each in scene.lights]
     found += cell_shadow_faults(scene, lights, scene.accuracy)
@@ -112,7 +111,7 @@ def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
 
 
 def _lights(scene: Scene, shadows: object) -> tuple[tuple[Light, ...], list[Fault]]:
-    """The lights of a scene, all with shadows or without, and what is wrong with that."""
+    """The lights of a scene, all with shadows or all without, and the faults of that."""
     if shadows is None:
         return scene.lights, []
     if not isinstance(shadows, bool):
@@ -123,12 +122,12 @@ def _lights(scene: Scene, shadows: object) -> tuple[tuple[Light, ...], list[Faul
 
 
 def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:
-    """What is given by the keys of tables, and by keys the options that they come from.
+    """The given options as keys of tables, and for each key the option that it comes from.
 
-    A size that is not two numbers stays a size.
+    A size that is not two numbers stays under the key ``size``.
 
     Raises:
-        TypeError: there is no such option.
+        TypeError: an option is unknown.
     """
     names = Overrides.__annotations__.keys()
     unknown = sorted(overrides.keys() - names)
@@ -145,7 +144,7 @@ def _keys(overrides: Overrides) -> tuple[dict[str, Any], dict[str, Loc]]:
 
 
 def _kept(table: Table, new: Mapping[str, object], one_of: Collection[str]) -> dict[str, Any]:
-    """What a table has beside new keys, of which one of some replaces another."""
+    """The keys that a table keeps beside new keys; of the keys ``one_of`` only one may stand."""
     kept = table.model_dump(exclude_none=True)
     if new.keys().isdisjoint(one_of):
         return kept
@@ -156,9 +155,9 @@ def with_animation(scene: Scene, *, frames: int | None = None, fps: float | None
     """The scene with an animation: its own, or else a full turn of the camera about look_at.
 
     Args:
-        scene: left as it is.
-        frames: as `Animation.frames`, in place of the animation's.
-        fps: as `Animation.fps`, in place of the animation's.
+        scene: not changed.
+        frames: replaces `Animation.frames`.
+        fps: replaces `Animation.fps`.
 
     Raises:
         SceneError: with every fault, as ``frames: 0 is not >= 1``.
@@ -181,9 +180,10 @@ def still(
     """One moment of an animated scene, as a scene that stands still.
 
     Args:
-        scene: left as it is.
+        scene: not changed.
         camera: the keys of its camera that differ.
-        place: of the keys of a solid, a part or a place, its origin, its rotation_degrees or both.
+        place: gives, for the keys of a solid, part or place, the origin, the rotation_degrees or
+            both at that moment.
 
     Raises:
         SceneError: with every fault of the camera or of a solid at its place.
@@ -200,21 +200,37 @@ def still(
             normal = solid.world_from_local()[:, 2]
             if not box_cuts_area(solid.bounds, np.array(solid.origin), normal):
                 faults.append((("solid", index, "bounds"), NO_PATCH))
-        if isinstance(solid, Implicit) and solid is not scene.solids[index]:
-            try:
-                solid.check()
-            except ValueError as error:
-                faults.append((("solid", index, "formula"), str(error)))
+    faults += _formula_faults(scene.solids, solids, ("solid",))
+    faults += _part_faults(scene, place, ())
     if faults:
         raise SceneError(*(line("", loc, text) for loc, text in faults))
     changes: dict[str, Any] = {"camera": view, "animation": None, "solids": solids}
     return scene.model_copy(update={**changes, **_still_inside(scene, place)})
 
 
+def _formula_faults(old: Sequence[object], new: Sequence[object], loc: Loc) -> Iterator[Fault]:
+    """Formulas that have no meaning with the parameters that keys give them."""
+    for index, (before, now) in enumerate(zip(old, new, strict=True)):
+        if isinstance(now, Implicit) and now is not before:
+            try:
+                now.check()
+            except ValueError as error:
+                yield (*loc, index, "formula"), str(error)
+
+
+def _part_faults(
+    fragment: Fragment, place: Callable[[tuple[SolidKey, ...]], Mapping[str, Any]], loc: Loc
+) -> Iterator[Fault]:
+    """The same of all parts of a scene or group."""
+    yield from _formula_faults(fragment.parts, _at_rest(fragment.parts, place), (*loc, "part"))
+    for index, group in enumerate(fragment.groups):
+        yield from _part_faults(group, place, (*loc, "group", index))
+
+
 def _still_inside(
     fragment: Fragment, place: Callable[[tuple[SolidKey, ...]], Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """What of a scene or group moves, standing still."""
+    """The moving tables of a scene or group, at rest."""
     groups = tuple(
         group.model_copy(update=changes) if (changes := _still_inside(group, place)) else group
         for group in fragment.groups
@@ -224,7 +240,7 @@ def _still_inside(
         "places": _at_rest(fragment.places, place),
         "groups": groups,
     }
-    # What does not move stays the same object.
+    # A table that does not move stays the same object.
     return {
         name: tables
         for name, tables in found.items()

@@ -1,4 +1,4 @@
-"""The copies of groups in a scene: which there are, and where."""
+"""The copies of groups in a scene: which copies there are, and where."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Within:
-    """A region of another group, outside of which some copies are not seen.
+    """A region that cuts copies: they are not seen outside of it.
 
     Attributes:
-        group: the scene or group that the region is of.
-        region: over its functions.
+        group: the scene or group whose region it is.
+        region: a formula over the functions of that group.
         maps: (N, 3, 4), takes points of each copy to coordinates of that group.
     """
 
@@ -34,15 +34,15 @@ class Within:
 
 @dataclass(frozen=True, eq=False)
 class Copies:
-    """N copies of a group that one way through the file leads to.
+    """The N copies of a group that the file reaches by one chain of places, lattices and fills.
 
     Attributes:
-        group: with cells; or the scene itself.
-        number: (N,), ascending; all copies of groups with cells are counted from 0, depth first: a
-            copy before those in it, its places before its lattices, these before its filled cells.
-            It is -1 of the scene itself.
+        group: a group with cells, or the scene itself.
+        number: (N,), ascending. All copies of groups with cells are counted from 0, depth first: a
+            copy, then the copies in its places, in its lattices, in its filled cells. The scene
+            itself has -1.
         maps: (N, 3, 4), rigid, takes points of each copy to the world.
-        within: what cuts them, from the outside in.
+        within: the regions that cut the copies, from the outermost in.
     """
 
     group: Fragment
@@ -52,7 +52,7 @@ class Copies:
 
 
 class Layout:
-    """The groups of a scene, each where the names of others find it.
+    """The groups of a scene, with the names in them resolved.
 
     Attributes:
         count: number of copies.
@@ -67,10 +67,10 @@ class Layout:
         return [*self._root.visit(np.array([-1]), np.eye(3, 4)[None], ())]
 
     def path(self, number: int) -> list[str]:
-        """Where a copy is, for people: a line for each level, from the scene in.
+        """Where a copy is, for people: a line for each level, from the scene inward.
 
         Raises:
-            IndexError: there is no such copy.
+            IndexError: no copy has that number.
         """
         if not 0 <= number < self.count:
             raise IndexError(f"there are {self.count} copies, and none has number {number}")
@@ -87,21 +87,21 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class _Elements:
-    """All that a group places, in the order in which copies are counted: E elements.
+    """The E elements of a group, in the order in which copies are counted.
 
-    Those of lattices that stay empty are among them.
+    An element is a place, a point of a lattice (empty points too) or a filled cell.
     """
 
     targets: list[_Node]
     target: Ints  # (E,), index among the targets, -1 for none
     regions: list[Region]
-    cut: Ints  # (E,), index of the region that cuts it, -1 for none
+    cut: Ints  # (E,), index of the region that cuts the element, -1 for none
     maps: Array  # (E, 3, 4), to coordinates of the group
     starts: Ints  # (E,), how many copies come before it
 
 
 class _Node:
-    """A scene or group where it is defined, which says what the names in it mean."""
+    """A scene or group where it is defined. Its position decides what the names in it mean."""
 
     def __init__(self, fragment: Fragment, around: _Node | None) -> None:
         self.fragment = fragment
@@ -117,12 +117,12 @@ class _Node:
 
     @property
     def size(self) -> int:
-        """How many copies a copy of the group is, with those in it."""
+        """How many copies one copy of the group counts for: itself and the copies in it."""
         return bool(self.fragment.cells) + self.total
 
     @functools.cached_property
     def total(self) -> int:
-        """How many copies there are in a copy of the group; it may be huge."""
+        """How many copies one copy of the group holds; the number may be huge."""
         fragment = self.fragment
         total = sum(self.named(place.group).size for place in fragment.places)
         total += sum(self.named(cell.fill).size for cell in fragment.cells if cell.fill)
@@ -140,7 +140,7 @@ class _Node:
 
     @functools.cached_property
     def elements(self) -> _Elements:
-        """All that the group places."""
+        """The elements of the group."""
         fragment, filled = self.fragment, self._filled
         names = [place.group for place in fragment.places]
         names += [name for lattice in fragment.lattices for name in lattice.named_groups()]
@@ -187,7 +187,7 @@ class _Node:
         )
 
     def where(self, element: int) -> str:
-        """Which element of the group it is, for people."""
+        """Which element of the group has that index, for people."""
         fragment = self.fragment
         name = self.elements.targets[self.elements.target[element]].name
         if element < len(fragment.places):
@@ -201,13 +201,13 @@ class _Node:
 
     @property
     def name(self) -> str:
-        """Of the group, for people."""
+        """The name of the group, for people."""
         return f"group {self.fragment.name}" if isinstance(self.fragment, Group) else "the scene"
 
     def visit(self, number: Ints, maps: Array, within: tuple[Within, ...]) -> Iterator[Copies]:
-        """N copies of the group with all that is in them, given their numbers and maps.
+        """N copies of the group and all copies in them, given the numbers and maps of the N.
 
-        A copy without cells of its own has the number before that of the first copy in it.
+        A copy without cells of its own has the number of the first copy in it, less 1.
         """
         if self.fragment.cells:
             yield Copies(self.fragment, number, maps, within)
@@ -230,7 +230,7 @@ class _Node:
 
 
 def _composed(outer: Array, inner: Array) -> Array:
-    """Maps (N·M, 3, 4) that do each of M inner ones, then each of N outer ones."""
+    """Maps (N·M, 3, 4): each of N outer maps after each of M inner maps."""
     linear, shift = outer[:, None, :, :3], outer[:, None, :, 3:]
     composed = linear @ inner[None]
     composed[..., 3:] += shift

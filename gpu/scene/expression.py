@@ -1,12 +1,13 @@
 """Formulas of implicit surfaces as people write them, ``(x^2 + y^2 + z^2 - 1)^3 = x^2 z^3``.
 
-Numbers, ``x y z``, names of parameters, ``pi``, ``e``; ``+ - * /``; ``^`` or ``**``, which binds
-closest, also before a sign, and from the right; parentheses; the functions of `FUNCTIONS`;
+A formula has numbers, ``x y z``, names of parameters, ``pi``, ``e``; ``+ - * /``; ``^`` or ``**``;
+parentheses; the functions of `FUNCTIONS`. A power binds closer than a sign, and from the right.
 ``left = right`` means left - right. There are no other names, and nothing is evaluated as Python.
 
 A formula is read into a tree in which equal parts are one node and constants are folded. Decimal
-numbers are exact, and so is what ``+ - * /`` and whole powers make of them. Numbers that parameters
-are part of are equal only if they are made alike, so the tree does not depend on values.
+numbers are exact, and so are ``+ - * /`` and whole powers of them. Two numbers computed from
+parameters are one node only if their computations are the same, so the shape of the tree does not
+depend on the values of parameters.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from halfstep.scene.formula import fault_at
 MAX_CHARACTERS = 4096
 MAX_OPERATIONS = 1024
 MAX_LEVELS = 64
-# Whole powers of constants are exact up to this exponent.
+# A whole power of a constant is exact up to this exponent.
 MAX_EXACT_EXPONENT = 64
-# Magnitudes of constants but 0.
+# Range of the magnitudes of constants other than 0.
 LARGEST_CONSTANT, SMALLEST_CONSTANT = 1e100, 1e-100
 
 COORDINATES = ("x", "y", "z")
@@ -54,9 +55,9 @@ class Node:
 
     Attributes:
         kind: ``number``, ``coordinate``, an operator of ``+ - * / ^``, or a function.
-        operands: what it is made of.
-        value: of a number; which coordinate it is, 0 to 2.
-        column: index of its first character in the text, where it stands first.
+        operands: the nodes that it combines.
+        value: the value of a number, or the index of a coordinate, 0 to 2.
+        column: index of its first character where it first stands in the text.
     """
 
     kind: str
@@ -69,8 +70,8 @@ def parsed(text: str, parameters: Mapping[str, Fraction]) -> Node:
     """The tree of a formula.
 
     Args:
-        text: of the formula.
-        parameters: their values by name.
+        text: the formula.
+        parameters: values of parameters by name.
 
     Raises:
         ValueError: ``column 5: "(" is not closed``.
@@ -99,7 +100,7 @@ class _Parser:
         self._level = 0
         self._operations = 0
         self._nodes: dict[tuple[object, ...], Node] = {}
-        # By the identity of a number that parameters are part of, how it is made.
+        # How each number that comes from parameters is computed, by the id() of its node.
         self._origins: dict[int, tuple[object, ...]] = {}
 
     def _scan(self) -> Iterator[tuple[str, int]]:
@@ -209,7 +210,7 @@ class _Parser:
         return self._folded(kind, (left, right), at)
 
     def _folded(self, kind: str, operands: tuple[Node, ...], at: int) -> Node:
-        """The node of an operation, or the number that it is."""
+        """The node of an operation, or its value if all operands are constants."""
         if kind == "/" and operands[1].kind == "number" and not operands[1].value:
             raise self._fault(at, "division by zero")
         if all(node.kind == "number" for node in operands):
@@ -232,7 +233,7 @@ class _Parser:
         return node
 
     def _origin(self, kind: str, operands: tuple[Node, ...]) -> tuple[object, ...]:
-        """How a number is made of others, if parameters are part of it."""
+        """How a number is computed from others, if parameters take part."""
         made = [self._origins.get(id(node), ()) for node in operands]
         if not any(made):
             return ()
@@ -240,7 +241,7 @@ class _Parser:
         return kind, *(origin or node.value for origin, node in parts)
 
     def _checked(self, node: Node, at: int) -> Node:
-        """A number that is neither too large nor too small."""
+        """The number, if it is neither too large nor too small."""
         size = abs(Fraction(node.value))
         if size > LARGEST_CONSTANT:
             raise self._fault(at, f"a number is beyond {LARGEST_CONSTANT:g}")
@@ -282,7 +283,7 @@ class _Parser:
         return self._next - 1
 
     def _nothing_here(self) -> ValueError:
-        """That there should be a term, of what asks for it."""
+        """The fault of a missing term, at the token that needs it."""
         if self._next:
             return self._fault(
                 self._next - 1, f"nothing stands after {show(self._tokens[self._next - 1][0])}"
@@ -294,7 +295,7 @@ class _Parser:
 
 
 def _value(kind: str, values: list[Fraction]) -> Fraction:
-    """An operation on constants; exact where it can be."""
+    """The value of an operation on constants; exact if it is rational."""
     if kind in _OPERATORS:
         return _OPERATORS[kind](*values)
     if kind == "^":

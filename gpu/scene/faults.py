@@ -15,14 +15,14 @@ from halfstep.text import place
 Loc = tuple[int | str, ...]
 Fault = tuple[Loc, str]
 
-# Faults that validators raise carry their whole text; those of the second type are about the table
-# that holds the field rather than the field itself.
+# The type of a fault that a validator raises with its whole text: about its field, or about the
+# table that holds the field.
 FIELD_FAULT: Final = "halfstep_field"
 TABLE_FAULT: Final = "halfstep_table"
 
 # Lengths have a smallest magnitude, far below any use.
 SMALLEST_LENGTH = 1e-15
-# Similarity from which a word counts as a misspelling: "radus" and "colour", but no other key.
+# Least similarity of a misspelling: "radus" and "colour" reach it, other keys do not.
 _ALIKE = 0.75
 _LONGEST = 80
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
@@ -34,7 +34,7 @@ _TOML_PLACE = re.compile(
 def fault(
     text: str, kind: Literal["halfstep_field", "halfstep_table"] = FIELD_FAULT
 ) -> PydanticCustomError:
-    """What a validator raises to report `text` about its field, or about the table around it."""
+    """The error by which a validator reports `text` about its field, or about the table around."""
     return PydanticCustomError(kind, "{text}", {"text": text})
 
 
@@ -65,7 +65,7 @@ def describe(error: ErrorDetails, root: type[BaseModel]) -> Fault:
         case "union_tag_not_found":
             return (*loc, "kind"), missing_kind(kinds_of(tables))
         case "greater_than_equal" if context["ge"] == SMALLEST_LENGTH and value <= 0.0:
-            # What breaks the smallest length is hardly ever its magnitude.
+            # The smallest length is of no interest to who wrote 0 or a negative length.
             return loc, f"{show(value)} is not > 0"
         case "too_short":
             return loc, f"length {context['actual_length']} is not >= {context['min_length']}"
@@ -74,7 +74,7 @@ def describe(error: ErrorDetails, root: type[BaseModel]) -> Fault:
         case "invalid_key":
             return loc[:-1], f"{show(loc[-1])} is not a key, which is a string"
         case "int_type" if isinstance(value, float):
-            # As it was written: to a person 12 is an integer.
+            # The number as a float, with its point: to a person 12 is an integer.
             instead = f"; write {value:.0f}" if value.is_integer() and abs(value) < 1e15 else ""
             return loc, f"{float(value)!r} is not an integer{instead}"
         case "float_type" if isinstance(value, int) and not isinstance(value, bool):
@@ -86,23 +86,23 @@ def describe(error: ErrorDetails, root: type[BaseModel]) -> Fault:
 
 
 def kinds_of(tables: Iterable[type[BaseModel]]) -> list[str]:
-    """The value of ``kind`` by which each table of a union is told."""
+    """The value of ``kind`` of each table of a union."""
     return [table.model_fields["kind"].default for table in tables]
 
 
 def no_kind(kind: object, what: str, kinds: Iterable[str]) -> str:
-    """That a kind of ``what`` is none of those that there are."""
+    """The fault of an unknown kind of ``what``."""
     help_ = hint(kind if isinstance(kind, str) else "", kinds, "the kinds are")
     return f"{show(kind)} is not a kind of {what}; {help_}"
 
 
 def missing_kind(kinds: Iterable[str]) -> str:
-    """That a table does not say which kind it is."""
+    """The fault of a table without a kind."""
     return f"missing; the kinds are {_listed(kinds)}"
 
 
 def _walk(root: type[BaseModel], loc: Loc) -> tuple[Loc, list[type[BaseModel]]]:
-    """A path as the file has it, and the types of table that may stand at its end.
+    """A path as the file has it, and the types that a table at its end may have.
 
     Pydantic puts the kind of a table after its index; the file has no such key.
     """
@@ -133,7 +133,7 @@ def _tables(annotation: object) -> list[type[BaseModel]]:
 
 
 def _rule(error: ErrorDetails) -> str:
-    """What a value of the wrong type or size is not."""
+    """The rule that a value of the wrong type or size breaks, as ``not > 0``."""
     context = error.get("ctx", {})
     match error["type"]:
         case "greater_than":
@@ -167,7 +167,7 @@ def _rule(error: ErrorDetails) -> str:
 
 
 def line(source: str, loc: Loc, text: str) -> str:
-    """One fault as ``figure.toml: solid[2].radius: text``; what is empty is left out."""
+    """One fault as ``figure.toml: solid[2].radius: text``; an empty source or path is left out."""
     path = ""
     for key in loc:
         if isinstance(key, int):
@@ -198,7 +198,7 @@ def show(value: object) -> str:
 
 
 def hint(word: str, allowed: Iterable[str], introduction: str) -> str:
-    """``did you mean "x"?``, or a list of what is allowed where nothing is like the word."""
+    """``did you mean "x"?``, or a list of the allowed words if none is like the word."""
     names = list(allowed)
     close = difflib.get_close_matches(word, names, 1, _ALIKE)
     if close:

@@ -26,12 +26,12 @@ MAX_ID = 2**31 - 1
 WORD = re.compile(r"[^\W\d]\w*")
 _TOKEN = re.compile(r"[+-]?[0-9]+(?!\w)|[^\W\d]\w*|[&|~()-]")
 _SPACE = re.compile(r"\s*")
-# What other programs write, and what it is here.
+# Operators of other programs, and the same operator here.
 _FOREIGN = {":": "|", "#": "~", "!": "~", "*": "&", "^": "~"}
 
 
 class Operand:
-    """What the operators ``&``, ``|``, ``-`` and ``~`` combine to formulas."""
+    """An operand of ``&``, ``|``, ``-`` and ``~``, which make formulas."""
 
     __slots__ = ()
 
@@ -51,7 +51,7 @@ class Operand:
 
 
 class HasId(Protocol):
-    """A surface, as far as formulas know it."""
+    """A surface, as formulas see it: it has an id."""
 
     @property
     def id(self) -> int | None:
@@ -59,7 +59,7 @@ class HasId(Protocol):
 
 
 class HasName(Protocol):
-    """A part or a cell, as far as formulas know it."""
+    """A part or a cell, as formulas see it: it has a name."""
 
     @property
     def name(self) -> str | None:
@@ -71,7 +71,7 @@ class Sense(Operand):
     """One side of a surface.
 
     Attributes:
-        surface: its id; or, until a group is made of it, the surface itself.
+        surface: its id; the surface itself until a group takes it in.
         positive: True for F > 0, False for F <= 0.
         column: index of its first character in the text it was read from.
     """
@@ -90,7 +90,7 @@ class Name(Operand):
     """A part or a cell.
 
     Attributes:
-        of: its name; or, until a group is made of it, the part or cell itself.
+        of: its name; the part or cell itself until a group takes it in.
         column: index of its first character in the text it was read from.
     """
 
@@ -103,7 +103,7 @@ class Name(Operand):
 
 @dataclass(frozen=True, slots=True)
 class Not(Operand):
-    """Everywhere but in ``of``."""
+    """Everywhere outside ``of``."""
 
     of: Formula
 
@@ -113,7 +113,7 @@ class Not(Operand):
 
 @dataclass(frozen=True, slots=True)
 class AllOf(Operand):
-    """Where all of ``of`` hold, two or more."""
+    """Inside all of ``of``, which are two or more."""
 
     of: tuple[Formula, ...]
 
@@ -129,7 +129,7 @@ class AllOf(Operand):
 
 @dataclass(frozen=True, slots=True)
 class AnyOf(Operand):
-    """Where one of ``of`` holds, two or more."""
+    """Inside any of ``of``, which are two or more."""
 
     of: tuple[Formula, ...]
 
@@ -150,7 +150,7 @@ def _formula(operand: Operand) -> Formula:
 
 
 def _members(operand: Operand, kind: type[AllOf] | type[AnyOf]) -> tuple[Formula, ...]:
-    """The formulas that an AND or OR of ``operand`` takes in: those of one of its own kind."""
+    """The operands of an AND or OR, if ``operand`` is of that kind; else ``operand`` alone."""
     formula = _formula(operand)
     return formula.of if isinstance(formula, kind) else (formula,)
 
@@ -160,10 +160,10 @@ def _both(left: Operand, right: Operand) -> Formula:
 
 
 def as_formula(given: object) -> Formula:
-    """The formula that ``given`` stands for: a text, or what the operators take and give.
+    """The formula that ``given`` stands for: a text, a formula, or an operand of one.
 
     Raises:
-        ValueError: what it is not.
+        ValueError: it is none of these, or its text has a fault.
     """
     if isinstance(given, str):
         return parse(given)
@@ -176,7 +176,7 @@ def as_formula(given: object) -> Formula:
 
 
 def parse(text: str) -> Formula:
-    """The formula that a text is.
+    """The formula that a text describes.
 
     Raises:
         ValueError: ``column 5: "(" is not closed``.
@@ -187,7 +187,7 @@ def parse(text: str) -> Formula:
 
 
 def fault_at(text: str, index: int, what: str) -> str:
-    """``column 5: what``, of a character of a text; with the line where there are several."""
+    """``column 5: what`` for a character of a text; with the line if the text has several."""
     where = place(text[:index])
     return f"{where if chr(10) in text else where.partition(', ')[2]}: {what}"
 
@@ -217,7 +217,7 @@ def with_leaves(formula: Formula, new: Callable[[Leaf], Formula]) -> Formula:
 
 
 def _levels(formula: Formula) -> int:
-    """How many operators lie in one another; not recursive, as any may come from Python."""
+    """Depth of the nesting. The count is not recursive: Python may build any depth."""
     most, pending = 0, [(formula, 0)]
     while pending:
         node, level = pending.pop()
@@ -318,7 +318,7 @@ class _Parser:
         return found
 
     def _nothing_here(self) -> ValueError:
-        """That there should be a term: of what asks for it, or of what needs one before it."""
+        """The fault of a missing term, at the operator before it or after it."""
         found = self._peek()
         if self._next and (before := self._tokens[self._next - 1][0]) in ("|", "&", "-", "~", "("):
             if before == "(" and found not in (")", ""):
@@ -337,13 +337,13 @@ def _joined(kind: type[AllOf] | type[AnyOf], terms: list[Formula]) -> Formula:
 
 
 def _end(pattern: re.Pattern[str], text: str, index: int) -> int:
-    """Where the pattern that begins at ``index`` ends; there, if it does not."""
+    """The end of the pattern that begins at ``index``; ``index`` if none begins there."""
     match = pattern.match(text, index)
     return match.end() if match else index
 
 
 def _no_token(text: str) -> str:
-    """What a text begins with, which is no part of a formula."""
+    """The fault of a text whose beginning is no token of a formula."""
     run = re.match(r"[+-]?[0-9]\w*|.", text, re.DOTALL)
     assert run is not None
     found = run[0]

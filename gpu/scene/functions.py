@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from halfstep.scene.algebraic import Algebraic, HigherShape
+from halfstep.scene.algebraic import Algebraic, HigherShape, ImplicitShape
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Name, Not, Sense
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 from halfstep.scene.shapes import Placed
@@ -23,11 +23,11 @@ class Function:
     """One function F of a group, F(p) = [p 1] M [p 1]ᵀ.
 
     Attributes:
-        matrix: M (4, 4), symmetric, coordinates of the group. F of a plane is n·x - d, and has half
-            of n and of -d, once above and once below the diagonal, n as the file gives it.
+        matrix: M (4, 4), symmetric, coordinates of the group. A plane has F = n·x - d with n as the
+            file gives it: n/2 in the last row and in the last column, -d in the corner.
         name: for people: ``surface 3``, or ``part bore, surface 2``.
-        owner: the surface or part that it is of; where it is seen, a part shows its own colour.
-        shape: of an order above two, in coordinates of the owner; its matrix is 0.
+        owner: the surface or part that the function bounds; a part shows its colour there.
+        shape: a function of an order above two, coordinates of the owner; the matrix is then 0.
     """
 
     matrix: Array
@@ -37,15 +37,14 @@ class Function:
 
 
 def functions_of(surfaces: Sequence[Surface], parts: Sequence[Part]) -> tuple[Function, ...]:
-    """All functions of a group: of its surfaces, then of its parts, in the order of the file.
+    """All functions of a group: those of its surfaces, then of its parts, in the file's order.
 
-    A part gives its quadric, if it has one, then its half-spaces in the order of their numbers.
+    A part has its quadric first, if any, then its half-spaces in the order of their numbers.
     """
     of_surfaces = [
-        _function(
-            None if _shape_of(surface) else surface.quadric(), f"surface {surface.id}", surface
-        )
+        _function(matrix, f"surface {surface.id}" + (f", side {number}" if number else ""), surface)
         for surface in surfaces
+        for number, matrix in _matrices(surface)
     ]
     of_parts = [
         _function(matrix, f"part {part.name}, surface {number}", part)
@@ -56,7 +55,7 @@ def functions_of(surfaces: Sequence[Surface], parts: Sequence[Part]) -> tuple[Fu
 
 
 def _function(matrix: Array | None, name: str, owner: Surface | Part) -> Function:
-    """A function of an owner; without a matrix it is of an order above two."""
+    """The function of an owner; without a matrix its order is above two."""
     if matrix is not None:
         return Function(_moved(matrix, owner), name, owner)
     return Function(np.zeros((4, 4)), name, owner, _shape_of(owner))
@@ -66,22 +65,36 @@ def _shape_of(owner: object) -> HigherShape | None:
     return owner if isinstance(owner, HigherShape) else None
 
 
-def function_count(part: Part) -> int:
-    """How many functions a part has."""
-    return (not part.is_flat) + _is_in_ball(part) + len(part.half_spaces())
+def function_count(owner: Surface | Part) -> int:
+    """The number of functions of a surface or a part."""
+    return (not _is_flat(owner)) + _is_in_ball(owner) + len(_half_spaces(owner))
 
 
-def _is_in_ball(part: object) -> bool:
-    return isinstance(part, Algebraic) and part.is_in_ball()
+def _is_flat(owner: Surface | Part) -> bool:
+    return isinstance(owner, Part) and owner.is_flat
 
 
-def _matrices(part: Part) -> Iterator[tuple[int, Array | None]]:
-    """Numbers and matrices of what bounds a part, its own coordinates; none of a higher order."""
-    if not part.is_flat:
-        yield 0, None if part.is_algebraic else part.quadric()
-    if _is_in_ball(part):
-        yield 1, part.quadric()
-    for number, row in enumerate(part.half_spaces(), start=1 + _is_in_ball(part)):
+def _is_in_ball(owner: Surface | Part) -> bool:
+    given: object = owner
+    return isinstance(given, Algebraic | ImplicitShape) and given.is_in_ball()
+
+
+def _half_spaces(owner: Surface | Part) -> Array:
+    """Rows (m, 4) of the half-spaces of an owner; of surfaces, only formulas have some."""
+    given: object = owner
+    if isinstance(given, Part):
+        return given.half_spaces()
+    sides = given.sides() if isinstance(given, ImplicitShape) else ()
+    return np.array([*sides], np.float64).reshape(-1, 4)
+
+
+def _matrices(owner: Surface | Part) -> Iterator[tuple[int, Array | None]]:
+    """Surface numbers of an owner and their matrices, local coordinates; None above order two."""
+    if not _is_flat(owner):
+        yield 0, None if _shape_of(owner) else owner.quadric()
+    if _is_in_ball(owner):
+        yield 1, owner.quadric()
+    for number, row in enumerate(_half_spaces(owner), start=1 + _is_in_ball(owner)):
         matrix = np.zeros((4, 4))
         matrix[:3, 3] = matrix[3, :3] = row[:3] / 2
         matrix[3, 3] = -row[3]
@@ -89,7 +102,7 @@ def _matrices(part: Part) -> Iterator[tuple[int, Array | None]]:
 
 
 def _moved(matrix: Array, placed: Placed) -> Array:
-    """A matrix (4, 4) of local coordinates in those of the group."""
+    """A matrix (4, 4) of local coordinates, converted to coordinates of the group."""
     rotation, origin = placed.world_from_local(), np.array(placed.origin)
     moved = np.zeros((4, 4))
     second = rotation @ matrix[:3, :3] @ rotation.T
@@ -101,10 +114,10 @@ def _moved(matrix: Array, placed: Placed) -> Array:
 
 
 class Names:
-    """What the numbers and words of a group's formulas stand for.
+    """The meaning of the numbers and words in a group's formulas.
 
     Attributes:
-        regions: where its cells are, in their order; what a name stands for is one object in all.
+        regions: one region for each cell, in order; cells that use a name share its object.
     """
 
     def __init__(
@@ -113,13 +126,18 @@ class Names:
         parts: Sequence[Part],
         cells: Sequence[tuple[str | None, Formula | None]],
     ) -> None:
-        self._surfaces = {surface.id: index for index, surface in enumerate(surfaces)}
+        self._surfaces: dict[int | None, Region] = {}
         self._words: dict[str, Region] = {}
-        first = len(surfaces)
-        for part in parts:
-            last = first + function_count(part)
-            inside = tuple(Literal(index, positive=False) for index in range(first, last))
-            self._words[part.name or ""] = inside[0] if len(inside) == 1 else Intersection(inside)
+        first = 0
+        owners: list[Surface | Part] = [*surfaces, *parts]
+        for owner in owners:
+            last = first + function_count(owner)
+            sides = tuple(Literal(index, positive=False) for index in range(first, last))
+            inside = sides[0] if len(sides) == 1 else Intersection(sides)
+            if isinstance(owner, Part):
+                self._words[owner.name or ""] = inside
+            else:
+                self._surfaces[owner.id] = inside
             first = last
         self.regions: list[Region] = []
         for name, formula in cells:
@@ -131,12 +149,15 @@ class Names:
         """The region that a formula of the group describes.
 
         Raises:
-            KeyError: it has a number or a word that the group lacks.
+            KeyError: the formula has a number or a word that the group lacks.
         """
         match formula:
             case Sense(surface, positive):
                 assert isinstance(surface, int)
-                return Literal(self._surfaces[surface], positive)
+                inside = self._surfaces[surface]
+                if isinstance(inside, Literal):
+                    return Literal(inside.surface, positive)
+                return Complement(inside) if positive else inside
             case Name(of):
                 assert isinstance(of, str)
                 return self._words[of]

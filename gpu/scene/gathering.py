@@ -1,4 +1,4 @@
-"""What a group of Python objects holds: all that its cells, places and lattices were made of."""
+"""Gathers, for a group built from Python, the objects that its cells, places and lattices use."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from halfstep.scene.solids import Part
 from halfstep.scene.surfaces import Surface
 from halfstep.scene.values import Table
 
-# Keys of tables by the names of the attributes, either of which Python may give.
+# Keys of tables by the names of their attributes; Python may give either.
 _KEYS = {
     "surfaces": "surface",
     "parts": "part",
@@ -26,12 +26,12 @@ _Label: TypeAlias = int | str
 
 
 def with_what_is_named(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The keys of a scene or group, with the surfaces, parts and groups that its tables name.
+    """The keys of a scene or group, completed by the surfaces, parts and groups that it uses.
 
-    Tables that are mappings, as those of a file, name nothing but by numbers and words.
+    A table from a file is a mapping. It uses others by number and word only, and adds nothing.
 
     Raises:
-        PydanticCustomError: a region names a cell that is not there.
+        PydanticCustomError: a region uses a cell that the group lacks.
     """
     keys = {name: name if name in data else alias for name, alias in _KEYS.items()}
     given = {name: data.get(key) for name, key in keys.items()}
@@ -52,7 +52,7 @@ def with_what_is_named(data: Mapping[str, Any]) -> Mapping[str, Any]:
     labels: dict[int, _Label] = {}
     _label(tables["surfaces"], "id", lambda k: k, numbers, labels)
     _label(tables["parts"], "name", lambda k: f"part{k}", words, labels)
-    # Cells that nothing names may stay without a name.
+    # A cell that no formula uses may stay without a name.
     _label(tables["cells"], "name", lambda k: f"cell{k}", words, labels, asked)
 
     def labelled(leaf: Leaf) -> Formula:
@@ -77,7 +77,7 @@ def _named(leaf: Leaf) -> object:
 
 
 def _leaves(holder: object) -> Iterator[Leaf]:
-    """Leaves of the formula of a cell or place that is no mapping."""
+    """Leaves of the formula of a cell or place; none of a mapping."""
     if isinstance(holder, Table):
         formula = getattr(holder, "region", None) or getattr(holder, "within", None)
         if formula is not None:
@@ -85,7 +85,7 @@ def _leaves(holder: object) -> Iterator[Leaf]:
 
 
 def _groups(holder: object) -> Iterator[NamedGroup]:
-    """Groups that a cell, place or lattice was given themselves."""
+    """Groups that a cell, place or lattice was given as objects."""
     if isinstance(holder, Table):
         names = [getattr(holder, "fill", None), getattr(holder, "group", None)]
         names += getattr(holder, "groups", {}).values()
@@ -97,7 +97,7 @@ def _get(table: object, key: str) -> object:
 
 
 def _take_in(own: list[Any], key: str, found: Iterable[Any]) -> None:
-    """Adds the tables that are not there, neither themselves nor as equals of the same label."""
+    """Add the tables that are missing: neither they nor an equal of the same label is there."""
     there = {id(each) for each in own}
     known = {_get(each, key): each for each in own}
     for each in found:
@@ -116,7 +116,7 @@ def _label(
     labels: dict[int, _Label],
     asked: set[int] | None = None,
 ) -> None:
-    """Gives the tables without a label, or those of them that are asked for, the next free one."""
+    """Give each table without a label the next free one; with ``asked`` only to the asked."""
     free = (label for label in map(label_of, count(1)) if label not in taken)
     for index, each in enumerate(own):
         wanted = asked is None or id(each) in asked

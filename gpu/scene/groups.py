@@ -1,4 +1,4 @@
-"""Cells, and the groups that hold them: fragments of a scene, which may be placed many times."""
+"""Cells, and the groups that hold them: fragments of a scene that may be placed many times."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ CellId = Annotated[int, Field(ge=0, le=MAX_ID)]
 
 
 class Cell(Named, Operand):
-    """What is somewhere: a region with a material, or with copies of a group in it.
+    """A region with a material, or with copies of a group in it.
 
     Attributes:
-        id: number in the output ``cell``; without one, its place among all cells, from 1.
-        region: where it is, a formula over the surfaces, the parts and the earlier cells of its
-            group; everywhere without one. Of two visible cells in one place the earlier one
-            is seen.
-        visible: whether it is shown; if not, it hides nothing.
+        id: number in the output ``cell``; by default its position among all cells, from 1.
+        region: a formula over the surfaces, the parts and the earlier cells of its group; by
+            default everywhere. Where two visible cells overlap, the earlier one is seen.
+        visible: whether it is shown; an invisible cell hides nothing.
+        casts_shadow: whether it hides lights that have shadows.
         fill: the group that is seen inside the region.
     """
 
@@ -47,11 +47,17 @@ class Cell(Named, Operand):
     material: Name | None = None
     color: Color | None = None
     visible: bool = True
+    casts_shadow: bool = True
     fill: GroupName | None = None
 
     @field_validator("fill")
     @classmethod
     def _one_content(cls, fill: str | None, info: ValidationInfo) -> str | None:
+        if fill is not None and not info.data.get("casts_shadow", True):
+            raise fault(
+                "casts_shadow = false stands beside fill; the cells of that group have their own",
+                TABLE_FAULT,
+            )
         if {"material", "color", "visible"} <= info.data.keys():
             finish = {key: info.data[key] for key in ("material", "color")}
             check_at_most_one(**finish, fill=fill)
@@ -64,13 +70,13 @@ class Cell(Named, Operand):
 
     @property
     def title(self) -> str:
-        """What it is called, for people."""
+        """Its name, for people."""
         known = ("cell", "" if self.id is None else str(self.id), self.name or "")
         return " ".join(filter(None, known))
 
     @property
     def is_shown(self) -> bool:
-        """Whether it is seen itself: it is visible, and no group fills it."""
+        """Whether the cell itself is seen: it is visible, and no group fills it."""
         return self.visible and self.fill is None
 
 
@@ -79,9 +85,8 @@ class Place(Placed):
 
     Attributes:
         group: its name.
-        within: a region of the scene or group that holds the place, outside of which the copy is
-            not seen.
-        keyframes: where it is at times of the animation.
+        within: a region of the scene or group that holds the place; the copy is seen only inside.
+        keyframes: its positions at times of the animation.
     """
 
     positional: ClassVar[tuple[str, ...]] = ("group",)
@@ -105,10 +110,10 @@ class Place(Placed):
 
 
 class Fragment(Table):
-    """What a scene and a group both hold.
+    """The tables that a scene and a group both hold.
 
-    From Python, surfaces, parts and groups that its cells, places and lattices were made of need
-    not be listed: they are taken in, and get numbers and names where they have none.
+    From Python, the surfaces, parts and groups that its cells, places and lattices use need not be
+    listed. They are added, and those without a number or a name get one.
     """
 
     surfaces: Sequence[AnySurface] = Field(default=(), alias="surface")
@@ -124,11 +129,11 @@ class Fragment(Table):
         return with_what_is_named(data) if isinstance(data, Mapping) else data
 
     def functions(self) -> tuple[Function, ...]:
-        """All functions F: of the surfaces, then of the parts, in the order of the file."""
+        """All functions F: those of the surfaces, then of the parts, in the file's order."""
         return functions_of(self.surfaces, self.parts)
 
     def names(self) -> Names:
-        """What the numbers and words of its formulas stand for, and where its cells are."""
+        """The meaning of the numbers and words in its formulas, and the regions of its cells."""
         cells = [(cell.name, cell.region) for cell in self.cells]
         return Names(self.surfaces, self.parts, cells)
 

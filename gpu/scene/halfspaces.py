@@ -1,9 +1,9 @@
 """Vertices and boundedness of intersections of half-spaces.
 
 Rows are ``(nx, ny, nz, d)`` and mean n·x <= d; normals need not be unit. Everything is float64.
-Work goes by *pairs* of planes: each pair meets in a line, and clipping that line by all planes
-leaves an edge, or nothing. That finds every vertex in O(m³) operations where testing all triples
-against all planes would take O(m⁴). Solids with the same number of half-spaces are treated at once.
+The work goes by *pairs* of planes: each pair meets in a line, and clipping that line by all planes
+leaves an edge or nothing. This finds every vertex in O(m³) operations; to test all triples against
+all planes would take O(m⁴). Solids with the same number of half-spaces are treated at once.
 """
 
 import functools
@@ -22,7 +22,7 @@ _EPS = float(np.finfo(np.float64).eps)
 ROUNDING = 32.0 * _EPS
 # Two unit normals whose cross product is shorter than this are taken as parallel.
 _PARALLEL = 1e-12
-# Lines times planes treated at once: bounds the temporaries to a few MiB.
+# Lines times planes treated at once; this keeps the temporaries to a few MiB.
 _CHUNK = 2048 * 255
 
 
@@ -33,8 +33,8 @@ def vertices(planes: Array) -> Array:
         planes: (m, 4) rows n·x <= d with non-zero normals.
 
     Returns:
-        (v, 3) vertices, each once, to rounding; (0, 3) where the intersection is empty or has
-        no vertex. Where the intersection is unbounded, the vertices it has.
+        (v, 3) vertices, each once, to rounding; (0, 3) if the intersection is empty or has no
+        vertex. An unbounded intersection gives the vertices that it has.
     """
     return vertices_of_each(planes[None])[0]
 
@@ -49,7 +49,7 @@ def vertices_of_each(planes: Array) -> tuple[Array, Indices]:
         planes: (k, m, 4) rows n·x <= d with non-zero normals.
 
     Returns:
-        (v, 3) vertices as of `vertices`, and (v,) the intersection of each, ascending.
+        (v, 3) vertices as from `vertices`, and (v,) the intersection of each, ascending.
     """
     normals, offsets = unit(planes)
     center = np.zeros((len(planes), 3))
@@ -83,8 +83,8 @@ def are_bounded(planes: Array) -> Bools:
         return np.zeros(count, bool)
     normals, _ = unit(planes)
     bounded = np.linalg.matrix_rank(normals, tol=_PARALLEL) == 3
-    # Normals of rank 3 make the cone pointed: if it is more than {0} it has an extreme ray, and
-    # that lies on the line in which two of the planes meet.
+    # Normals of rank 3 make the cone pointed. If it is more than {0}, it has an extreme ray, which
+    # lies on the line in which two of the planes meet.
     for lines in _lines(normals):
         slope = np.einsum("lc,lmc->lm", lines.along, normals[lines.owner])
         rows = np.arange(len(slope))
@@ -115,7 +115,7 @@ class _Lines(NamedTuple):
 
 
 def _lines(normals: Array) -> Iterator[_Lines]:
-    """Chunks of the lines of all pairs that are not parallel, of normals (k, m, 3)."""
+    """The lines of all pairs that are not parallel, of normals (k, m, 3), in chunks."""
     count, most = normals.shape[:2]
     firsts, seconds = _pairs(most)
     total = count * len(firsts)
@@ -137,7 +137,7 @@ def _lines(normals: Array) -> Iterator[_Lines]:
 
 @functools.lru_cache(maxsize=32)
 def _pairs(count: int) -> tuple[Indices, Indices]:
-    """All pairs of so many planes."""
+    """All pairs of ``count`` planes."""
     return np.triu_indices(count, 1)
 
 
@@ -150,16 +150,16 @@ def _cross(a: Array, b: Array) -> Array:
 def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Array, Indices]:
     """Ends of all edges, with repetitions: each pair's line clipped by every plane.
 
-    An edge is accepted when it survives with every plane moved out by its slack, but its ends are
-    those on the planes themselves.
+    An edge is accepted if it survives with every plane moved out by its slack. Its ends still lie
+    on the planes themselves.
 
     Args:
         normals: (k, m, 3), unit.
         offsets: (k, m).
-        slack: (k, m), by how much rounding may have moved each plane.
+        slack: (k, m), the distance by which rounding may have moved each plane.
 
     Returns:
-        (e, 3) points, (e,) how far rounding may have moved each, and (e,) which of the k it is of.
+        (e, 3) points, (e,) how far rounding may have moved each, and (e,) its intersection.
     """
     ends, errors, owners = [np.empty((0, 3))], [np.empty(0)], [np.empty(0, np.intp)]
     for owner, first, second, along, sine in _lines(normals):
@@ -170,7 +170,7 @@ def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Arr
         ) / sine[:, None]
         slope = np.einsum("lc,lmc->lm", along, normals[owner])
         room = offsets[owner] - np.einsum("lc,lmc->lm", foot, normals[owner])
-        # Line and foot are known the less exactly the flatter the angle between the two planes.
+        # The flatter the angle between the two planes, the less exact are line and foot.
         spare = slack[owner] + (ROUNDING * np.abs(foot).max(axis=1) / sine)[:, None]
         rows = np.arange(len(along))
         for own in (first, second):
@@ -182,7 +182,7 @@ def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Arr
         crossing = room / divisor
         reach = spare / np.abs(divisor)
         leaving, entering = ~flat & (slope > 0.0), ~flat & (slope < 0.0)
-        # Planes that the line does not leave, or enter, through bound nothing on that side.
+        # A plane through which the line does not leave, or enter, does not end it on that side.
         leave = np.where(leaving, crossing, np.inf)
         enter = np.where(entering, crossing, -np.inf)
         alive = np.all(~flat | (room >= -spare), axis=1)
@@ -197,10 +197,10 @@ def _edge_ends(normals: Array, offsets: Array, slack: Array) -> tuple[Array, Arr
 
 
 def _distinct(points: Array, errors: Array, owner: Indices) -> tuple[Array, Indices]:
-    """One of every group of an intersection's points that differ by rounding only: the best known.
+    """The most exact of every set of points of an intersection that differ by rounding only.
 
-    A vertex is found once per pair of planes through it, the less exactly the flatter the angles
-    between them. Each turn takes the best point left of every intersection.
+    A vertex is found once per pair of planes through it, and less exactly the flatter the angle
+    between them. Each turn takes the most exact point left of every intersection.
     """
     order = np.lexsort([errors, owner])
     points, errors, owner = points[order], errors[order], owner[order]

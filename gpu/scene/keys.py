@@ -1,4 +1,4 @@
-"""How cameras and solids move: what they have at times of an animation."""
+"""Keys of an animation: values that a camera or a solid has at given times."""
 
 from typing import Annotated, Any
 
@@ -21,12 +21,14 @@ from halfstep.scene.values import (
 )
 
 MAX_FRAMES = 100_000
-# Least time between two keys, of 1 for the whole animation: far below a frame.
+# Least time between two keys, in lengths of the animation: far below a frame.
 SHORTEST_TIME = 1e-6
 
 
 class CameraKey(Table):
-    """What the camera has at a time of the animation; the rest is between keys or the camera's own.
+    """Values of the camera at a time of the animation.
+
+    A value that the key leaves out comes from the keys around it, or from the camera.
 
     Attributes:
         at: the time, 0 at the first frame and 1 at the end.
@@ -49,7 +51,7 @@ class CameraKey(Table):
 
 
 class SolidKey(Table):
-    """Where a solid is at a time of the animation; see `CameraKey`."""
+    """Position and rotation of a solid at a time of the animation; see `CameraKey`."""
 
     at: Fraction
     origin: Point | None = None
@@ -64,7 +66,7 @@ class SolidKey(Table):
 
 
 def are_in_order(keys: tuple[CameraKey, ...] | tuple[SolidKey, ...]) -> Any:
-    """Refuses keys whose times do not increase."""
+    """Refuse keys whose times do not increase."""
     faults: list[Fault] = []
     for index in range(1, len(keys)):
         at, before = keys[index].at, keys[index - 1].at
@@ -79,14 +81,14 @@ def are_in_order(keys: tuple[CameraKey, ...] | tuple[SolidKey, ...]) -> Any:
 
 
 class Animation(Table):
-    """How the camera moves in ``halfstep animate``; solids move by their own keys.
+    """The movement of the camera in ``halfstep animate``; solids move by their own keys.
 
     Attributes:
-        frames: how many.
+        frames: number of frames.
         fps: frames in a second.
-        orbit_degrees: how far the camera turns about look_at and the up axis, counter-clockwise
-            seen from above; 0 leaves it where it is.
-        keyframes: or what it passes through, in order of time.
+        orbit_degrees: angle by which the camera turns about look_at and the up axis,
+            counter-clockwise seen from above; 0 keeps it still.
+        keyframes: keys of the camera in order of time, instead of ``orbit_degrees``.
     """
 
     frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = 60

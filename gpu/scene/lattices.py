@@ -27,13 +27,13 @@ from halfstep.scene.values import (
 Ints = NDArray[np.int64]
 Lines = tuple[str, ...]
 
-# All copies of groups in a scene; and the elements of one lattice, empty ones among them.
+# Limit of all copies of groups in a scene, and of the elements of one lattice with the empty ones.
 MAX_PLACES = 1 << 20
 EMPTY = "."
 
 
 def _layers(value: Any) -> Any:
-    """The layers of a lattice: given one array of strings, it is the only one."""
+    """The layers of a lattice; one array of strings is the only layer."""
     if not isinstance(value, list | tuple) or not value:
         raise fault(f"{show(value)} is not an array of strings")
     is_one = isinstance(value[0], str)
@@ -65,13 +65,13 @@ Count = Annotated[int, Field(ge=1, le=MAX_PLACES)]
 class Lattice(Table):
     """Copies of groups in a regular pattern, none of them turned.
 
-    Its elements are counted in the order of the file: layers from the bottom up, in each line by
-    line. From Python, ``Lattice(kind="rectangular", pitch=…)`` makes one of the kind.
+    Elements are counted in the file's order: layers from the bottom up, and each layer line by
+    line. From Python, ``Lattice(kind="rectangular", pitch=…)`` makes a `RectangularLattice`.
 
     Attributes:
         origin: the middle of the pattern, coordinates of the group that holds the lattice.
-        groups: the group that every letter stands for; ``.`` stands for none.
-        group: or the one that is everywhere, in a pattern of a shape.
+        groups: the group that each letter stands for; ``.`` stands for none.
+        group: instead of ``groups``, the group at every point of a ``shape``.
     """
 
     line_name: ClassVar[str]
@@ -100,30 +100,30 @@ class Lattice(Table):
 
     @property
     def letters(self) -> tuple[Lines, ...] | None:
-        """What stands where, by layer and line; None where one group is everywhere."""
+        """The letters by layer and line; None if one group is everywhere."""
         raise NotImplementedError
 
     @property
     def _lengths(self) -> list[int]:
-        """How many elements each line of a layer has."""
+        """Number of elements of each line of a layer."""
         raise NotImplementedError
 
     @property
     def _heights(self) -> Array:
-        """Where the layers are along z, from the middle."""
+        """Positions of the layers along z, from the middle."""
         raise NotImplementedError
 
     def _across(self, line: Ints, place: Ints) -> Array:
-        """Where the elements of a layer are, (2, N), from its middle."""
+        """Positions of the elements of a layer, (2, N), from its middle."""
         raise NotImplementedError
 
     @property
     def size(self) -> int:
-        """Number N of its elements, empty ones among them."""
+        """Number N of its elements, counting the empty ones."""
         return sum(self._lengths) * len(self._heights)
 
     def indices(self) -> Ints:
-        """Layer, line and place in the line of each element, (N, 3), all counted from 0."""
+        """Layer, line and position in the line of each element, (N, 3), all counted from 0."""
         lengths = np.array(self._lengths)
         line = np.repeat(np.arange(len(lengths)), lengths)
         place = np.arange(len(line)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
@@ -131,7 +131,7 @@ class Lattice(Table):
         return np.stack([layer, line[of_layer], place[of_layer]], axis=-1)
 
     def positions(self) -> Array:
-        """Where each element is, (N, 3)."""
+        """Position of each element, (N, 3)."""
         layer, line, place = self.indices().T
         across = self._across(line, place)
         return self.origin + np.stack([*across, self._heights[layer]], axis=-1)
@@ -150,19 +150,19 @@ class Lattice(Table):
         )
 
     def where(self, element: int) -> str:
-        """Where an element stands, for people: ``row 2, column 0``."""
+        """The position of an element, for people: ``row 2, column 0``."""
         layer, line, place = self.indices()[element].tolist()
         text = f"{self.line_name} {line}, {self.place_name} {place}"
         return f"layer {layer}, {text}" if len(self._heights) > 1 else text
 
 
 class RectangularLattice(Lattice):
-    """Rows of columns, the top row, at the largest y, first.
+    """Rows of columns; the row at the largest y comes first.
 
     Attributes:
-        pitch: distance between columns and between rows, and a third number between layers.
+        pitch: distances between columns, between rows and, if there are layers, between layers.
         rows: strings of letters, or several layers of them.
-        shape: or numbers of columns and rows, and of layers.
+        shape: instead of ``rows``, the numbers of columns, rows and, if any, layers.
     """
 
     line_name: ClassVar[str] = "row"
@@ -218,24 +218,24 @@ class RectangularLattice(Lattice):
         return np.stack([x[place], y[line]])
 
 
-# Steps from corner to corner of a hexagon, clockwise from the one in the direction of y, in units
-# of √3/2 along x and 1/2 along y; with a corner in the direction of x they are the other way round.
+# Corners of a hexagon, clockwise from the corner in the direction of y; units are √3/2 along x and
+# 1/2 along y. A hexagon with a corner in the direction of x has the two coordinates exchanged.
 _CORNERS_Y: Array = np.array([[0.0, 2], [1, 1], [1, -1], [0, -2], [-1, -1], [-1, 1]])
 _CORNERS_X: Array = np.array([[2.0, 0], [1, -1], [-1, -1], [-2, 0], [-1, 1], [1, 1]])
 
 
 class HexagonalLattice(Lattice):
-    """Rings about an element in the middle, the outermost first.
+    """Rings about an element in the middle; the outermost ring comes first.
 
-    With orientation ``y`` a ring begins at its corner in the direction of y and goes clockwise, as
-    seen from above; with ``x`` it begins at its corner in the direction of x. The ring that has
-    k rings inside it has 6k elements, the innermost one.
+    With orientation ``y`` a ring begins at its corner in the direction of y and goes clockwise,
+    seen from above; with ``x`` it begins at its corner in the direction of x. A ring with k rings
+    inside it has 6k elements; the innermost ring has one.
 
     Attributes:
-        pitch: distance between neighbours, and a second number between layers.
-        orientation: the direction in which the outermost ring has a corner.
+        pitch: distances between neighbours and, if there are layers, between layers.
+        orientation: the direction in which a ring has a corner.
         rings: strings of letters, or several layers of them.
-        shape: or numbers of rings and of layers.
+        shape: instead of ``rings``, the number of rings and, if any, of layers.
     """
 
     line_name: ClassVar[str] = "ring"
@@ -288,7 +288,7 @@ class HexagonalLattice(Lattice):
         radius = self._shape[0] - 1 - line
         corner, step = np.divmod(place, np.maximum(radius, 1))
         corners = _CORNERS_Y if self.orientation == "y" else _CORNERS_X
-        # Along the side from a corner the way goes in the direction of the next corner but one.
+        # The side that begins at a corner runs in the direction of the next corner but one.
         units = radius[:, None] * corners[corner] + step[:, None] * corners[(corner + 2) % 6]
         long, short = self.pitch[0] * math.sqrt(0.75), self.pitch[0] / 2
         sizes: Array = np.array([long, short] if self.orientation == "y" else [short, long])
@@ -300,7 +300,7 @@ LATTICE_KINDS: tuple[type[Lattice], ...] = get_args(get_args(AnyLattice)[0])
 
 
 def _centred(count: int) -> Array:
-    """0…n-1 from their middle."""
+    """The numbers 0…n-1, less their mean."""
     return np.arange(count, dtype=np.float64) - (count - 1) / 2
 
 
@@ -347,7 +347,7 @@ def _check_whole(
     data: Mapping[str, Any],
     with_height: int,
 ) -> None:
-    """Refuse a lattice that does not say what stands where, or says it twice."""
+    """Refuse a lattice that has neither letters nor a shape, or both."""
     lines = data[key]
     check_exactly_one(**{key: lines, "shape": shape})
     check_at_most_one(**{key: lines, "group": data["group"]})

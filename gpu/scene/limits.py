@@ -1,10 +1,10 @@
-"""What a valid scene may hold: of surfaces, formulas and copies so many, and what fits together."""
+"""Limits of a valid scene: numbers of surfaces, formulas and copies, and what fits together."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from halfstep.scene.algebraic import Algebraic, HigherShape, ImplicitShape, TorusShape
+from halfstep.scene.algebraic import Algebraic, HigherShape
 from halfstep.scene.bases import BaseSolid
 from halfstep.scene.copies import Layout
 from halfstep.scene.faults import Fault, Loc, show
@@ -16,20 +16,20 @@ from halfstep.scene.region import Complement, Literal, Region
 from halfstep.scene.tables import Accuracy, Image, Material
 
 MAX_SURFACES = 4096
-# Lights with shadows, of which the output `shadow` has a bit each.
+# Limit of lights with shadows: the output `shadow` has a bit for each.
 MAX_SHADOWS = 32
-# Of one cell, with those of the parts and cells that it names.
+# Limit of the literals of one cell, with those of the parts and cells that it names.
 MAX_LITERALS = 1 << 16
 
 
-# Halvings after which places on a ray no longer are exact in float32, as cells of polynomials need.
+# Cells of polynomials need positions on a ray that float32 holds exactly: up to so many halvings.
 MOST_STEPS_OF_CELLS = 22
 
 
 def algebraic_faults(
     scene: Fragment, solids: Sequence[BaseSolid], accuracy: Accuracy
 ) -> list[Fault]:
-    """What of ``[accuracy]`` solids and cells cannot have that polynomials or formulas bound."""
+    """Faults of ``[accuracy]`` for solids and cells that polynomials or formulas bound."""
     kinds = {"torus": "a torus", "implicit": "a formula"}
     of_cells = [shape for _, shape in _shapes_of_cells(scene, ())]
     found: list[object] = [solid for solid in solids if isinstance(solid, Algebraic)]
@@ -57,7 +57,7 @@ def has_algebraic(scene: Fragment, solids: Sequence[BaseSolid]) -> bool:
 
 
 def _shapes_of_cells(fragment: Fragment, loc: Loc) -> Iterator[tuple[Loc, HigherShape]]:
-    """The surfaces and parts of an order above two."""
+    """The surfaces and parts of a fragment whose order is above two."""
     for key, shapes in (("surface", fragment.surfaces), ("part", fragment.parts)):
         for index, shape in enumerate(shapes):
             given: object = shape
@@ -67,22 +67,13 @@ def _shapes_of_cells(fragment: Fragment, loc: Loc) -> Iterator[tuple[Loc, Higher
         yield from _shapes_of_cells(group, (*loc, "group", index))
 
 
-def _of_shape(shape: HigherShape, loc: Loc) -> Iterator[Fault]:
-    """Why a surface or part of an order above two cannot bound cells."""
-    if isinstance(shape, ImplicitShape) and shape.sheet:
-        yield (*loc, "sheet"), "true: a part has an inside, and a sheet has none"
-    elif isinstance(shape, ImplicitShape) and not shape.has_polynomial:
-        yield (*loc, "formula"), "it is no polynomial: other formulas cannot bound cells yet"
-    elif isinstance(shape, TorusShape) and not shape.has_polynomial:
-        text = f"{show(shape.minor[0])} is not <= major = {show(shape.major)}: a torus that crosses"
-        yield (*loc, "minor"), f"{text} itself cannot bound cells yet"
-
-
 def limit_faults(scene: Fragment) -> list[Fault]:
-    """What is too much of a scene whose names are in order, or cannot bound its cells."""
+    """Faults of a scene whose names are in order: limits, and surfaces that bound no cells."""
     faults = [*_of_group(scene, ())]
     for loc, shape in _shapes_of_cells(scene, ()):
-        faults += _of_shape(shape, loc)
+        given: object = shape
+        if isinstance(given, Algebraic) and given.is_sheet():
+            faults.append(((*loc, "sheet"), "true: a part has an inside, and a sheet has none"))
     count = Layout(scene).count
     if count > MAX_PLACES:
         faults.append(((), f"{count} copies of groups is not <= {MAX_PLACES}"))
@@ -92,7 +83,7 @@ def limit_faults(scene: Fragment) -> list[Fault]:
 def shadow_faults(
     scene: Fragment, has_shadows: Sequence[bool], solids: Sequence[BaseSolid]
 ) -> list[Fault]:
-    """What of a scene has, or casts, shadows that are not drawn; ``has_shadows`` of its lights."""
+    """Faults of shadows that are not drawn; ``has_shadows`` tells it of each light."""
     lights = [index for index, shadows in enumerate(has_shadows) if shadows]
     faults: list[Fault] = []
     if len(lights) > MAX_SHADOWS:
@@ -106,7 +97,7 @@ def shadow_faults(
 def cell_shadow_faults(
     scene: Fragment, has_shadows: Sequence[bool], accuracy: Accuracy
 ) -> list[Fault]:
-    """What of ``[accuracy]`` shadows of cells cannot have; ``has_shadows`` of the lights."""
+    """Faults of ``[accuracy]`` for shadows of cells; ``has_shadows`` tells it of each light."""
     if not any(has_shadows) or not has_cells(scene) or accuracy.number_format == "float32":
         return []
     text = f"{show(accuracy.number_format)} cannot draw shadows of cells yet; use float32"
@@ -114,7 +105,7 @@ def cell_shadow_faults(
 
 
 def has_cells(scene: Fragment) -> bool:
-    """Whether a scene shows cells, of its own or of groups."""
+    """Whether a scene shows cells, its own or those of groups."""
     return bool(scene.cells or scene.places or scene.lattices)
 
 
@@ -125,7 +116,7 @@ def mirror_faults(
     accuracy: Accuracy,
     solids: Sequence[BaseSolid],
 ) -> list[Fault]:
-    """What of a scene reflects that is not drawn so."""
+    """Faults of mirrors that are not drawn."""
     faults: list[Fault] = []
     for index, material in enumerate(materials):
         loc = ("material", index, "reflection")
@@ -158,7 +149,7 @@ def _of_parts(fragment: Fragment, loc: Loc) -> Iterator[Fault]:
 
 
 def _of_group(fragment: Fragment, loc: Loc) -> Iterator[Fault]:
-    count = len(fragment.surfaces) + sum(map(function_count, fragment.parts))
+    count = sum(map(function_count, (*fragment.surfaces, *fragment.parts)))
     if count > MAX_SURFACES:
         yield loc, f"{count} surfaces, with those of the parts, is not <= {MAX_SURFACES}"
     else:
@@ -184,7 +175,7 @@ def _of_region(region: Region, loc: Loc, sizes: dict[int, tuple[int, int]]) -> I
 
 
 def _size(region: Region, sizes: dict[int, tuple[int, int]]) -> tuple[int, int]:
-    """Nested levels and literals of a region; what cells share is counted once and kept."""
+    """Nested levels and literals of a region; ``sizes`` keeps those of shared subregions."""
     if isinstance(region, Literal):
         return 0, 1
     if id(region) not in sizes:

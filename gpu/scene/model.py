@@ -57,16 +57,16 @@ from halfstep.scene.values import Sequence, Table, described, plain, validation_
 from halfstep.scene.writing import text_of
 
 FORMAT = 1
-# One of these is in every scene.
+# Every scene has one of these.
 _SHOWN = ("solid", "cell", "place", "lattice")
-# Context of a validation: who asks for it looks through names himself.
+# Context of a validation whose caller checks the names itself.
 _OF_A_FILE: Mapping[str, object] = {}
-# Keys that the digest of a scene without them does not know.
+# Keys that are left out of the digest of a scene without them.
 _NEW_KEYS = ("surface", "part", "cell", "group", "place", "lattice")
 _NEW_CAMERA_KEYS = {"orthographic_height"}
 _NEW_SOLID_KEYS = {"casts_shadow"}
 _NEW_LIGHT_KEYS = {"shadows"}
-# As many as fit uniform memory, of which WebGPU asks a device for 64 KiB.
+# So many lights fit the 64 KiB of uniform memory that WebGPU demands of a device.
 MAX_LIGHTS = 2048
 _TURNTABLE = Animation(orbit_degrees=360.0)
 
@@ -78,7 +78,7 @@ def _known_format(value: int) -> int:
 
 
 class _Tables(Table):
-    """What a scene has beside its solids and what a group has too."""
+    """The tables of a scene but its solids and those that a group has too."""
 
     format: Annotated[int, AfterValidator(_known_format)] = FORMAT
     title: str = ""
@@ -114,7 +114,7 @@ class _Tables(Table):
 
 
 class Scene(Fragment, _Tables):
-    """A whole scene, valid by construction: from `load`, `Scene.from_dict`, or its tables.
+    """A whole scene, valid by construction: made by `load`, `Scene.from_dict`, or from tables.
 
     ``Scene(camera=Camera(…), solids=[…], cells=[…])`` raises a `SceneError` with all its faults.
     """
@@ -151,7 +151,7 @@ class Scene(Fragment, _Tables):
 
     @classmethod
     def other_faults(cls, given: object) -> list[Fault]:
-        """Faults of a scene, or of what one was to be made of, that lie between its tables."""
+        """Faults between the tables of a scene, or of the mapping it was to be made from."""
         try:
             given = with_what_is_named(given) if isinstance(given, Mapping) else given
         except PydanticCustomError:
@@ -168,7 +168,7 @@ class Scene(Fragment, _Tables):
         Args:
             mapping: the top-level table; arrays may be lists, tuples or NumPy arrays, numbers those
                 of Python or NumPy.
-            source: what the faults are said to be in, usually a file name; its stem becomes
+            source: the faults begin with it; usually a file name, whose stem becomes
                 `name`.
 
         Raises:
@@ -187,7 +187,7 @@ class Scene(Fragment, _Tables):
             scene = cls.model_validate(mapping, by_name=False, context=_OF_A_FILE)
         except ValidationError as error:
             faults += described(error, cls)
-        # Columns of formulas are those of the file, which the scene itself does not keep.
+        # Only the mapping tells the columns of formulas in the file; the scene has new texts.
         faults += cls.other_faults(mapping)
         if scene is not None and not faults:
             faults += scene._limit_faults()  # noqa: SLF001 - its own class
@@ -208,13 +208,13 @@ class Scene(Fragment, _Tables):
 
     @property
     def solids_sha256(self) -> str:
-        """Hex digest of the solids alone, which is most of the work where they are many."""
+        """Hex digest of the solids alone; with many solids it takes most of the time."""
         new = set() if any(not each.casts_shadow for each in self.solids) else _NEW_SOLID_KEYS
         left_out = {"solids": {"__all__": new}}
         return _digest(self.model_dump(by_alias=True, include={"solids"}, exclude=left_out))
 
     def sha256_with(self, solids_sha256: str) -> str:
-        """`sha256`, given that of the solids: scenes that differ in their cameras share it."""
+        """`sha256`, given `solids_sha256`, which scenes that differ in their cameras share."""
         new: dict[str, Any] = {"solids": True}
         if self.camera.orthographic_height is None:
             new["camera"] = _NEW_CAMERA_KEYS
@@ -223,7 +223,7 @@ class Scene(Fragment, _Tables):
         if not any(light.shadows for light in self.lights):
             new["lights"] = {"__all__": _NEW_LIGHT_KEYS}
         content = self.model_dump(by_alias=True, exclude=new)
-        _forget_shadows_of_parts(content)
+        _forget_shadows(content)
         content = {key: each for key, each in content.items() if each or key not in _NEW_KEYS}
         for material in content["material"]:
             if material["id"] is None:
@@ -237,18 +237,18 @@ class Scene(Fragment, _Tables):
         return _digest({**content, "solid": solids_sha256})
 
     def effective_lights(self) -> tuple[Light, ...]:
-        """The lights to shade with: where the scene has none, a white one from the camera."""
+        """The lights to shade with; if the scene has none, a white light from the camera."""
         if self.lights:
             return self.lights
         towards = unit(np.subtract(self.camera.center, self.camera.look_at))
         return (Light(direction=(float(towards[0]), float(towards[1]), float(towards[2]))),)
 
     def effective_animation(self) -> Animation:
-        """How the scene moves: where it does not say, the camera turns once about look_at."""
+        """The scene's animation; without one, the camera turns once about look_at."""
         return self.animation or _TURNTABLE
 
     def material_of(self, thing: BaseSolid | Cell) -> Material:
-        """The finish of a solid, cell or part that has one; a bare color is a matt material."""
+        """The material of a solid, cell or part that has one; a bare color is a matt material."""
         if thing.color is not None:
             return Material(name="color", color=thing.color)
         return next(each for each in self.materials if each.name == thing.material)
@@ -258,16 +258,19 @@ class Scene(Fragment, _Tables):
         return Layout(self)
 
     def to_toml(self) -> str:
-        """The text of a scene file that loads to an equal scene; what is a default is left out."""
+        """The text of a scene file that loads to an equal scene; defaults are left out."""
         return text_of(self)
 
 
-def _forget_shadows_of_parts(content: dict[str, Any]) -> None:
-    """Take out of a dump of a scene or group what no part may say."""
+def _forget_shadows(content: dict[str, Any]) -> None:
+    """Remove ``casts_shadow`` from a dump: that of parts, and that of cells if it is true."""
     for part in content["part"]:
         del part["casts_shadow"]
+    for cell in content["cell"]:
+        if cell["casts_shadow"]:
+            del cell["casts_shadow"]
     for group in content["group"]:
-        _forget_shadows_of_parts(group)
+        _forget_shadows(group)
 
 
 def _digest(content: dict[str, Any]) -> str:

@@ -1,7 +1,7 @@
-"""Numbers and names of a scene: that each is given once, and that whatever is named is there.
+"""Checks the numbers and names of a scene: each is given once, and each name used is defined.
 
-A scene that is faulty elsewhere is looked through as well, so that no fault hides another: what has
-the wrong type is passed over here, for its own table tells of it.
+A scene with other faults is checked as well, so that no fault hides another. A value of the wrong
+type is skipped here, because its own table reports it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from halfstep.scene.formula import MAX_LEVELS, WORD, Formula, Sense, fault_at, l
 
 
 def name_faults(scene: object) -> list[Fault]:
-    """Numbers and names given twice, or missing, or of what is not there; groups in themselves.
+    """Faults of numbers and names: given twice, missing, undefined; groups inside themselves.
 
     Args:
         scene: a `Scene`, or the mapping that a file holds, which may be faulty anywhere.
@@ -44,13 +44,13 @@ class _Materials:
     def __init__(self, scene: object) -> None:
         given, tables = get(scene, "material"), _tables(scene, "material")
         self._names = {name for each in tables if (name := _word(each, "name"))}
-        # Of a material without a name nobody can say that it is not the one meant.
+        # A material without a name may be the one that another table means.
         self._all_named = given is None or (
             isinstance(given, list | tuple) and all(_word(each, "name") for each in tables)
         )
 
     def faults(self, table: object, loc: Loc) -> Iterator[Fault]:
-        """That the material of a table is not there."""
+        """The fault of a table whose material is not defined."""
         name = _word(table, "material")
         if name and self._all_named and name not in self._names:
             known = hint(name, sorted(self._names), "the scene has")
@@ -58,7 +58,7 @@ class _Materials:
 
 
 class _Group:
-    """A scene or group where it is defined, which says what the names in it mean."""
+    """A scene or group where it is defined. Its position decides what the names in it mean."""
 
     def __init__(self, table: object, loc: Loc, around: _Group | None) -> None:
         self.table, self.loc, self._around = table, loc, around
@@ -73,18 +73,18 @@ class _Group:
                 self._named.setdefault(name, group)
 
     def all(self) -> Iterator[_Group]:
-        """It, and all groups that are defined in it."""
+        """The group itself, and all groups defined in it."""
         yield self
         for group in self._inside:
             yield from group.all()
 
     def named(self, name: str) -> _Group | None:
-        """The group of a name: one of its own, or else of what it is in."""
+        """The group of a name: defined in this group, or else in a group around it."""
         found = self._named.get(name)
         return found if found or self._around is None else self._around.named(name)
 
     def placed(self) -> Iterator[tuple[Loc, str]]:
-        """Where it names groups."""
+        """The group names in its tables, each with its path."""
         for index, place in enumerate(_tables(self.table, "place")):
             if name := _word(place, "group"):
                 yield (*self.loc, "place", index, "group"), name
@@ -100,7 +100,7 @@ class _Group:
                 yield (*self.loc, "cell", index, "fill"), name
 
     def faults(self, materials: _Materials) -> Iterator[Fault]:
-        """All that is wrong with its numbers and names, but for cycles."""
+        """All faults of its numbers and names except cycles."""
         if self.level > MAX_LEVELS:
             yield self.loc, f"lies in more than {MAX_LEVELS} groups"
             return
@@ -132,7 +132,7 @@ class _Group:
         return [*self._named, *(self._around.names() if self._around else ())]
 
     def _faults_of_cells(self, materials: _Materials) -> Iterator[Fault]:
-        # Groups that are variants of one another may have cells of the same id.
+        # Two groups that are variants of each other may have cells of the same id.
         yield from _twice("id", [((*self.loc, "cell"), _tables(self.table, "cell"))])
         for index, cell in enumerate(_tables(self.table, "cell")):
             loc: Loc = (*self.loc, "cell", index)
@@ -145,7 +145,7 @@ class _Group:
 
     @functools.cached_property
     def _words(self) -> dict[str, int]:
-        """What formulas may name: a cell by its index, a part by -1."""
+        """The names for formulas, with the index of a cell, or -1 for a part."""
         cells = enumerate(_tables(self.table, "cell"))
         words = {name: index for index, cell in cells if (name := _word(cell, "name"))}
         parts = _tables(self.table, "part")
@@ -154,7 +154,7 @@ class _Group:
     def _formula_faults(
         self, holder: object, loc: Loc, before: int | None = None
     ) -> Iterator[Fault]:
-        """What a formula names that is not there, or that is a cell not ``before`` its own."""
+        """Faults of the names in a formula: undefined, or of a cell that is not ``before`` it."""
         given = get(holder, str(loc[-1]))
         text = str(given)
         try:
@@ -179,7 +179,7 @@ class _Group:
 
 
 def _chains(root: _Group) -> Iterator[Fault]:
-    """Groups that lead to themselves, a fault for each way that has to be broken; or too deep."""
+    """Faults of groups that contain themselves, one for each cycle; or of groups too deep."""
     ways: dict[int, dict[int, Loc]] = {}
     groups = {id(group): group for group in root.all()}
     for key, group in groups.items():
@@ -191,7 +191,7 @@ def _chains(root: _Group) -> Iterator[Fault]:
         try:
             TopologicalSorter({key: [*targets] for key, targets in ways.items()}).prepare()
         except CycleError as error:
-            # It lists every group after one that it leads to.
+            # `CycleError` lists each group after a group that it contains.
             cycle = [*reversed(error.args[1])]
             names = " → ".join(str(get(groups[key].table, "name")) for key in cycle)
             yield ways[cycle[0]].pop(cycle[1]), f"leads a group into itself: {names}"
@@ -221,9 +221,9 @@ def _is_table(value: object) -> bool:
 
 
 def get(table: object, key: str) -> object:
-    """The value of a key of a table, be it a mapping or valid; None where there is none."""
+    """The value of a key of a table, which is a mapping or a `Table`; None if it is missing."""
     if isinstance(table, Mapping):
-        # Python may give arrays of tables by the names of the attributes.
+        # From Python, an array of tables may have the name of its attribute.
         return table.get(key, table.get(f"{key}s"))
     if isinstance(table, BaseModel):
         fields = type(table).model_fields
@@ -238,7 +238,7 @@ def _tables(table: object, key: str) -> list[object]:
 
 
 def _word(table: object, key: str) -> str:
-    """The value of a key that is a string; else none."""
+    """The value of a key if it is a string; else an empty string."""
     value = get(table, key)
     return value if isinstance(value, str) else ""
 

@@ -1,4 +1,4 @@
-"""Where solids are, and which way they are turned."""
+"""Positions and rotations of solids."""
 
 import math
 
@@ -11,7 +11,7 @@ PARALLEL_SINE = 1e-9
 
 
 def unit(vector: Array) -> Array:
-    """The vector (3,) at length 1; scaled first, so that no square over- or underflows."""
+    """The vector (3,) at length 1. It is scaled first, so that no square over- or underflows."""
     scaled = vector / np.abs(vector).max()
     return np.asarray(scaled / math.hypot(*scaled))
 
@@ -32,7 +32,7 @@ def _shortest_rotation(axis: Array) -> Array:
     across = ax * ax + ay * ay
     if across == 0.0:
         return np.diag([1.0, 1.0, 1.0] if az > 0.0 else [1.0, -1.0, -1.0])
-    # 1 + az, without the cancellation where the axis is nearly -Z.
+    # 1 + az, without cancellation if the axis is nearly -Z.
     sum_ = 1.0 + az if az >= 0.0 else across / (1.0 - az)
     return np.array(
         [

@@ -1,4 +1,4 @@
-"""Formulas as operations of shaders, with the numbers that these take."""
+"""Formulas as operations of shaders, with the numbers of these operations."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from halfstep.contract.expressions import AXES, NO_NUMBER, Operation, Program
 from halfstep.scene.expression import Node
 
-# Powers beyond this are taken by logarithms.
+# A power of a larger exponent is computed by logarithms.
 MOST_PRODUCTS_EXPONENT = 64
-# A number in the place of this says that the operand may be negative.
+# As the number of an operation, it says that the operand may be negative.
 MAY_BE_UNDEFINED = 4.0
 HALF = Fraction(1, 2)
-# Sums and multiples may grow by 2 to so much before a shader sees whether they are too large.
+# Values may grow by a factor of 2 to this power before the shader tests whether they are too large.
 MOST_GROWTH = 16.0
 
 _NAMES = {
@@ -32,23 +32,23 @@ _NAMES = {
     "exp": "exponential",
     "log": "logarithm",
 }
-# Functions of which no value is negative.
+# Functions that have no negative value.
 _NOT_NEGATIVE = {"magnitude", "root", "square", "exponential"}
 
 
 class Compiled(NamedTuple):
-    """A formula as operations."""
+    """A formula as operations of shaders."""
 
     program: Program
     numbers: tuple[float, ...]
 
 
 def compiled(formula: Node) -> Compiled:
-    """The operations of a formula, of which equal ones are one."""
+    """The operations of a formula; equal operations are one."""
     compiler = _Compiler()
     last = compiler.visit(formula)
     if last != compiler.last:
-        # What is asked for comes last: a formula may end in an operation that is there already.
+        # The result must come last, but here it is an operation that came earlier.
         compiler.add("scaled", (last,), 1.0)
     return Compiled(tuple(compiler.operations), tuple(compiler.numbers))
 
@@ -59,7 +59,7 @@ class _Compiler:
         self.numbers: list[float] = []
         self._known: dict[Operation, int] = {}
         self._nodes: dict[int, int] = {}
-        # By operation, the logarithm of how much larger than LARGEST of the jets it may be.
+        # By operation, log2 of the factor by which its value may exceed LARGEST of the jets.
         self._growth: dict[int, float] = {}
 
     @property
@@ -72,7 +72,7 @@ class _Compiler:
         return self._nodes[id(node)]
 
     def add(self, name: str, operands: tuple[int, ...], number: float | None = None) -> int:
-        """A new operation, or one that is the same."""
+        """The index of a new operation, or of an equal one that is there already."""
         if number is not None:
             self.numbers.append(number)
         place = NO_NUMBER if number is None else len(self.numbers) - 1
@@ -83,7 +83,7 @@ class _Compiler:
         return self._known[step]
 
     def _checked(self, step: Operation, number: float | None) -> int:
-        """The place of an operation, or of one that sees whether it is too large."""
+        """The index of the last operation, or of a test whether its value is too large."""
         growth = max((self._growth.get(operand, 0.0) for operand in step.operands), default=0.0)
         match step.name:
             case "raised" | "sum" | "difference":
@@ -91,7 +91,7 @@ class _Compiler:
             case "scaled" if number:
                 growth += max(math.log2(abs(number)), 0.0)
             case "scaled" | "number" | "negated" | "magnitude" | "greatest" | "least":
-                growth += 2.0  # a slope that is turned is at most so much larger
+                growth += 2.0  # a slope that is turned grows by at most this factor
             case _:
                 growth = 0.0
         self._growth[self.last] = growth
@@ -177,7 +177,7 @@ class _Compiler:
         return self.add("root", (of,), 0.0 if self._is_not_negative(of) else MAY_BE_UNDEFINED)
 
     def _is_not_negative(self, place: int) -> bool:
-        """Whether no value of an operation can be negative, by the operations it is made of."""
+        """Whether an operation has no negative value, as far as its operands tell."""
         if place < AXES:
             return False
         step = self.operations[place - AXES]

@@ -1,7 +1,7 @@
-"""Formulas over boxes: where their values are, by interval arithmetic in float64.
+"""The range of a formula's values over a box, by interval arithmetic in float64.
 
-Every end is moved outward by a little more than it is rounded, so that an interval holds all values
-that the formula has in the box. Where it has none, or any, the interval is all of the line.
+Every end is moved outward by a little more than its rounding, so that the interval holds all values
+that the formula has in the box. A formula without a value, or with any, has the whole line.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from halfstep.contract.arrays import Bools, Floats
 from halfstep.contract.expressions import NO_NUMBER, Program
 
-# Ends are moved by so much of themselves, and by so much at least.
+# Each end is moved outward by WIDENING times itself, and by LEAST_WIDENING at least.
 WIDENING, LEAST_WIDENING = 2.0**-46, 2.0**-1000
-# Into so many a box is halved where it is asked whether a formula is above 0 there.
+# `is_positive` halves a box into at most so many.
 MOST_BOXES = 4096
-# Angles beyond this are not asked where they are in a turn.
+# The sine or cosine of a larger angle has the range from -1 to 1.
 LARGEST_ANGLE = 2.0**30
 
 
@@ -30,15 +30,15 @@ class Range(NamedTuple):
 
 
 def range_of(program: Program, numbers: Sequence[float], box: Sequence[Range]) -> Range:
-    """Where the values of a formula are.
+    """The range of a formula's values over boxes.
 
     Args:
         program: the formula.
-        numbers: that it takes.
-        box: of x, y and z, arrays of any one shape.
+        numbers: the numbers of the formula.
+        box: ranges of x, y and z, arrays of any one shape.
     """
     found = [Range(*(np.asarray(end, np.float64) for end in axis)) for axis in box]
-    with np.errstate(all="ignore"):  # what has no value becomes the whole line
+    with np.errstate(all="ignore"):  # NaN becomes the whole line
         for step in program:
             given = [found[operand] for operand in step.operands]
             if step.number != NO_NUMBER:
@@ -52,9 +52,9 @@ def range_of(program: Program, numbers: Sequence[float], box: Sequence[Range]) -
 def is_positive(
     program: Program, numbers: Sequence[float], box: tuple[Floats, Floats], radius: float | None
 ) -> bool:
-    """Whether a formula surely exceeds 0 all over a box, or the ball in it where it has a radius.
+    """Whether a formula surely exceeds 0 everywhere in a box, or in the ball of a given radius.
 
-    The box is halved along all axes until that is seen, but not into more than MOST_BOXES.
+    The box is halved along all axes until the answer is known, but into at most MOST_BOXES.
     """
     low, high = (np.array(end, np.float64).reshape(3, 1) for end in box)
     while low.shape[1] <= MOST_BOXES:
@@ -91,7 +91,7 @@ def _hull(*values: Floats) -> Range:
 
 
 def _product(a: Range, b: Range) -> Range:
-    # 0 times infinity: whatever is infinite here has no end.
+    # 0 times infinity is 0: infinity stands for numbers without a limit.
     ends = [np.where((x == 0) | (y == 0), 0.0, x * y) for x in a for y in b]
     return _hull(*ends)
 
@@ -132,7 +132,7 @@ def _turned(of: Callable[[Floats], Floats], top: float) -> Callable[[Range], Ran
         unknown = (np.abs(a.low) > LARGEST_ANGLE) | (np.abs(a.high) > LARGEST_ANGLE)
 
         def reaches(place: float) -> Bools:
-            # A little more than the angle, for rounding.
+            # The angle with a margin for rounding.
             low, high = (a.low - place) / (2 * np.pi), (a.high - place) / (2 * np.pi)
             return np.asarray(np.floor(high + 2.0**-20) >= np.ceil(low - 2.0**-20)) | unknown
 

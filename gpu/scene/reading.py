@@ -14,7 +14,7 @@ from halfstep.scene.faults import hint, one_line, show, syntax_fault
 from halfstep.scene.model import Scene
 from halfstep.text import decoded
 
-# What stands for a scene: itself, a file, the name of a bundled one, or what a file holds.
+# What stands for a scene: a Scene, a file, the name of a bundled scene, or a file's mapping.
 SceneLike = Scene | str | os.PathLike[str] | Mapping[str, Any]
 
 
@@ -25,7 +25,7 @@ def load(path_or_name: str | os.PathLike[str]) -> Scene:
         path_or_name: a path that ends in ``.toml``, or one of `bundled_scenes`.
 
     Raises:
-        SceneError: where there is no such scene, or with every fault it has.
+        SceneError: there is no such scene, or it has faults, all of which the error lists.
     """
     if not isinstance(path_or_name, str | os.PathLike):
         raise SceneError(f"scene: {show(path_or_name)} is not a path or a bundled name")
@@ -53,7 +53,7 @@ def as_scene(given: SceneLike) -> Scene:
             takes, whose faults read ``scene: solid[2].radius: -1 is not > 0``.
 
     Raises:
-        SceneError: where there is no such scene, or with every fault it has.
+        SceneError: there is no such scene, or it has faults, all of which the error lists.
     """
     if isinstance(given, Scene):
         return given
@@ -75,7 +75,7 @@ def bundled_scenes() -> dict[str, str]:
 def json_schema() -> dict[str, Any]:
     """JSON Schema of a scene file. Rules between two keys are not in it."""
     schema = Scene.model_json_schema(by_alias=True)
-    # Only Python may leave it out.
+    # Only a scene from Python may leave `format` out.
     schema["required"] = ["format", *schema["required"]]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
@@ -97,7 +97,7 @@ def _read(path: Path, given: str) -> bytes:
     except OSError as error:
         raise SceneError(f"{given}: cannot be read: {error.strerror}") from None
     except ValueError as error:
-        # A NUL, which no path has.
+        # The path holds a NUL.
         raise SceneError(f"{given!r}: cannot be read: {error}") from None
 
 
@@ -108,12 +108,12 @@ def _parse(source: str, content: bytes) -> Scene:
     except ValueError as error:
         raise SceneError(f"{source}: {error}") from None
     try:
-        # Nothing in it is of NumPy.
+        # tomllib gives no values of NumPy.
         return Scene._from_plain(tomllib.loads(text), source)  # noqa: SLF001 - of this room
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{source}: {syntax_fault(str(error), text)}") from None
     except RecursionError:
         raise SceneError(f"{source}: nested too deeply") from None
     except ValueError as error:
-        # An integer of more digits than Python converts.
+        # An integer has more digits than Python converts.
         raise SceneError(f"{source}: {one_line(str(error))}") from None

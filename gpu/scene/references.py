@@ -1,4 +1,4 @@
-"""Names of groups, and values of formulas, as the keys of tables hold them."""
+"""Names of groups and formulas, as values of the keys of tables."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from halfstep.scene.values import Name, Table
 
 
 class NamedGroup(Table):
-    """A group, as far as what places it knows it."""
+    """A group, as the tables that place it see it: it has a name."""
 
     name: Name
 
 
 class Reference(str):
-    """The name of a group that was given itself.
+    """The name of a group that was given as an object.
 
     Attributes:
-        group: which; the scene or group that names it takes it in.
+        group: the object, which the scene or group that uses the name adds to its own.
     """
 
     group: NamedGroup

@@ -1,7 +1,7 @@
-"""Regions: formulas over the functions of one group, which say where a cell is.
+"""Regions: formulas over the functions of one group, which describe where a cell is.
 
-A function F is that of a surface, or one of those that bound a part; it is named by its index among
-all functions of the group. The sets F <= 0 and F > 0 are exact complements of each other.
+Each function F belongs to a surface or bounds a part. A region names it by its index among all
+functions of the group. The sets F <= 0 and F > 0 are exact complements of each other.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """Where one function has one sign.
+    """The points where one function has one sign.
 
     Attributes:
         surface: index of the function F in the group.
@@ -24,21 +24,21 @@ class Literal:
 
 @dataclass(frozen=True, slots=True)
 class Complement:
-    """Everywhere but in ``of``."""
+    """Everywhere outside ``of``."""
 
     of: Region
 
 
 @dataclass(frozen=True, slots=True)
 class Intersection:
-    """Where all of ``of`` hold; everywhere, if there are none."""
+    """Inside all of ``of``; everywhere if ``of`` is empty."""
 
     of: tuple[Region, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Union:
-    """Where one of ``of`` holds; nowhere, if there are none."""
+    """Inside any of ``of``; nowhere if ``of`` is empty."""
 
     of: tuple[Region, ...]
 

@@ -1,4 +1,4 @@
-"""What solids and surfaces share: where they are, and the second-order functions F."""
+"""The common base of solids and surfaces: coordinate frames, and second-order functions F."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from halfstep.scene.values import (
 
 
 class Named(Table):
-    """What may have a name."""
+    """A table that may have a name."""
 
     name: Name | None = None
 
 
 class Placed(Table):
-    """What has a frame of its own.
+    """A table with a coordinate frame of its own.
 
     Attributes:
-        origin: of the frame.
-        axis: direction of its local Z; or
-        rotation_degrees: [rx, ry, rz], turned by Rz·Ry·Rx.
+        origin: the origin of the frame.
+        axis: direction of the frame's Z axis.
+        rotation_degrees: instead of ``axis``, [rx, ry, rz], a rotation by Rz·Ry·Rx.
     """
 
     origin: Point = (0.0, 0.0, 0.0)
@@ -49,7 +49,7 @@ class Placed(Table):
         return angles
 
     def world_from_local(self) -> Array:
-        """Rotation (3, 3) taking local directions, as columns, to those of the world or the group.
+        """Rotation (3, 3) taking local directions, as columns, to the world's or the group's.
 
         It is orthogonal: Rz·Ry·Rx with `rotation_degrees` [rx, ry, rz]; with `axis` the shortest
         rotation taking local +Z to the axis (half a turn about X where they are opposite).
@@ -60,7 +60,7 @@ class Placed(Table):
 def check_turns(
     keyframes: tuple[SolidKey, ...], axis: Vector | None, what: str
 ) -> tuple[SolidKey, ...]:
-    """Refuses keys that turn what has an axis."""
+    """Refuse keys with rotations of a table that has an axis."""
     if axis is not None:
         faults: list[Fault] = [
             ((index, "rotation_degrees"), f"the {what} has axis; write rotation_degrees instead")
@@ -73,12 +73,12 @@ def check_turns(
 
 
 class QuadricShape(Placed, ABC):
-    """A second-order function F of its own coordinates.
+    """A second-order function F of local coordinates.
 
     Attributes:
-        is_ellipsoid: whether F <= 0 is an ellipsoid, whatever rounding says of the matrix.
-        bulges: whether between two planes across its axis F <= 0 may be wider than a cone through
-            the discs there.
+        is_ellipsoid: whether F <= 0 is an ellipsoid, also if rounding spoils its matrix.
+        bulges: whether F <= 0 may be wider between two planes across its axis than a cone through
+            its discs in these planes.
     """
 
     is_ellipsoid: ClassVar[bool] = False

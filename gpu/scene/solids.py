@@ -2,20 +2,22 @@
 
 import math
 from abc import ABC
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from halfstep.scene import halfspaces
-from halfstep.scene.algebraic import Algebraic, ImplicitShape, TorusShape
+from halfstep.scene.algebraic import Algebraic, ImplicitKey, ImplicitShape, TorusShape
 from halfstep.scene.bases import BaseSolid, CutSolid
 from halfstep.scene.faults import fault, show
 from halfstep.scene.formula import Operand
+from halfstep.scene.keys import are_in_order
 from halfstep.scene.placement import orientation, tested_axes_of
 from halfstep.scene.shapes import QuadricShape
 from halfstep.scene.values import (
+    MAX_HALF_SPACES,
     Array,
     Coefficients,
     Faces,
@@ -23,6 +25,7 @@ from halfstep.scene.values import (
     Length,
     Lengths,
     Point,
+    Sequence,
     Table,
     Vector,
     made_of_kind,
@@ -30,9 +33,9 @@ from halfstep.scene.values import (
 
 
 class Part(BaseSolid, Operand, ABC):
-    """A solid that may stand in a region. All kinds are parts but the plane.
+    """A solid that a region may name. Every kind but the plane patch is a part.
 
-    From Python, ``Part(kind="box", size=…)`` makes one of the kind, as `Box` does.
+    From Python, ``Part(kind="box", size=…)`` makes a `Box`.
     """
 
     def __new__(cls, *_arguments: Any, **keys: Any) -> Self:  # noqa: D102
@@ -79,7 +82,7 @@ class Ellipsoid(EllipsoidShape, _QuadricSolid):
 
 
 class _Revolution(_QuadricSolid, ABC):
-    """A surface of revolution, which planes across its axis bound."""
+    """A solid of revolution, bounded by planes across its axis."""
 
     def ends(self) -> tuple[float, float]:
         """`z_min` and `z_max`."""
@@ -148,7 +151,7 @@ class HyperboloidTwoSheets(HyperboloidTwoSheetsShape, _Revolution):
     def ends(self) -> tuple[float, float]:
         """`z_min` and `z_max`, on the sheets."""
         low, high = super().ends()
-        # Nothing lives between the sheets: an end that lies there moves to the next apex.
+        # The solid has nothing between its sheets: an end there moves to the next apex.
         low = self.c if -self.c < low < self.c else low
         return low, -self.c if -self.c < high < self.c else high
 
@@ -170,7 +173,7 @@ class Paraboloid(ParaboloidShape, _Revolution):
     """(x² + y²)/a² <= z."""
 
     def ends(self) -> tuple[float, float]:
-        """The apex or above it, and `z_max`."""
+        """The apex, or `z_min` if it is higher, and `z_max`."""
         low, high = super().ends()
         return max(low, 0.0), high
 
@@ -226,9 +229,9 @@ class Box(Part):
 
 
 class Polyhedron(Part):
-    """n·x <= d for all rows [nx, ny, nz, d], (5): bounded and not empty, but maybe flat.
+    """n·x <= d for all rows [nx, ny, nz, d], (5). It is bounded and not empty, but may be flat.
 
-    The rows as given are the attribute `rows`.
+    The attribute `rows` holds the rows as given.
     """
 
     kind: Literal["polyhedron"] = "polyhedron"
@@ -252,12 +255,52 @@ class Torus(TorusShape, Algebraic, Part):
     """((√(x² + y²) - major)/across)² + (z/along)² <= 1, minor one number or (across, along)."""
 
 
-class Implicit(ImplicitShape, Part):
-    """formula <= 0 within the bounds, which cut it; sheet: formula = 0 itself, two-sided."""
+class Implicit(ImplicitShape, Algebraic, Part):
+    """formula <= 0 within the bounds, which cut it; as a sheet the surface formula = 0.
+
+    Attributes:
+        sheet: whether the surface formula = 0 is shown, from both sides, and no solid.
+    """
+
+    keyframes: Annotated[Sequence[ImplicitKey], AfterValidator(are_in_order)] = Field(
+        default=(), alias="key"
+    )
+    sheet: bool = False
+
+    @field_validator("sheet")
+    @classmethod
+    def _are_few_enough_with_bounds(cls, sheet: bool, info: ValidationInfo) -> bool:
+        ends = sum(info.data.get(key) is not None for key in ("z_min", "z_max"))
+        bounds = info.data.get("bounds")
+        sides = 0 if bounds is None or bounds.radius is not None else 6
+        total = sides + ends + len(info.data.get("cut", ()))
+        if total > MAX_HALF_SPACES:
+            raise fault(f"{total} half-spaces with those of the bounds is not <= {MAX_HALF_SPACES}")
+        return sheet
+
+    def at_rest(self, state: Mapping[str, Any]) -> dict[str, Any]:
+        """What keys say; values of parameters join the solid's other parameters."""
+        parameters = {**self.parameters}
+        parameters |= {name: value for name, value in state.items() if name in parameters}
+        others = {name: value for name, value in state.items() if name not in parameters}
+        return {**others, "parameters": parameters}
+
+    def is_sheet(self) -> bool:
+        """Whether the scene says so."""
+        return self.sheet
+
+    def corners(self) -> Array:
+        """All eight corners of the bounds."""
+        box = np.array(self.box())
+        return box[np.indices((2, 2, 2)).reshape(3, 8), np.arange(3)[:, None]].T
+
+    def _rows(self) -> Iterable[HalfSpace]:
+        yield from self.sides()
+        yield from super()._rows()
 
 
 class Bounds(Table):
-    """The world box that bounds a patch, eq. (14); a side may have no extent."""
+    """The world box that bounds a patch, eq. (14); it may be flat."""
 
     min: Point
     max: Point
@@ -276,10 +319,10 @@ NO_PATCH = "the plane does not meet this box in an area"
 
 
 class PlanePatch(BaseSolid):
-    """The part inside a world box of the plane through origin across axis, (14); two-sided.
+    """The piece inside a world box of the plane through origin across axis, (14); two-sided.
 
-    It has no inside. Its normal is the third column of
-    `world_from_local`. The world axis a normal is parallel to is never tested against the box.
+    It has no inside. Its normal is the third column of `world_from_local`. If the normal is
+    parallel to a world axis, the box does not bound the patch along that axis.
     """
 
     kind: Literal["plane"] = "plane"
@@ -296,11 +339,11 @@ class PlanePatch(BaseSolid):
         return bounds
 
     def tested_axes(self) -> tuple[int, ...]:
-        """World axes along which `bounds` applies: all but one the normal is parallel to."""
+        """World axes along which `bounds` applies: all but one that is parallel to the normal."""
         return tested_axes_of(self.world_from_local()[:, 2])
 
     def _rows(self) -> Iterable[HalfSpace]:
-        """The plane, then the sides of the box that are tested; (14)."""
+        """The plane, then the sides of the box across the tested axes; (14)."""
         yield 0.0, 0.0, 1.0, 0.0
         rotation = self.world_from_local()
         for axis in self.tested_axes():
@@ -310,10 +353,11 @@ class PlanePatch(BaseSolid):
 
 
 def box_cuts_area(bounds: Bounds, origin: Array, normal: Array) -> bool:
-    """Whether the plane and the box share an area: more than a line, a point or nothing.
+    """Whether the plane and the box share an area, which is more than a line or a point.
 
-    Over the rectangle of the two axes that the normal leans on least, the third coordinate of the
-    plane is an affine function; what counts is whether its range overlaps the box's.
+    The axis closest to the normal is left out. Over the box's rectangle in the other two axes, the
+    coordinate of the plane along that axis is an affine function. The answer is whether the range
+    of this function overlaps the box's.
     """
     low, high = np.array(bounds.min), np.array(bounds.max)
     third = int(np.abs(normal).argmax())
@@ -339,7 +383,7 @@ QuadricSolid = (
     | Paraboloid
     | Quadric
 )
-# The function F of each, by name.
+# The shape, which gives F, by the name of the kind.
 QUADRIC_SHAPES: dict[str, type[QuadricShape]] = {
     kind.__name__: kind.__bases__[0] for kind in get_args(QuadricSolid)
 }

@@ -1,4 +1,4 @@
-"""The kinds of surfaces: functions F without cuts, which regions take the sides of."""
+"""The kinds of surfaces: functions F without cuts, whose sides regions combine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 import numpy as np
 from pydantic import Field
 
-from halfstep.scene.algebraic import TorusShape
+from halfstep.scene.algebraic import ImplicitShape, TorusShape
 from halfstep.scene.formula import MAX_ID, Sense
 from halfstep.scene.shapes import Placed, QuadricShape
 from halfstep.scene.solids import QUADRIC_SHAPES
@@ -20,8 +20,8 @@ SurfaceId = Annotated[int, Field(ge=1, le=MAX_ID)]
 class Surface(Placed):
     """A surface with a number by which regions name it; ``-s`` is F <= 0, ``+s`` is F > 0.
 
-    From Python, ``Surface(kind="sphere", radius=2.0)`` makes one of the kind; without ``id`` the
-    group that it gets into numbers it.
+    From Python, ``Surface(kind="sphere", radius=2.0)`` makes a `SphereSurface`. A surface without
+    ``id`` gets a number from the group that takes it in.
     """
 
     id: SurfaceId | None = None
@@ -46,19 +46,19 @@ class Surface(Placed):
 
 
 class PlaneSurface(Surface):
-    """The plane through `origin` across `axis`: F is z of its own coordinates, n·x - d."""
+    """The plane through `origin` across `axis`: F is the local z, n·x - d."""
 
     kind: Literal["plane"] = "plane"
 
     def quadric(self) -> Array:
-        """F is linear: half of it in each of two places."""
+        """F = z: half of it above the diagonal, half below."""
         matrix = np.zeros((4, 4))
         matrix[2, 3] = matrix[3, 2] = 0.5
         return matrix
 
 
 def _surface_of(name: str, shape: type[QuadricShape]) -> type[Surface]:
-    """The kind of surface where the F of a kind of solid is 0."""
+    """The kind of surface F = 0 with the F of a kind of solid."""
     doc = inspect.getdoc(shape)
     assert doc is not None
     own = {"__doc__": doc.replace("<=", "="), "__module__": __name__}
@@ -69,10 +69,15 @@ class TorusSurface(TorusShape, Surface):
     """((√(x² + y²) - major)/across)² + (z/along)² = 1, minor one number or (across, along)."""
 
 
+class ImplicitSurface(ImplicitShape, Surface):
+    """formula = 0 within the bounds; outside of these formula > 0 is taken to hold."""
+
+
 SURFACE_KINDS: tuple[type[Surface], ...] = (
     *(_surface_of(name, shape) for name, shape in QUADRIC_SHAPES.items()),
     PlaneSurface,
     TorusSurface,
+    ImplicitSurface,
 )
 # Pickles find a class by its name.
 globals().update({kind.__name__: kind for kind in SURFACE_KINDS})

@@ -1,4 +1,4 @@
-"""The tables of a scene but its solids: camera, image, accuracy, light and materials."""
+"""The tables of a scene except its solids and cells: camera, image, accuracy, light, materials."""
 
 import math
 from collections.abc import Mapping
@@ -35,12 +35,12 @@ class Camera(Table):
     """Centre of projection h and the view from it, or the view along parallel rays.
 
     Attributes:
-        center: the centre of projection, eq. (1); where rays are parallel, the middle of the plane
-            in which they start.
+        center: the centre of projection, eq. (1); with parallel rays the middle of the plane in
+            which they start.
         look_at: the point in the middle of the picture.
         up: the direction that points up in the picture.
-        fov_degrees: vertical angle of view; None where rays are parallel.
-        orthographic_height: the height of the picture in scene units, if rays are parallel.
+        fov_degrees: vertical angle of view; None with parallel rays.
+        orthographic_height: height of the picture in scene units; None without parallel rays.
     """
 
     center: Point
@@ -116,14 +116,13 @@ ACCURACY_KEYS = ("tolerance_pixels", "tolerance", "steps")
 
 
 class Accuracy(Table):
-    """How far the halving goes; exactly one of the first three is not None.
+    """How far the halving goes; exactly one of the first three attributes is not None.
 
     Attributes:
-        tolerance_pixels: largest depth error in pixel widths at that depth; 0.5 where none of the
-            three is given.
+        tolerance_pixels: largest depth error in pixel widths at that depth; by default 0.5.
         tolerance: largest depth error in scene units.
         steps: the number n of halvings, the same for every solid.
-        number_format: of the numbers in the conveyor.
+        number_format: format of the numbers in the conveyor.
         method: ``visible``, the joint logic before one conveyor, or ``article``, the paper's order.
     """
 
@@ -151,7 +150,7 @@ class Accuracy(Table):
 
 
 class Volume(Table):
-    """The modelled volume: a world box whose depth range gives the scene's base planes."""
+    """The modelled volume: a world box; the base planes of the scene span its range of depth."""
 
     min: Point
     max: Point
@@ -167,16 +166,16 @@ class Volume(Table):
 
 
 class Ambient(Table):
-    """Light that reaches every surface from everywhere."""
+    """Light that reaches every surface from all sides."""
 
     color: Color = (0.1, 0.1, 0.1)
 
 
 class Light(Table):
-    """A light: far away in a direction (towards the light), or at a position; never both.
+    """A light, either in a direction (towards the light), infinitely far away, or at a position.
 
     Attributes:
-        shadows: whether solids hide it from what lies behind them.
+        shadows: whether solids and cells cast shadows in its light.
     """
 
     direction: Direction | None = None
@@ -196,11 +195,11 @@ class Material(Table):
     """A named surface finish.
 
     Attributes:
-        id: number in the output ``material``; without one, its place among the materials, from 1.
+        id: number in the output ``material``; by default its position among the materials, from 1.
         specular: weight of the highlight, 0..1.
-        reflection: how much of what is seen it mirrors, 0..1; the rest shows its colour.
-        shininess: exponent of the highlight; whole, because the highlight is an exact chain of
-            multiplications.
+        reflection: weight of the mirror image, 0..1; the finish's own colour has the rest.
+        shininess: exponent of the highlight; it is whole, because a highlight is computed by
+            multiplications alone.
     """
 
     name: Name

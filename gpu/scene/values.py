@@ -1,4 +1,4 @@
-"""Values of a scene, as TOML gives them: numbers with a range, vectors, tables.
+"""Values of a scene as TOML gives them: numbers with a range, vectors, tables.
 
 The types are pydantic's: strict (a string or a bool is never a number) and frozen; vectors are
 tuples of floats.
@@ -32,14 +32,14 @@ LARGEST = 1e15
 
 
 def _counted(values: list[Any] | tuple[Any, ...]) -> str:
-    """How many of what ``values`` are."""
+    """The number of values, with a noun for them."""
     numbers = all(isinstance(each, int | float) for each in values)
     one, several = ("number", "numbers") if numbers else ("entry", "entries")
     return f"{len(values)} {one if len(values) == 1 else several}"
 
 
 def _array(length: int) -> BeforeValidator:
-    """Takes a list, tuple or NumPy array of exactly `length` entries."""
+    """A validator that takes a list, tuple or NumPy array of exactly `length` entries."""
 
     def check(value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -60,7 +60,7 @@ def _to_tuple(value: Any) -> Any:
 
 
 def _has_direction(vector: tuple[float, ...]) -> tuple[float, ...]:
-    """Refuses a vector, or a half-space whose normal, is too short to have a direction."""
+    """Refuse a vector or half-space if the vector or normal is too short to have a direction."""
     length = math.hypot(*vector[:3])
     what = "normal " if len(vector) == 4 else ""
     if length == 0.0:
@@ -92,7 +92,7 @@ Name = Annotated[str, Field(min_length=1)]
 Vector = tuple[float, float, float]
 T = TypeVar("T")
 Sequence = Annotated[tuple[T, ...], BeforeValidator(_to_tuple)]
-# The lengths before the validator: after it the JSON Schema would take them for a string's.
+# The lengths stand before the validator: after it, the JSON Schema would read them as a string's.
 Cuts = Annotated[
     tuple[HalfSpace, ...], Field(max_length=MAX_HALF_SPACES), BeforeValidator(_to_tuple)
 ]
@@ -106,15 +106,16 @@ Faces = Annotated[
 class Table(BaseModel):
     """A TOML table: strict, frozen, no unknown keys, no infinities.
 
-    Rules between two fields are validators of the later one, which sees the earlier ones that are
-    valid: so a fault elsewhere in the table hides none. Defaults are validated for their sake.
+    A rule between two fields is a validator of the later field, which sees the earlier fields that
+    are valid. So a fault elsewhere in the table hides no fault. Defaults are validated too, so that
+    these rules run.
 
-    Built from Python, a table takes the names of its attributes, and numbers of NumPy as well; it
-    raises a `SceneError` with all its faults.
+    From Python, a table takes the names of its attributes, and numbers of NumPy as well. It raises
+    a `SceneError` with all its faults.
 
     Attributes:
-        positional: names of what may be given without its name, in order.
-        source: what faults are said to be in; without it, the name of the class.
+        positional: names of the fields that may be given by position, in order.
+        source: faults begin with it; by default the name of the class.
     """
 
     model_config = ConfigDict(
@@ -149,12 +150,12 @@ class Table(BaseModel):
                 *dict.fromkeys(line(source, loc, text) for loc, text in faults)
             ) from None
 
-    # Pydantic then does not take it for a way to validate tables inside of others.
+    # With this mark, Pydantic does not call `__init__` to validate tables inside others.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @classmethod
     def other_faults(cls, _given: object) -> list[Fault]:
-        """Faults of keys that are not valid, beside those of each key."""
+        """Faults between the keys of a mapping that is no valid table."""
         return []
 
 
@@ -164,10 +165,10 @@ TableT = TypeVar("TableT", bound=Table)
 def made_of_kind(
     cls: type[TableT], base: type[Table], kinds: Iterable[type[Table]], keys: Mapping[str, Any]
 ) -> TableT:
-    """A table of a class, not initialized; of a ``base``, one that has the kind of the keys.
+    """A table of a class, not initialized; for a ``base``, of the class that the key kind names.
 
     Raises:
-        SceneError: they say no kind, or one that is not there.
+        SceneError: the keys have no kind, or an unknown one.
     """
     if cls is not base:
         return object.__new__(cls)
@@ -199,7 +200,7 @@ def described(error: ValidationError, table: type[Table], root: Loc = ()) -> lis
 
 
 def plain(value: Any) -> Any:
-    """A value as TOML would give it, with Python's numbers and lists in place of NumPy's."""
+    """A value as TOML would give it, with numbers and lists of Python in place of NumPy's."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Mapping):
@@ -231,7 +232,7 @@ def check_some(**fields: object) -> None:
 
 
 def validation_error(title: str, faults: Iterable[Fault]) -> ValidationError:
-    """What a validator raises to report faults at places of their own below its field."""
+    """The error by which a validator reports faults at paths below its field."""
     return ValidationError.from_exception_data(
         title, [{"type": fault(text), "loc": loc, "input": None} for loc, text in faults]
     )

@@ -9,12 +9,12 @@ from typing import Any
 from halfstep.scene.faults import BARE_KEY
 from halfstep.scene.values import Table
 
-# What says which table it is comes first.
+# Keys that identify a table come first.
 _FIRST = ("format", "name", "id", "kind")
 
 
 def text_of(scene: Table) -> str:
-    """The text of a TOML file that holds the scene; what is a default is left out."""
+    """The text of a TOML file that holds the scene; defaults are left out."""
     return "\n".join(_lines(scene, ())).strip() + "\n"
 
 
@@ -35,7 +35,7 @@ def _lines(table: Table, path: tuple[str, ...]) -> Iterator[str]:
 
 
 def _values(table: Table) -> dict[str, Any]:
-    """The keys of a table and what they are, but for defaults."""
+    """The keys and values of a table, without defaults."""
     found = {}
     for name, field in type(table).model_fields.items():
         value = getattr(table, name)
@@ -47,7 +47,7 @@ def _values(table: Table) -> dict[str, Any]:
 
 
 def _is_table(value: Any) -> bool:
-    """Whether a value stands below a header of its own."""
+    """Whether a value has a header of its own."""
     if isinstance(value, tuple):
         return bool(value) and all(isinstance(each, Table) for each in value)
     return isinstance(value, Table)
@@ -66,7 +66,7 @@ def _inline(value: Any) -> str:
         case Mapping():
             return "{ " + ", ".join(f"{_key(k)} = {_inline(v)}" for k, v in value.items()) + " }"
         case ((str(), *_) as layer,):
-            # A lattice of one layer needs no second brackets.
+            # A lattice of one layer needs no second pair of brackets.
             return _inline(layer)
         case tuple():
             return "[" + ", ".join(map(_inline, value)) + "]"
@@ -74,7 +74,7 @@ def _inline(value: Any) -> str:
 
 
 def _string(text: str) -> str:
-    # JSON's escapes are TOML's, which escapes DEL as well.
+    # TOML has JSON's escapes, and escapes DEL as well.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

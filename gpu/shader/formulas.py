@@ -37,9 +37,9 @@ _VALUES: Mapping[str, str] = {
 
 
 def formulas(needs: Needs) -> str:
-    """The functions ``formula_jet`` and ``formula_value``."""
+    """The functions ``formula_jet``, ``formula_value`` and ``formula_grade``."""
     texts: list[str] = []
-    for kind, type_ in (("jet", "Jet"), ("value", "f4")):
+    for kind, type_ in (("jet", "Jet"), ("value", "f4"), ("grade", "Grade")):
         name = f"formula_{kind}"
         for number, program in enumerate(needs.programs):
             texts.append(_function(f"{name}_{number}", type_, program))
@@ -65,8 +65,8 @@ def _function(name: str, type_: str, program: Program) -> str:
 def _operation(step: Operation, type_: str, found: list[str]) -> str:
     given = [found[operand] for operand in step.operands]
     given += [] if step.number == NO_NUMBER else [f"form.numbers[{step.number}]"]
-    if type_ == "Jet":
-        return f"{step.name}_jet({', '.join(given)})"
+    if type_ != "f4":
+        return f"{step.name}_{type_.lower()}({', '.join(given)})"
     return _VALUES[step.name].format(*given)
 
 

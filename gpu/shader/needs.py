@@ -10,6 +10,7 @@ from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.expressions import Program
 from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
+from halfstep.contract.program import Known
 from halfstep.contract.shadows import GROUP
 
 # If a scene has at most this many surfaces, a surface number fits a byte, the tag.
@@ -50,9 +51,12 @@ class Needs:
     uniform: bool = False
     surfaces: int = 0  # the most surfaces of a region, or a little more
     levels: int = 0  # the most levels that a region's program opens at once
+    known: Known | None = None  # the program that a shader of the class REGION_KNOWN knows
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest degree of a polynomial in the scene
     pairs: int = 0  # the most pairs of ends of a surface of a region of an order above two
+    curved: bool = False  # one of these is a polynomial
+    other: bool = False  # one of these is another formula
     programs: tuple[Program, ...] = ()  # the scene's formulas that are not polynomials
     numbers: int = 0  # the constants that a formula's record has room for
     balls: bool = False  # a bounding ball cuts a solid with a polynomial or a formula
@@ -99,6 +103,8 @@ class Needs:
         if self.has_regions:
             wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
             wanted |= {"higher"} if self.pairs else set()
+            wanted |= {"higher_polynomial"} if self.curved else set()
+            wanted |= {"higher_formula"} if self.other else set()
             wanted |= {"surfaces_5"} if self.surfaces > 4 else set()
             wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
         if "places" in wanted or wanted >= {"regions", "normal"}:
@@ -109,14 +115,19 @@ class Needs:
 
     @property
     def has_regions(self) -> bool:
-        """Whether the shader tries copies of groups, or finds what lights these hide."""
+        """Whether the shader tries copies of groups, as solids to see or as veils of lights."""
         shaded = not self.outputs.isdisjoint(("image", "color", "shadow"))
         return not REGIONS.isdisjoint(self.classes) or (self.veils and shaded)
 
     @property
     def has_polynomials(self) -> bool:
         """Whether the shader reads records of polynomials."""
-        return Class.POLYNOMIAL in self.classes or "higher" in self.facts
+        return Class.POLYNOMIAL in self.classes or "higher_polynomial" in self.facts
+
+    @property
+    def has_formulas(self) -> bool:
+        """Whether the shader reads records of formulas that are not polynomials."""
+        return Class.FORMULA in self.classes or "higher_formula" in self.facts
 
     @property
     def choices(self) -> frozenset[str]:

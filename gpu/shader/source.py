@@ -30,7 +30,7 @@ from halfstep.contract import program
 from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
-from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
+from halfstep.contract.powers import BOUNDS, CLOCKS, MADE, MADE_OF_FORMULA, term_count
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
@@ -44,6 +44,7 @@ from halfstep.shader.fetch import (
     SHADOW_RECORDS,
     VEIL_RECORDS,
     fetches,
+    in_textures,
 )
 from halfstep.shader.formulas import formulas
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
@@ -61,8 +62,11 @@ MIRROR_BINDINGS = range(SHADOW_BINDINGS.stop, SHADOW_BINDINGS.stop + len(MIRROR_
 EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 # The binding for surfaces of regions of an order above two.
 HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
-# The bindings for what copies of groups hide of lights.
+# The bindings for veils.
 VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
+
+# The type of a binding that is a texture.
+TEXTURE = "texture"
 
 # The constants of `contract.program` that shaders need.
 WORD = (
@@ -134,6 +138,9 @@ def _visits(needs: Needs) -> Iterator[str]:
     for klass in needs.classes:
         visit = VISITS[needs.method, klass]
         words = {"WORDS": visit.words}
+        if klass == Class.REGION_KNOWN:
+            known = needs.known or program.NOTHING_KNOWN
+            words = {"WORDS": len(known.words), "flats": known.planes, "curves": known.quadrics}
         text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads, words)
         yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
 
@@ -142,46 +149,56 @@ def constants(needs: Needs) -> str:
     """Constants that depend on the frame and the device. A shader keeps those that it uses."""
     across = TILE // (LANES * needs.quads)
     halvings = needs.format.article_run if needs.method == "article" else needs.format.run
+    known = needs.known or program.NOTHING_KNOWN
+    crossings = needs.surfaces * (3 if "error" in needs.facts else 1)
     numbers = {
-        "WORKGROUP": across * TILE,
-        "BLOCKS": across,  # of a row of a tile
-        "BLOCK": LANES * needs.quads,  # pixels
-        "BROADCAST": needs.broadcast,
-        "LIGHTS": needs.lights,
-        "SHININESS_BITS": needs.shininess_bits,
-        "SURFACES": needs.surfaces,
-        "CROSSINGS": needs.surfaces * (3 if "error" in needs.facts else 1),
-        "LEVELS": needs.levels,
-        "WORDS": max(SHORT.values()),
-        "DEGREE": needs.degree,
-        "TERMS": term_count(needs.degree),
-        "PAIRS": needs.pairs,
-        "NUMBERS": needs.numbers,
-        "CLOCKS": CLOCKS,
-        "BOUNDS": BOUNDS,
-        "CLASSES": len(needs.classes),
-        "SHADOWS": needs.shadows,
-        "FAR_LIGHTS": needs.far_lights,
-        "GROUPED": GROUP,
-        "BOUNCES": needs.bounces,
-        "MIRROR_STEPS": MIRROR_STEPS,
-        "VEIL_STEPS": VEIL_STEPS,
-        **{name: getattr(program, name) for name in WORD},
+        "WORKGROUP": (across * TILE, "invocations of a workgroup, which renders a tile"),
+        "BLOCKS": (across, "blocks in a row of a tile"),
+        "BLOCK": (LANES * needs.quads, "pixels of a block, which an invocation renders"),
+        "BROADCAST": (needs.broadcast, "invocations that share a load"),
+        "LIGHTS": (needs.lights, "lights to shade with"),
+        "SHININESS_BITS": (needs.shininess_bits, "bits of the largest exponent of a highlight"),
+        "SURFACES": (needs.surfaces, "the most surfaces of an excerpt"),
+        "CROSSINGS": (crossings, "the most crossings of a region"),
+        "LEVELS": (needs.levels, "the most levels that a program opens at once"),
+        "WORDS": (max(SHORT.values()), "the most words of a short program"),
+        "KNOWN_PLANES": (known.planes, "planes of the program that this shader holds"),
+        "KNOWN_QUADRICS": (known.quadrics, "quadrics of that program"),
+        "DEGREE": (needs.degree, "the highest degree of a polynomial"),
+        "TERMS": (term_count(needs.degree), "terms of a polynomial"),
+        "PAIRS": (needs.pairs, "the most pairs of ends of a surface of an order above two"),
+        "NUMBERS": (needs.numbers, "constants that a formula has room for"),
+        "CLOCKS": (CLOCKS, "the most cells that a pixel tries"),
+        "BOUNDS": (BOUNDS, "the most error bounds that a pixel tries"),
+        "MADE": (MADE, "halvings of the interval down to a ray's first cell"),
+        "MADE_OF_FORMULA": (MADE_OF_FORMULA, "the same for a formula that is no polynomial"),
+        "CLASSES": (len(needs.classes), "classes of solids"),
+        "SHADOWS": (needs.shadows, "lights with shadows"),
+        "FAR_LIGHTS": (needs.far_lights, "far lights among these, which come first"),
+        "GROUPED": (GROUP, "occluders in a group"),
+        "BOUNCES": (needs.bounces, "the most reflections of a ray"),
+        "MIRROR_STEPS": (MIRROR_STEPS, "halvings for a ray from a mirror"),
+        "VEIL_STEPS": (VEIL_STEPS, "halvings for a crossing of a veil"),
+        **{name: (getattr(program, name), "of a word of a program") for name in WORD},
     }
-    numbers |= {f"LIST_{klass.name}": slot for slot, klass in enumerate(needs.classes)}
-    numbers |= {f"PLANE_{name.upper()}": n for name, n in plane_offsets(needs.outputs).items()}
-    numbers |= {f"BYTES_{name.upper()}": n for name, n in byte_offsets(needs.outputs).items()}
-    lines = [f"const {name}: u32 = {number}u;" for name, number in numbers.items()]
-    lines.append(f"const VEIL_ROUNDS: i32 = {VEIL_ROUNDS};")
-    lines.append(f"const HALVINGS: Run = {halvings};")
-    lines.append(f"const SEARCHES: Run = {needs.format.run};")
+    for slot, klass in enumerate(needs.classes):
+        numbers[f"LIST_{klass.name}"] = slot, "index of the list of this class in a tile"
+    for name, first in plane_offsets(needs.outputs).items():
+        numbers[f"PLANE_{name.upper()}"] = first, "first plane of this output"
+    for name, first in byte_offsets(needs.outputs).items():
+        numbers[f"BYTES_{name.upper()}"] = first, "bytes of a pixel before this output"
+    lines = [f"const {name}: u32 = {n}u;  // {meaning}" for name, (n, meaning) in numbers.items()]
+    lines.append(f"const VEIL_ROUNDS: i32 = {VEIL_ROUNDS};  // the most rounds of loops for veils")
+    lines.append(f"const HALVINGS: Run = {halvings};  // roundings of the method's halvings")
+    lines.append(f"const SEARCHES: Run = {needs.format.run};  // roundings of the conveyor")
     return "".join(f"{line}\n" for line in lines)
 
 
 @functools.cache
 def binding_types(needs: Needs) -> dict[int, str]:
-    """wgpu's buffer type of each binding that a shader declares, by number."""
-    records = "uniform" if needs.uniform else "read-only-storage"
+    """wgpu's buffer type of each binding that a shader declares, or ``TEXTURE``, by number."""
+    textures = in_textures(needs)
+    records = "uniform" if needs.uniform else _read_from("solids" in textures)
     types = {0: "uniform", 1: records, 2: records, 3: "read-only-storage", 4: "read-only-storage"}
     if plane_offsets(needs.outputs)["total"]:
         types[5] = "storage"
@@ -192,7 +209,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
     if "image" in needs.outputs:
         types[8] = "uniform"
     if needs.surfaces:  # bound for all shaders of a frame, whether they read it or not
-        types |= dict.fromkeys(range(9, 10 + len(REGION_RECORDS)), "read-only-storage")
+        read_from = [_read_from(name in textures) for name in (*REGION_RECORDS, "programs")]
+        types |= dict(enumerate(read_from, start=9))
     if needs.degree:  # likewise
         types[10 + len(REGION_RECORDS)] = "read-only-storage"
     if needs.pairs:  # likewise
@@ -201,6 +219,10 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[EXPRESSIONS_BINDING] = "read-only-storage"
     types |= dict.fromkeys(_placed(needs), "read-only-storage")
     return types
+
+
+def _read_from(is_texture: bool) -> str:
+    return TEXTURE if is_texture else "read-only-storage"
 
 
 def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
@@ -227,8 +249,8 @@ def bindings(needs: Needs) -> str:
         space = "uniform"
     lines = [
         "@group(0) @binding(0) var<uniform> frame: Frame;",
-        f"@group(0) @binding(1) var<{space}> solids: array<{solid}>;",
-        f"@group(0) @binding(2) var<{space}> half_spaces: array<{half_space}>;",
+        _records(needs, 1, "solids", solid, space),
+        _records(needs, 2, "half_spaces", half_space, space),
         "@group(0) @binding(3) var<storage, read> tiles: array<u32>;",
         "@group(0) @binding(4) var<storage, read> tile_solids: array<u32>;",
     ]
@@ -250,7 +272,7 @@ def bindings(needs: Needs) -> str:
             for name, record in REGION_RECORDS.items()
         }
         lines += [
-            f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;"
+            _records(needs, number, name, type_)
             for number, (name, type_) in enumerate((arrays | {"programs": "u32"}).items(), start=9)
         ]
     if "higher" in needs.facts:
@@ -261,7 +283,7 @@ def bindings(needs: Needs) -> str:
         polynomial = "Polynomial" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
         lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
-    if Class.FORMULA in needs.classes:
+    if needs.has_formulas:
         expression = "Expression" if needs.broadcast == 1 else "vec4<u64>"
         binding = f"@group(0) @binding({EXPRESSIONS_BINDING})"
         lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
@@ -269,3 +291,13 @@ def bindings(needs: Needs) -> str:
         type_ = record.name if needs.broadcast == 1 else "vec4<u64>"
         lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
     return "\n".join(lines) + "\n"
+
+
+def _records(
+    needs: Needs, number: int, name: str, element: str, space: str = "storage, read"
+) -> str:
+    """The declaration of an array of records, which may be a texture."""
+    binding = f"@group(0) @binding({number})"
+    if name in in_textures(needs):
+        return f"{binding} var {name}: texture_2d<u32>;"
+    return f"{binding} var<{space}> {name}: array<{element}>;"

@@ -1,12 +1,12 @@
-"""WGSL tested against NumPy: a pytest plugin, and what it is made of.
+"""WGSL tested against NumPy: a pytest plugin, and the classes and functions behind it.
 
     def test_twice(wgsl):
         x = halfstep.testing.decades(numpy.random.default_rng(1), 5000)
         wgsl.check("fn twice(x: f32) -> f32 { return x + x; }", "twice", lambda x: 2 * x, {"x": x})
 
 The fixture ``wgsl`` is a `Kit` on a device of this machine. Without pytest, `Kit` takes any
-wgpu.GPUDevice. Importing this package loads neither NumPy nor wgpu; names are loaded when they are
-first used, so that the plugin costs nothing where it is not used.
+wgpu.GPUDevice. Importing this package loads neither NumPy nor wgpu. Each name is loaded at its
+first use, so the plugin costs nothing in a run that does not use it.
 """
 
 from typing import TYPE_CHECKING
@@ -52,7 +52,7 @@ _HOME = {
     "unwritten": "values",
 }
 
-# Hidden from type checkers, which would take every misspelt name for a public one.
+# Hidden from type checkers, which would accept every misspelt name as a public one.
 if not TYPE_CHECKING:
     __getattr__ = lazily(__name__, _HOME)
 

@@ -1,4 +1,4 @@
-"""A function with all that it is given for its rows, and what a reference is given of it."""
+"""A call of a function for all its rows, and the same call of its reference."""
 
 from __future__ import annotations
 
@@ -33,19 +33,21 @@ __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 @dataclass(frozen=True)
 class Call:
-    """A function with all that it is given.
+    """A function with all arguments of its rows.
+
+    An *answer* is a value after the call: the result, a parameter or a variable.
 
     Attributes:
         module: the source.
-        kernel: what calls the function.
-        parameters: their names, in order.
-        returns: names of the answers; None where only the result is asked for.
-        values: what each row is given, by name, (lead, …).
-        shared: what all rows are given of the parameters that are bound, by name: arrays, samplers,
-            and tuples and mappings of such.
+        kernel: the shader that calls the function.
+        parameters: names of the parameters, in order.
+        returns: names of the answers; None if only the result is wanted.
+        values: arguments and variables of the rows by name, (lead, …).
+        shared: arguments of bound parameters, which all rows share, by name: arrays, samplers, and
+            tuples and mappings of these.
         lead: the axes of rows, (rows,) or (H, W) or others.
-        bound: what is bound, by variable.
-        constants: values of overrides, as a pipeline takes them.
+        bound: buffers, textures and samplers by variable.
+        constants: values of overrides, in the form for a pipeline.
     """
 
     module: Module
@@ -60,12 +62,12 @@ class Call:
 
     @property
     def rows(self) -> int:
-        """How many there are."""
+        """Number of rows."""
         return int(np.prod(self.lead))
 
     @property
     def flat(self) -> dict[str, Values]:
-        """What each row is given, (rows, …)."""
+        """Arguments and variables of the rows by name, (rows, …)."""
         return {name: self.flattened(values) for name, values in self.values.items()}
 
     def flattened(self, values: Values) -> Values:
@@ -73,16 +75,18 @@ class Call:
         return values.reshape(self.rows, *values.shape[len(self.lead) :])
 
     def arguments(self) -> tuple[list[Any], dict[str, Any]]:
-        """Arguments in order, and variables by name; nobody may change them."""
+        """Arguments in order, and variables by name; the arrays are read-only."""
         views = _of_arrays(self.values | self.shared, _fixed)
         arguments = [views.pop(name) for name in self.parameters]
         return arguments, views
 
     def expected(self, given: Any) -> dict[str, Any]:
-        """What a reference gave, by answer: of rows (rows, …), of buffers as they come back.
+        """The value ``given`` by a reference as answers by name, in the types of the device.
+
+        Answers of rows are (rows, …). Buffers have the form in which `Kit` gives them back.
 
         Raises:
-            UsageError: it does not fit.
+            UsageError: the value has another form, shape or type.
         """
         if self.returns is None:
             given = {RESULT: given}
@@ -102,7 +106,7 @@ class Call:
 
     @property
     def types(self) -> list[DType]:
-        """What the answers are in NumPy."""
+        """The NumPy types of the answers."""
         names = (RESULT,) if self.returns is None else self.returns
         return [
             dtype_of(self.kernel.answers[name])
@@ -113,23 +117,23 @@ class Call:
 
 
 def check_callable(name: str, function: Any) -> None:
-    """See that what is to be called can be.
+    """Check that an argument is a function.
 
     Raises:
-        UsageError: it cannot.
+        UsageError: it is not.
     """
     if not callable(function):
         raise UsageError(f"{name}: {type(function).__name__} is no function")
 
 
 def called(reference: Any, call: Call) -> Any:
-    """What a reference gives for a call."""
+    """The value that a reference returns for a call."""
     arguments, variables = call.arguments()
     return reference(*arguments, **variables)
 
 
 def asked(call: Call, reference: Any) -> dict[str, Any]:
-    """What a reference expects of a call, by answer."""
+    """The answers that a reference expects of a call, by name."""
     return call.expected(called(reference, call))
 
 
@@ -145,13 +149,13 @@ def compared(
     """The census of all answers.
 
     Args:
-        call: what was called.
-        found: what the device gave, by answer.
-        expected: what it should have given.
-        tolerance: what does not count as a difference.
-        excused: (rows,), where a row that differs is ambiguous.
-        others: what a device that flushes subnormal numbers might have given instead.
-        stack: what the device stands on.
+        call: the call.
+        found: the device's answers by name.
+        expected: the right answers by name.
+        tolerance: differences within it do not count.
+        excused: (rows,), True where a row that differs is ambiguous.
+        others: answers that a device may give if it flushes subnormal numbers to zero.
+        stack: adapter, driver and versions of the device.
     """
     function, censuses = call.kernel.function, []
     if names := [name for name in found if name in call.kernel.answers]:
@@ -199,7 +203,7 @@ def compared(
 
 
 def _together(answers: Mapping[str, Values]) -> Values:
-    """Arrays (rows, …) as one with a field of each."""
+    """Arrays (rows, …) as one structured array with a field for each."""
     [rows] = {len(values) for values in answers.values()}
     result = np.empty(rows, [(n, v.dtype, v.shape[1:]) for n, v in answers.items()])
     for name, values in answers.items():
@@ -208,19 +212,19 @@ def _together(answers: Mapping[str, Values]) -> Values:
 
 
 def check_rtol(tolerance: Tolerance, name: str, types: Iterable[DType]) -> None:
-    """See that there are floats where a part of them is tolerated."""
+    """Check that a relative tolerance meets floats."""
     if tolerance.rtol and not any(leaf.kind == "f" for one in types for leaf in leaf_types(one)):
         raise UsageError(f"rtol: {name} has no floats; atol is for whole numbers too")
 
 
 def changed(call: Call, change: Any) -> Call:
-    """The call with every array of its values changed."""
+    """The call with ``change`` applied to every array of its values."""
     values, shared = (_of_arrays(one, change) for one in (call.values, call.shared))
     return replace(call, values=values, shared=shared)
 
 
 def _of_arrays(value: Any, change: Callable[[Values], Any]) -> Any:
-    """``value`` with every array in it changed."""
+    """``value`` with ``change`` applied to every array in it."""
     if isinstance(value, Mapping):
         return {name: _of_arrays(part, change) for name, part in value.items()}
     if isinstance(value, tuple):
@@ -230,7 +234,7 @@ def _of_arrays(value: Any, change: Callable[[Values], Any]) -> Any:
 
 
 def _fixed(values: Values) -> Values:
-    """A view of ``values`` that nobody may change through it."""
+    """A read-only view of ``values``."""
     view = values.view()
     if isinstance(view, np.ndarray):
         view.flags.writeable = False
@@ -238,12 +242,12 @@ def _fixed(values: Values) -> Values:
 
 
 def doubled(values: Values) -> Values:
-    """``values`` with float64 for every shorter float."""
+    """``values`` with float64 in place of every shorter float."""
     return values.astype(_doubles(values.dtype))
 
 
 def flushed(values: Values, *, signed: bool = True) -> Values:
-    """``values`` with zeros for subnormal numbers, of the same sign or positive."""
+    """``values`` with zeros in place of subnormal numbers, of the same sign or all positive."""
     result = np.array(values)
     if result.dtype.names is None:
         if result.dtype.kind == "f":
@@ -258,7 +262,7 @@ def flushed(values: Values, *, signed: bool = True) -> Values:
 
 
 def _flushed_both_ways(*given: Values) -> list[Values]:
-    """Arrays with subnormal numbers as zeros: WGSL leaves open which sign they have."""
+    """`flushed` arrays with signed and with positive zeros: WGSL leaves the sign open."""
     return [flushed(one, signed=signed) for one in given for signed in (True, False)]
 
 
@@ -271,7 +275,7 @@ def _doubles(dtype: DType) -> DType:
 
 
 def check_names(name: str, given: Sequence[str] | None) -> tuple[str, ...] | None:
-    """The names of a tuple or list, if there is one."""
+    """The names of a tuple or list; None if none is given."""
     if given is None:
         return None
     is_list = isinstance(given, tuple | list)
@@ -286,7 +290,7 @@ def variables_of(module: Module, function: str, inputs: Mapping[str, Any]) -> li
     """The inputs that are private variables.
 
     Raises:
-        UsageError: an input is neither that nor a parameter, or a parameter has no input.
+        UsageError: an input is no private variable and no parameter, or a parameter has no input.
     """
     declared = [part.name for part in module.declared[function].parts]
     settable = [name for name in module.private() if name in module.reached(function)]
@@ -302,12 +306,12 @@ def variables_of(module: Module, function: str, inputs: Mapping[str, Any]) -> li
 
 
 def rows_of(row: Struct, inputs: Mapping[str, Any]) -> tuple[dict[str, Values], tuple[int, ...]]:
-    """The inputs in the types of the members of a row, all with the same axes of rows; these axes.
+    """The inputs in the types of the members of a row, and the axes of rows, which they share.
 
-    Without an axis of rows there is one row.
+    Inputs without an axis of rows make one row.
 
     Raises:
-        UsageError: an input does not fit its type, or the rows of others.
+        UsageError: an input does not fit its type, or has other rows than another input.
     """
     types = {member.name: dtype_of(member.type) for member in row.members}
     values = {

@@ -1,7 +1,8 @@
-"""Two arrays compared row by row: how many differ, by how much, and which.
+"""Two arrays compared row by row: how many rows differ, by how much, and which.
 
-The distance of two floats is counted in units in the last place (ULP): how many numbers of their
-type there are from one to the other. The two zeros are one apart; a NaN is equal to any NaN.
+The distance of two floats is counted in units in the last place (ULP), as the number of steps from
+one to the other through all numbers of their type. The two zeros are one step apart. Every NaN is
+equal to every NaN.
 """
 
 from __future__ import annotations
@@ -21,17 +22,17 @@ from halfstep.errors import UsageError
 
 # Rows that a census shows.
 SHOWN = 5
-# Elements along each axis of an array that it shows.
+# Elements that a census shows along each axis of an array.
 SHOWN_ELEMENTS = 8
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What is not counted as a difference; by default two values must be the same bits.
+    """Differences that do not count; by default two values must have the same bits.
 
     Attributes:
-        ulp: distance of two floats in units in the last place.
-        atol: abs(found - expected) of numbers; with it ``rtol`` times abs(expected) of floats.
+        ulp: largest distance of two floats in units in the last place.
+        atol: abs(found - expected) may be ``atol``, and for floats ``rtol`` abs(expected) more.
         rtol: see ``atol``.
     """
 
@@ -57,11 +58,11 @@ class Row:
     """A row that differs.
 
     Attributes:
-        index: its number.
-        inputs: what the function was given, by name.
+        index: number of the row.
+        inputs: the inputs of the row by name.
         found, expected: the values of the members that differ, by name; "" is the whole result.
-        distance: in words, by the same names; "" of truth values.
-        lead: the axes of rows, where there are several.
+        distance: the distance in words, by the same names; "" for truth values.
+        lead: the axes of rows, if there are several.
     """
 
     index: int
@@ -81,21 +82,21 @@ class Census:
     """All differences of two arrays.
 
     Attributes:
-        name: what was compared.
-        tolerance: what counts as a difference.
-        rows: how many there are.
-        differing: rows that differ by more than the tolerance.
-        ambiguous: those of them that are within the margin of a decision.
-        unwritten: those of them that hold what was in the buffer before.
-        flushed: those of them that are right where subnormal numbers are taken for zeros.
+        name: name of the function or array that was compared.
+        tolerance: differences within it do not count.
+        rows: number of rows.
+        differing: number of rows that differ by more than the tolerance.
+        ambiguous: number of differing rows within the margin of a decision.
+        unwritten: number of differing rows that still hold the prefilled words.
+        flushed: number of differing rows that are right if subnormal numbers are zeros.
         worst_ulp: the largest distance of two finite floats, in tolerance or not.
-        worst_row: its row; None where no floats differ.
-        histogram: distance in words -> values that are so far apart, in tolerance or not.
-        members: rows that differ in each member of the result; "" is the whole.
+        worst_row: the row of ``worst_ulp``; None if no floats differ.
+        histogram: distance in words -> number of values so far apart, in tolerance or not.
+        members: number of rows that differ in each member of the result; "" is the whole result.
         first: the first rows that differ and are not ambiguous.
-        stack: what the device stands on.
-        lead: the axes of rows, where there are several.
-        unit: what a row is.
+        stack: adapter, driver and versions of the device.
+        lead: the axes of rows, if there are several.
+        unit: noun for a row, as "pixel".
     """
 
     name: str
@@ -116,11 +117,11 @@ class Census:
 
     @property
     def failed(self) -> int:
-        """Rows that differ and have no excuse."""
+        """Number of rows that differ and have no excuse."""
         return self.differing - self.ambiguous - self.flushed
 
     def as_dict(self) -> dict[str, Any]:
-        """The census for JSON, in which a number that is not finite is a string."""
+        """The census for JSON. A number that is not finite is a string there."""
         return {
             "name": self.name,
             "tolerance": vars(self.tolerance),
@@ -135,7 +136,7 @@ class Census:
             "members": self.members,
             "first": [row.as_dict() for row in self.first],
             "stack": dict(self.stack),
-            # Of what few comparisons have, others say nothing.
+            # Only comparisons with flushed rows have this entry.
             **({"flushed": self.flushed} if self.flushed else {}),
             **({"lead": list(self.lead)} if len(self.lead) > 1 else {}),
         }
@@ -175,7 +176,7 @@ class MismatchError(AssertionError):
     """Two arrays differ; its text is the census.
 
     Attributes:
-        census: what differs.
+        census: the differences.
     """
 
     def __init__(self, census: Census) -> None:
@@ -200,17 +201,17 @@ def take(
     """The census of two arrays (rows, …) of the same type, which may be structured.
 
     Args:
-        name: what is compared.
-        found: what a device gave.
-        expected: what it should have given.
-        tolerance: what does not count as a difference.
-        inputs: name -> (rows, …), to be shown with a row.
-        excused: (rows,), where a row that differs is ambiguous.
-        stack: what the device stands on.
-        member: of what is compared, the name of the part that the arrays are.
+        name: name of the function or array that is compared.
+        found: values from the device.
+        expected: the right values.
+        tolerance: differences within it do not count.
+        inputs: name -> (rows, …), shown with a row that differs.
+        excused: (rows,), True where a row that differs is ambiguous.
+        stack: adapter, driver and versions of the device.
+        member: name of the member that the arrays are, if they are one of several.
         lead: the axes of rows, if there are several.
-        flushed: what is right too, where a device takes subnormal numbers for zeros.
-        unit: what a row is.
+        flushed: values that are right too, for a device that flushes subnormal numbers to zero.
+        unit: noun for a row, as "pixel".
     """
     rows = len(found)
     count = _counted(found, expected, tolerance, member)
@@ -262,7 +263,7 @@ def _place(row: int, lead: tuple[int, ...]) -> str:
 
 
 def joined(censuses: Sequence[Census]) -> Census:
-    """One census of the parts of a whole, each of which has rows of its own."""
+    """One census for several, whose rows it adds up."""
     worst = max(censuses, key=lambda one: (one.worst_row is not None, one.worst_ulp))
     counts: Counter[str] = Counter()
     for one in censuses:
@@ -284,12 +285,12 @@ def within(margin: ArrayLike | None, rows: int | tuple[int, ...]) -> Bools:
     """Rows (rows,) so close to their decisions that either answer is right.
 
     Args:
-        margin: (rows,), the distance of each row from its decision, in units of the rounding error
-            that the decision may have; None where there is none.
-        rows: how many there are, along each of their axes if there are several.
+        margin: (rows,), the distance of each row from its decision, in units of the decision's
+            largest rounding error; None if rows have no decision.
+        rows: number of rows, or the numbers along each axis of rows.
 
     Raises:
-        UsageError: the margin is something else.
+        UsageError: the margin has another shape or type.
     """
     lead = (rows,) if isinstance(rows, int) else rows
     count = math.prod(lead)
@@ -307,7 +308,7 @@ def within(margin: ArrayLike | None, rows: int | tuple[int, ...]) -> Bools:
 
 
 class _Count:
-    """What differs in the members seen so far."""
+    """The differences in the members counted so far."""
 
     def __init__(self, rows: int, tolerance: Tolerance) -> None:
         self.differs: Bools = np.zeros(rows, bool)
@@ -337,13 +338,13 @@ class _Count:
 
 
 class Distance:
-    """How far numbers are apart.
+    """The distances of pairs of numbers.
 
     Attributes:
-        kind: "f", "i", "u" or "b" as NumPy's.
-        ulps: uint64; of floats units in the last place, of other types abs(found - expected).
-        nan: where one is a NaN.
-        finite: where both are finite floats.
+        kind: NumPy's kind "f", "i", "u" or "b".
+        ulps: uint64; units in the last place for floats, abs(found - expected) for other types.
+        nan: True where either number is a NaN.
+        finite: True where both numbers are finite floats.
     """
 
     def __init__(self, found: Array, expected: Array) -> None:
@@ -351,7 +352,7 @@ class Distance:
         if self.kind != "f":
             self.nan = self.finite = np.zeros(found.shape, bool)
             low, high = np.minimum(found, expected), np.maximum(found, expected)
-            # The difference of two 64-bit integers is right modulo 2^64, which is all it needs.
+            # Wrapping is harmless: the difference of 64-bit integers is below 2^64.
             self.ulps = high.astype(np.uint64) - low.astype(np.uint64)
             return
         self.nan = np.isnan(found) | np.isnan(expected)
@@ -379,7 +380,7 @@ class Distance:
 
 
 def leaves(values: Array, name: str = "") -> Iterator[tuple[str, Array]]:
-    """The plain arrays that a structured one is made of, by their names joined with dots."""
+    """The plain arrays in a structured array, by their names joined with dots."""
     if values.dtype.names is None:
         yield name, values
         return
@@ -388,7 +389,7 @@ def leaves(values: Array, name: str = "") -> Iterator[tuple[str, Array]]:
 
 
 def _ordinal(values: Array) -> Array:
-    """Unsigned integers in the order of floats, one more from each to the next."""
+    """Floats as unsigned integers of the same order; from a float to the next it is one more."""
     bits = values.view(f"u{values.itemsize}")
     sign = bits.dtype.type(1 << (8 * values.itemsize - 1))
     return np.where(bits & sign, ~bits, bits | sign)
@@ -403,7 +404,7 @@ def _unequal(found: Array, expected: Array) -> Bools:
 
 
 def _tolerated(found: Array, expected: Array, distance: Distance, tolerance: Tolerance) -> Bools:
-    """Where numbers that are not equal are close enough; infinities and NaNs never are."""
+    """Whether unequal numbers are close enough; infinities and NaNs never are."""
     if distance.kind == "b":
         return np.zeros(found.shape, bool)
     if distance.kind != "f":
@@ -418,14 +419,14 @@ def _tolerated(found: Array, expected: Array, distance: Distance, tolerance: Tol
 
 
 def _unwritten(values: Array) -> Bools:
-    """Rows in which every number still is what was in the buffer before."""
+    """Rows in which every word is still the prefilled one."""
     rows = np.ones(len(values), bool)
     for _, leaf in leaves(values):
         words = leaf.reshape(len(values), -1)
         if words.dtype.kind == "b":
             continue
         if words.itemsize == 1 and words.shape[1] % 4 == 0:
-            # A byte alone may well be one of the four.
+            # A single byte may equal one of the four by chance.
             words = np.ascontiguousarray(words).view("<u4")
         bits = words.view(f"u{words.itemsize}")
         halves = {UNWRITTEN >> 16, UNWRITTEN & 0xFFFF}
@@ -435,7 +436,7 @@ def _unwritten(values: Array) -> Bools:
 
 
 def _histogram(distances: list[Distance]) -> dict[str, int]:
-    """Values by distance: floats in powers of two of their units, then all others."""
+    """Numbers of values by distance: floats by powers of two of their units, then all others."""
     counts: dict[str, int] = {}
     ulps = [distance.ulps[distance.finite] for distance in distances]
     exponents = np.frexp(np.concatenate([*ulps, np.empty(0, np.uint64)]).astype(np.float64))[1] - 1
@@ -493,7 +494,7 @@ def _row_lines(row: Row, unit: str) -> list[str]:
 
 
 def as_text(value: Any) -> str:
-    """A value of one row, with as many digits as tell it from others of its type."""
+    """A value of one row, with enough digits to tell it from any other of its type."""
     array = np.asarray(value)
     if array.ndim == 0:
         return str(array[()])
@@ -503,7 +504,7 @@ def as_text(value: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """``value`` as JSON can hold it."""
+    """``value`` in types that JSON has."""
     if isinstance(value, Mapping):
         return {name: plain(part) for name, part in value.items()}
     if isinstance(value, np.ndarray | np.generic):

@@ -1,4 +1,4 @@
-"""What the compiler says, at its time and with the places of the source."""
+"""Messages of the compiler, with files and lines of the source."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 @dataclass(frozen=True)
 class Located:
-    """Tells what the compiler says with the files and lines of the source.
+    """A context in which messages of the compiler get the files and lines of the source.
 
     Attributes:
         module: the source.
-        function: what an ``entry_point`` that is not of the source calls, if there is one.
+        function: the function that the kit's own ``entry_point`` calls, if there is one.
     """
 
     module: Module
@@ -39,7 +39,7 @@ class Located:
 
 @dataclass(frozen=True)
 class CompilerFirst:
-    """Lets the compiler speak first where a text cannot be read: it says better what is wrong."""
+    """A context in which the compiler reports a text that cannot be read; its message is better."""
 
     compile: Callable[[Module], None]
     module: Module

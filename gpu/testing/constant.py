@@ -1,7 +1,7 @@
-"""Constant expressions of WGSL, worked out as a compiler does.
+"""The values of constant expressions of WGSL.
 
-Only what is sure to come out the same everywhere is worked out: whole numbers and truth values by
-the rules of their types, floats where IEEE 754 leaves no choice.
+An expression is evaluated only if every compiler must find the same value: whole numbers and truth
+values by the rules of their types, and floats if IEEE 754 leaves no choice.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from halfstep.testing.tokens import Tokens, closing, split, written
 
-# Type -> least and largest number. "int" is what a number without a type and a fraction is.
+# Type -> least and largest number. "int" is the type of a number without suffix and fraction.
 WHOLE = {
     "int": (-(2**63), 2**63 - 1),
     "i32": (-(2**31), 2**31 - 1),
@@ -22,7 +22,7 @@ WHOLE = {
     "i64": (-(2**63), 2**63 - 1),
     "u64": (0, 2**64 - 1),
 }
-# "float" is what a number without a type and with a fraction is.
+# "float" is the type of a number without suffix but with a fraction.
 _FLOATS: dict[str, Any] = {
     "float": np.float64,
     "f64": np.float64,
@@ -34,7 +34,7 @@ _DECIMAL = re.compile(r"(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)(f|h|
 _HEXADECIMAL = re.compile(r"(0[xX][\da-fA-F]*\.?[\da-fA-F]*(?:[pP][+-]?\d+)?)(f|h)?")
 _SUFFIXES = {"i": "i32", "u": "u32", "li": "i64", "lu": "u64", "f": "f32", "h": "f16", "lf": "f64"}
 
-# Operators, those that bind least first.
+# Operators by level; the first level binds least.
 _LEVELS = (
     ("||",),
     ("&&",),
@@ -62,8 +62,8 @@ class Constant(NamedTuple):
     value: Any
 
 
-# What a name stands for: a constant, a scalar type by its name, or None if only WGSL declares it.
-# It raises ValueError for all else.
+# Gives the meaning of a name: a constant, a scalar type, or None if only WGSL declares the name. It
+# raises ValueError for any other name.
 Names = Callable[[str], Constant | str | None]
 
 
@@ -71,7 +71,7 @@ def evaluate(tokens: Tokens, names: Names) -> Constant:
     """The value of an expression.
 
     Raises:
-        ValueError, ArithmeticError: it is none, or cannot be worked out here.
+        ValueError, ArithmeticError: it is no constant expression, or cannot be evaluated here.
     """
     reader = _Reader(tokens, names)
     value = reader.binary()
@@ -81,10 +81,10 @@ def evaluate(tokens: Tokens, names: Names) -> Constant:
 
 
 def convert(type_: str, constant: Constant) -> Constant:
-    """A constant in another type, as ``u32(x)`` makes it.
+    """A constant converted to another type, as ``u32(x)`` does.
 
     Raises:
-        ValueError, ArithmeticError: the type does not hold it, or there is no such type.
+        ValueError, ArithmeticError: the type does not hold the value, or the type is unknown.
     """
     value = constant.value
     if type_ == "bool":
@@ -95,13 +95,13 @@ def convert(type_: str, constant: Constant) -> Constant:
     if constant.type in _FLOATS:
         return _whole(type_, int(np.trunc(value)))
     if constant.type not in ("bool", "int"):
-        # The bits stay.
+        # The conversion keeps the bits.
         value = (value - low) % (high - low + 1) + low
     return _whole(type_, int(value))
 
 
 def as_declared(type_: str, constant: Constant) -> Constant:
-    """A constant in the type that its declaration states.
+    """A constant converted to the type in its declaration.
 
     Raises:
         ValueError, ArithmeticError: as `convert`.
@@ -119,14 +119,14 @@ def _fail() -> Any:
 
 
 class _Reader:
-    """Reads an expression from its beginning."""
+    """Reads an expression from left to right."""
 
     def __init__(self, tokens: Tokens, names: Names) -> None:
         self.left = tokens
         self._names = names
 
     def binary(self, level: int = 0) -> Constant:
-        """Operators of a level and of those that bind more."""
+        """An expression with operators of a level and of those that bind more."""
         if level == len(_LEVELS):
             return self._unary()
         left = self.binary(level + 1)
@@ -136,7 +136,7 @@ class _Reader:
         return left
 
     def _sign(self) -> str:
-        """The operator that comes next, which two signs may make."""
+        """The next operator, which may consist of two signs."""
         pair = written(self.left[:2])
         return pair if pair in _SIGNS else "".join(self.left[:1])
 
@@ -171,7 +171,7 @@ class _Reader:
         return convert(meant, argument)
 
     def _arguments(self) -> Tokens:
-        """What stands in the brackets that come next."""
+        """The tokens in the next brackets."""
         if self.left[:1] != ("(",):
             raise ValueError
         end = closing(list(self.left), 0)
@@ -212,7 +212,7 @@ def _wrapped(type_: str, value: int) -> Constant:
 
 
 def _alike(*constants: Constant) -> list[Constant]:
-    """The constants in one type: of those that have none, the type of the others."""
+    """The constants in one type; a constant without a type takes that of the others."""
     types = {one.type for one in constants}
     stated = types - {"int", "float"}
     if len(stated) > 1 or (types > stated and "bool" in stated):
@@ -243,17 +243,17 @@ def _shifted(sign: str, a: Constant, b: Constant) -> Constant:
     bits = 32 if a.type in ("i32", "u32") else 64
     if a.type not in WHOLE or b.type not in WHOLE or not 0 <= b.value < bits:
         raise ValueError
-    # Bits that are lost on the left are no number that anybody meant.
+    # A shift that loses bits on the left is an error.
     return _whole(a.type, a.value << b.value if sign == "<<" else a.value >> b.value)
 
 
 def _quotient(a: int, b: int) -> int:
-    """Rounded toward zero."""
+    """a / b, rounded toward zero."""
     return abs(a) // abs(b) * (1 if (a < 0) == (b < 0) else -1)
 
 
 def _remainder(a: int, b: int) -> int:
-    """With the sign of the dividend."""
+    """The remainder of a / b, with the sign of a."""
     return a - b * _quotient(a, b)
 
 
@@ -308,7 +308,7 @@ _UNARY: dict[str, Callable[[Constant], Constant]] = {"-": _negated, "~": _invert
 
 
 def _of_numbers(count: int, function: Callable[..., Any]) -> Callable[[list[Constant]], Constant]:
-    """A built-in function of ``count`` numbers of one type that gives one of that type."""
+    """A built-in function from ``count`` numbers of one type to a number of that type."""
 
     def call(arguments: list[Constant]) -> Constant:
         arguments = _alike(*arguments)
@@ -321,7 +321,7 @@ def _of_numbers(count: int, function: Callable[..., Any]) -> Callable[[list[Cons
 
 
 def _of_a_float(function: Callable[[Any], Any]) -> Callable[[list[Constant]], Constant]:
-    """A built-in function of a float that gives one."""
+    """A built-in function from a float to a float."""
 
     def call(arguments: list[Constant]) -> Constant:
         [argument] = arguments
@@ -335,7 +335,7 @@ def _of_a_float(function: Callable[[Any], Any]) -> Callable[[list[Constant]], Co
 
 
 def _of_bits(function: Callable[[int], int]) -> Callable[[list[Constant]], Constant]:
-    """A built-in function of the bits of a whole number, of which there are 32."""
+    """A built-in function of the 32 bits of a whole number."""
 
     def call(arguments: list[Constant]) -> Constant:
         [argument] = arguments
@@ -370,7 +370,7 @@ _FUNCTIONS: dict[str, Callable[[list[Constant]], Constant]] = {
     "countLeadingZeros": _of_bits(lambda x: 32 - (x % 2**32).bit_length()),
     "countOneBits": _of_bits(lambda x: (x % 2**32).bit_count()),
     "countTrailingZeros": _of_bits(lambda x: (x & -x).bit_length() - 1 if x else 32),
-    # Of 0 it is -1, which a u32 has another number for.
+    # For 0 it is -1, whose bits are another number in a u32.
     "firstLeadingBit": _of_bits(lambda x: (~x if x < 0 else x).bit_length() - 1),
     "firstTrailingBit": _of_bits(lambda x: (x & -x).bit_length() - 1),
     "select": _select,

@@ -1,4 +1,4 @@
-"""Fragment shaders: what they take and give, and the triangle that they are drawn on."""
+"""Fragment shaders: their inputs and outputs, and the triangle that draws them."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ DEPTH = "frag_depth"
 
 @dataclass(frozen=True)
 class Output:
-    """A part of what a fragment shader gives.
+    """An output of a fragment shader.
 
     Attributes:
-        name: of the member, or "" if there is no struct.
-        location: of a color; None of a depth.
-        format: of the texture that it is drawn into.
-        channels: 0 of a number alone.
+        name: name of the member, or "" if the shader returns no struct.
+        location: location of a color; None for a depth.
+        format: format of the texture that it is drawn into.
+        channels: number of channels; 0 for a scalar.
     """
 
     name: str
@@ -47,19 +47,19 @@ class Fragment:
 
     Attributes:
         name: its name.
-        outputs: what it gives.
+        outputs: its outputs.
     """
 
     name: str
     outputs: tuple[Output, ...]
 
     def drawing(self, code: str, vertex: str) -> Drawing:
-        """What draws it on the triangle of a vertex shader."""
+        """The drawing of it on the triangle of a vertex shader."""
         colors = {one.location: one.format for one in self.outputs if one.location is not None}
         return Drawing(code, vertex, self.name, colors, len(colors) < len(self.outputs))
 
     def picture(self, drawn: Drawn) -> Any:
-        """What was drawn: (H, W) or (H, W, channels), or a mapping of such by member."""
+        """The picture: (H, W) or (H, W, channels), or a mapping of these by member."""
         found = {}
         for one in self.outputs:
             if one.location is None:
@@ -72,10 +72,10 @@ class Fragment:
 
 
 def fragment_of(module: Module, entry_point: str) -> Fragment:
-    """What an entry point gives.
+    """An entry point with its outputs.
 
     Raises:
-        UsageError: nothing, or what no texture holds.
+        UsageError: it has no output, or one that no texture can hold.
     """
     declaration = module.declared[entry_point]
     where = f"{module.name}: {entry_point}"
@@ -89,11 +89,11 @@ def fragment_of(module: Module, entry_point: str) -> Fragment:
 def triangle(module: Module, entry_point: str) -> tuple[str, str]:
     """The name of a vertex shader that covers the picture, and its text.
 
-    What the fragment shader takes as ``vec2<f32>`` at a location is the place in the picture: (0,
-    0) is the left upper corner, (1, 1) the right lower one.
+    It gives the fragment shader, for each ``vec2<f32>`` at a location, the position in the picture:
+    (0, 0) is the upper left corner, (1, 1) the lower right one.
 
     Raises:
-        UsageError: the fragment shader takes something else.
+        UsageError: the fragment shader takes another type at a location.
     """
     declaration, own = module.declared[entry_point], module.prefix
     members = ""
@@ -114,7 +114,7 @@ def triangle(module: Module, entry_point: str) -> tuple[str, str]:
     text = (
         f"struct {own}Corner {{\n  @builtin(position) {own}at: vec4<f32>,\n{members}}}\n"
         f"@vertex fn {own}corner(@builtin(vertex_index) {own}k: u32) -> {own}Corner {{\n"
-        # Counterclockwise, so that the front is seen.
+        # Counterclockwise: the front of the triangle is seen.
         f"  let {own}uv = 2.0 * vec2<f32>(f32({own}k >> 1u), f32({own}k & 1u));\n"
         f"  let {own}at = vec4<f32>({own}uv.x * 2.0 - 1.0, 1.0 - {own}uv.y * 2.0, 0.0, 1.0);\n"
         f"  return {own}Corner({own}at{places});\n}}\n"
@@ -126,7 +126,7 @@ def size_of_picture(size: Any, largest: int) -> tuple[int, int]:
     """Width and height.
 
     Raises:
-        UsageError: they are no whole numbers, or more than the device draws.
+        UsageError: they are no whole numbers, or larger than the device can draw.
     """
     array = np.asarray(size)
     if array.shape != (2,) or array.dtype.kind not in "iu" or not (array >= 1).all():
@@ -140,7 +140,7 @@ def size_of_picture(size: Any, largest: int) -> tuple[int, int]:
 def _parts(
     module: Module, type_: Tokens, attributes: dict[str, Tokens], name: str = ""
 ) -> Iterator[Named]:
-    """What a parameter or a result is: itself, or the members of its struct."""
+    """A parameter or result as parts: itself, or the members of its struct."""
     declaration = module.declared.get(str(type_[0])) if type_ else None
     if declaration is not None and declaration.kind == "alias":
         yield from _parts(module, declaration.type, attributes, name)

@@ -1,10 +1,11 @@
 """Two frames of one scene compared pixel by pixel.
 
-lavapipe and NumPy give the same bits. In the number format fixed32 every device decides alike. In
-float32 a device that contracts a·b + c may decide otherwise where a decision is within rounding. A
-pixel that differs there is ambiguous. So is a pixel in which both depths are right within their
-bounds. Any other pixel that differs is a failure. A replay in float64 tells where decisions are
-within rounding; without one, the output ``error`` of either frame does.
+lavapipe and NumPy give the same bits. In the number format fixed32 all devices make the same
+decisions. In float32 a device that contracts a·b + c may decide otherwise if the value is within
+rounding of zero. A pixel that differs there is ambiguous. A pixel is also ambiguous if both depths
+are right within their error bounds. Any other pixel that differs is a failure. A replay in float64
+tells which decisions are within rounding; without a replay, the output ``error`` of either frame
+does.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from halfstep.frames.outputs import OUTPUTS, Judged
 from halfstep.testing.census import as_text, plain
 from halfstep.testing.results import keep
 
-# A device that computes a decided pixel otherwise may shade it so much otherwise: one 8-bit level.
+# If the decisions of a pixel are the same, its shading may differ by so much: one 8-bit level.
 LEVEL = 1 / 255
 # Pixels that a census shows.
 SHOWN = 5
@@ -35,12 +36,11 @@ _FAILED = (255, 0, 96)
 
 @dataclass(frozen=True)
 class Replay:
-    """What was found; arrays (H, W) as those of a ``Frame``.
+    """The results of a replay; arrays (H, W) as those of a ``Frame``.
 
     Attributes:
-        depth: planar depth, NaN where nothing is hit.
-        error: bound of the error of the depth that a device finds; inf where a decision is within
-            rounding.
+        depth: planar depth, NaN where a ray hits nothing.
+        error: bound of a device's error of the depth; inf where a decision is within rounding.
     """
 
     depth: Floats
@@ -49,7 +49,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class Pixel:
-    """A pixel that is a failure, with what was found and expected of the arrays that differ."""
+    """A pixel that is a failure, with the found and expected values of the arrays that differ."""
 
     column: int
     row: int
@@ -62,10 +62,10 @@ class FrameCensus:
     """All differences of two frames.
 
     Attributes:
-        exact: whether every bit was to be the same.
-        ambiguous: (H, W), pixels that differ and may.
-        failed: (H, W), pixels that differ and must not.
-        arrays: name -> pixels that differ in it.
+        exact: whether all bits had to be the same.
+        ambiguous: (H, W), True for pixels that differ and may differ.
+        failed: (H, W), True for pixels that differ and must not differ.
+        arrays: name -> number of pixels that differ in the array.
         first: the first failures.
         stack: adapter and driver of each frame.
     """
@@ -79,7 +79,7 @@ class FrameCensus:
 
     @property
     def equal(self) -> bool:
-        """Whether no decision differs."""
+        """Whether no pixel is a failure."""
         return not (self.failed.any() or self.ambiguous.any())
 
     def as_dict(self) -> dict[str, Any]:
@@ -133,13 +133,13 @@ def assert_frames_match(found: Frame, expected: Frame, *, exact: bool | None = N
 
     Args:
         found: a frame.
-        expected: what it should be.
-        exact: whether every bit of every array must be the same; by default where both are from
-            lavapipe or from NumPy. Otherwise see the module.
+        expected: the right frame.
+        exact: whether every bit of every array must be the same; by default if both frames are from
+            lavapipe or NumPy. If not, the rules above hold, in the module's docstring.
 
     Raises:
         FrameMismatchError: they do not match.
-        UsageError: they have other sizes or outputs.
+        UsageError: they have different sizes or outputs.
     """
     census = compare_frames(found, expected, exact=exact)
     keep(census.as_dict(), None if census.equal else lambda: picture_file(found, expected, census))
@@ -153,8 +153,8 @@ def compare_frames(
 ) -> FrameCensus:
     """The census of two frames; arguments and exceptions are those of `assert_frames_match`.
 
-    ``replay`` judges pixels that differ in place of the outputs ``error``. Of frames without these
-    it says where decisions are within rounding, and so another surface may be shown.
+    ``replay`` judges the pixels that differ, in place of the outputs ``error``. For frames without
+    these outputs it tells where another surface may be shown: a decision there is within rounding.
     """
     _check_alike(found, expected)
     if exact is None:
@@ -172,7 +172,7 @@ def compare_frames(
         }
         off["nothing"] = np.zeros_like(decided)
         shaded = _any(off, off) & ~decided
-        if "surface" not in pairs:  # another one may be shown, and nothing else tells
+        if "surface" not in pairs:  # another surface may be shown, and only the replay tells
             excused = _within_bounds(found, expected, replay)
             ambiguous |= shaded & excused
             shaded &= ~excused
@@ -198,10 +198,10 @@ def is_exact(frame: Frame) -> bool:
 
 
 def picture_file(found: Frame, expected: Frame, census: FrameCensus) -> bytes:
-    """A PNG file of what was found, what was expected, and where they differ.
+    """A PNG file of three pictures side by side: found, expected, and the differences.
 
-    In the last the picture is dark, failures are red and ambiguous pixels yellow. Frames without
-    the output image have only that.
+    In the third the found picture is dark, failures are red and ambiguous pixels yellow. Frames
+    without the output image have only the third.
     """
     from halfstep.frames.png import png
 
@@ -231,7 +231,7 @@ def _check_alike(found: Frame, expected: Frame) -> None:
 
 
 def _differs(found: Array, expected: Array) -> Bools:
-    """Pixels (H, W) with other bits; a NaN is as good as another."""
+    """Pixels (H, W) with different bits; every NaN is equal to every NaN."""
     bits = f"u{found.itemsize}"
     same = np.ascontiguousarray(found).view(bits) == np.ascontiguousarray(expected).view(bits)
     if found.dtype.kind == "f":
@@ -247,7 +247,7 @@ def _off_by_a_level(found: Array, expected: Array) -> Bools:
 
 
 def _within_bounds(found: Frame, expected: Frame, replay: Replay | None) -> Bools:
-    """Pixels (H, W) in which either answer may be right, as the bounds of their errors say."""
+    """Pixels (H, W) whose two depths may both be right, by their error bounds."""
     integers = {frame.info["number_format"] for frame in (found, expected)} == {"fixed32"}
     if integers:
         return np.zeros(found.solid.shape, bool)
@@ -269,7 +269,7 @@ def _by_pixel(mask: Bools) -> Bools:
 
 
 def _any(masks: Mapping[str, Bools], names: Iterable[str]) -> Bools:
-    """Where any of those of the masks that have these names is true."""
+    """Where any of the masks with these names is true."""
     return np.logical_or.reduce([masks[name] for name in names if name in masks])
 
 

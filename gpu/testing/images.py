@@ -1,4 +1,4 @@
-"""Pictures compared pixel by pixel, with answers that files hold and pictures of what differs."""
+"""Pictures compared pixel by pixel with stored answers, and pictures of the differences."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def checked_image(found: Any) -> Values:
     """A picture, (H, W) or (H, W, channels).
 
     Raises:
-        UsageError: it is none.
+        UsageError: it has another shape or type.
     """
     image = array_of(unmasked(found, "found"), "found")
     if image.ndim not in (2, 3) or image.size == 0:
@@ -41,7 +41,7 @@ def path_of(expected: Any) -> Path | None:
     """The path of a stored answer, from the folder of the test if it is a string.
 
     Raises:
-        UsageError: it has an ending that stands for nothing.
+        UsageError: its ending is unknown.
     """
     if not isinstance(expected, str | os.PathLike):
         return None
@@ -57,7 +57,7 @@ def stored(path: Path) -> Values:
     """The answer that a file holds.
 
     Raises:
-        UsageError: there is no such file, or it holds none.
+        UsageError: the file does not exist, or holds no answer.
     """
     from imageio.v3 import imread
 
@@ -78,7 +78,7 @@ def stored(path: Path) -> Values:
 
 
 def store(path: Path, image: Values) -> None:
-    """Write an answer, over what is there.
+    """Write an answer; an existing file is replaced.
 
     Raises:
         UsageError: the file cannot hold it.
@@ -102,9 +102,9 @@ def store(path: Path, image: Values) -> None:
 
 
 def difference(found: Values, expected: Values, failed: Bools, ambiguous: Bools) -> bytes:
-    """A PNG file of what was found, what was expected, and where they differ.
+    """A PNG file of three pictures side by side: found, expected, and the differences.
 
-    In the last the picture is dark, failures are red and ambiguous pixels yellow.
+    In the third the found picture is dark, failures are red and ambiguous pixels yellow.
     """
     from halfstep.frames.png import png
 
@@ -116,7 +116,7 @@ def difference(found: Values, expected: Values, failed: Bools, ambiguous: Bools)
 
 
 def _visible(found: Values, expected: Values) -> list[Bytes]:
-    """Both pictures as RGB, from the least to the greatest of the finite numbers expected."""
+    """Both pictures as RGB; the least finite number expected is black, the greatest white."""
     low, high = 0.0, 1.0
     if found.dtype == np.uint8:
         high = 255.0

@@ -17,10 +17,10 @@ def decades(
     high: float = 1e6,
     dtype: DTypeLike = np.float32,
 ) -> Array:
-    """Floats of either sign whose magnitudes, ``low`` … ``high``, are equally often in each decade.
+    """Floats of either sign with magnitudes from ``low`` to ``high``, as many in each decade.
 
     Raises:
-        UsageError: not 0 < low <= high, or the type does not hold them as normal numbers.
+        UsageError: not 0 < low <= high, or they are no normal numbers of the type.
     """
     limits = np.finfo(np.dtype(dtype))
     if not float(limits.tiny) <= low <= high <= float(limits.max):
@@ -34,12 +34,12 @@ def decades(
 
 
 def special_values(dtype: DTypeLike = np.float32, *, finite: bool = True) -> Array:
-    """Numbers of a type at which arithmetic turns.
+    """Numbers of a type at which arithmetic behaves differently.
 
-    Of a float the zeros, 1 and its neighbours, 2, 0.5, the least normal number, the least and the
-    greatest subnormal one, the greatest number, and the negatives; unless ``finite`` also the
-    infinities and a NaN, of which WGSL lets a device make what it likes. Of an integer those where
-    a bit more or less changes sign or width.
+    For a float: the zeros, 1 and its neighbours, 2, 0.5, the least normal number, the least and the
+    greatest subnormal number, the greatest number, and the negatives of all. Without ``finite``
+    also the infinities and a NaN, whose effects WGSL leaves to the device. For an integer: the
+    numbers at which one more or less changes the sign or the number of bits.
     """
     type_ = np.dtype(dtype)
     if type_.kind == "b":
@@ -63,10 +63,10 @@ def special_values(dtype: DTypeLike = np.float32, *, finite: bool = True) -> Arr
 
 
 def near_ties(rng: np.random.Generator, values: ArrayLike, *, ulps: int = 2) -> Array:
-    """Floats moved by up to ``ulps`` units in the last place either way, some of them by none.
+    """Floats moved by 0 to ``ulps`` units in the last place either way.
 
-    Where ``values`` are places at which a function turns, a wrong comparison or rounding shows
-    there and hardly anywhere else.
+    If a function changes its behaviour at ``values``, a wrong comparison or rounding shows at the
+    result and hardly anywhere else.
     """
     moved = np.array(values)
     if moved.dtype.kind != "f":

@@ -1,4 +1,4 @@
-"""What a device gave compared with what it should have given, as the fixture does it."""
+"""Compares results of a device with the right ones; the fixture ``wgsl`` does so by `Judge`."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ __tracebackhide__ = methodcaller("errisinstance", (MismatchError, HalfstepError)
 
 
 class Judge:
-    """Compares arrays, and keeps a census of each comparison where results are wanted."""
+    """Compares arrays, and keeps a census of each comparison if results are wanted."""
 
     def __init__(self, stack: Mapping[str, str]) -> None:
-        """``stack`` is what the device stands on, as a census tells it."""
+        """``stack``: adapter, driver and versions of the device, which a census tells."""
         self._stack = stack
 
     def compare(
@@ -48,19 +48,19 @@ class Judge:
         rtol: float = 0.0,
         margin: ArrayLike | None = None,
     ) -> Census:
-        """Compare what `Kit.kernel` gives, or any arrays (rows, …), as `Kit.check` does.
+        """Compare results of `Kit.kernel`, or any arrays (rows, …), as `Kit.check` does.
 
         Args:
-            found: what the device gave: an array, a number, a struct, or a mapping of such, as all
-                that `Kit.kernel` gives is one. Each part of a mapping has rows of its own.
-            expected: what it should have given, formed alike; one value may stand for all rows of
-                an array.
-            name: of what is compared.
-            inputs: name -> (rows, …), to be shown with the rows of an array that differ.
-            ulp: as `Kit.check`, as are atol and rtol.
-            atol: see ulp.
-            rtol: see ulp.
-            margin: the distance of each row of an array, (rows,).
+            found: results of the device: an array, a number, a struct, or a mapping of these, which
+                `Kit.kernel` returns. Each entry of a mapping has rows of its own.
+            expected: the right results in the same form; one value may stand for all rows of an
+                array.
+            name: name of the comparison, for messages.
+            inputs: name -> (rows, …), shown with the rows of an array that differ.
+            ulp: as in `Kit.check`.
+            atol: as in `Kit.check`.
+            rtol: as in `Kit.check`.
+            margin: the distance of each row of an array from its decision, (rows,).
 
         Raises:
             MismatchError: they differ.
@@ -97,22 +97,22 @@ class Judge:
         rtol: float = 0.0,
         margin: ArrayLike | None = None,
     ) -> Census:
-        """Compare a picture pixel by pixel; where results are kept, a PNG file shows what differs.
+        """Compare a picture pixel by pixel; if results are kept, a PNG file shows the differences.
 
         Args:
-            found: (height, width) or (height, width, channels), as `Kit.image` gives.
-            expected: alike; or the path of a stored answer, a file of NumPy (.npy) or of 8 bits
-                (.png), from the folder of the test if it is a string. With
-                ``--halfstep-regenerate`` pytest writes what was found there.
-            name: of what is compared.
-            ulp: of every channel of every pixel as `Kit.check`, as are atol and rtol.
+            found: (height, width) or (height, width, channels), as from `Kit.image`.
+            expected: the right picture; or the path of a stored answer, a NumPy file (.npy) or a
+                PNG file of 8 bits (.png). A string is a path from the folder of the test. With
+                ``--halfstep-regenerate`` pytest writes ``found`` there.
+            name: name of the comparison, for messages.
+            ulp: as in `Kit.check`, for every channel of every pixel.
             atol: see ulp.
             rtol: see ulp.
-            margin: the distance of each pixel from its decision as of `Kit.check`, (height, width).
+            margin: the distance of each pixel from its decision, (height, width); see `Kit.check`.
 
         Raises:
             MismatchError: they differ.
-            UsageError: the shapes or types do not fit, or there is no such stored answer.
+            UsageError: the shapes or types do not fit, or the stored answer does not exist.
             HalfstepError: a stored answer cannot be written.
         """
         tolerance, image = Tolerance(ulp, atol, rtol), checked_image(found)

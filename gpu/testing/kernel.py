@@ -1,7 +1,7 @@
 """The text of an entry point that calls one function for every row of a buffer.
 
-An invocation reads its arguments from a row, so that no compiler folds them, and stores the result
-in another buffer. The text comes after the user's, whose lines keep their numbers.
+An invocation reads its arguments from a row, so that no compiler folds them, and stores the answers
+in another buffer. The text stands after the user's, so the user's lines keep their numbers.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ from halfstep.testing.values import Values
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 WORKGROUP = 64
-# What the text means by these is what WGSL declares.
+# Names in the text that must have the meaning that WGSL gives them.
 _NEEDED = ("array", "arrayLength", "u32", "vec2", "vec3", "vec4")
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A shader that calls a function.
+    """A shader that calls a function for every row.
 
     Attributes:
         code: the user's text and the entry point.
-        entry_point: its name.
-        function: the user's.
-        row: the arguments of a call, and the variables that are set before it.
-        answers: name -> type of what each row gives; `RESULT` is what the function returns.
-        given: the type in which a row gives it; None if it gives nothing.
-        bound: the parameters that are bound, as all rows have them.
-        first_binding: in group 0 the first number that is free then.
-        watched: whether `loops.watch` tells what it saw.
+        entry_point: name of the entry point.
+        function: name of the user's function.
+        row: type of a row: the arguments of a call, and the variables that are set before it.
+        answers: name -> type of each answer of a row; `RESULT` is the function's result.
+        given: the type of a row of answers; None if rows have no answers.
+        bound: the parameters that are bound, which all rows share.
+        first_binding: the first free binding number in group 0.
+        watched: whether the shader has the buffer of `loops.watch`.
     """
 
     code: str
@@ -65,18 +65,18 @@ class Kernel:
 
     @property
     def numbers(self) -> dict[str, int]:
-        """The numbers in group 0 of "rows", "results" and "watched", of those that there are."""
+        """The binding numbers in group 0 of "rows", "results" and "watched", if they exist."""
         names = ["rows"] * bool(self.row.members) + ["results"] * (self.given is not None)
         names += ["watched"] * self.watched
         return {name: self.first_binding + k for k, name in enumerate(names)}
 
     @property
     def types(self) -> list[Type]:
-        """What the buffers of rows and results have an element of for each row."""
+        """The types of an element of the buffers of rows and of results."""
         return [one for one in (self.row if self.row.members else None, self.given) if one]
 
     def row_answers(self, values: Values) -> dict[str, Values]:
-        """What each row gives, by name, of ``values`` (rows, …) of the type `given`."""
+        """The answers by name, from ``values`` (rows, …) of the type `given`."""
         if tuple(self.answers) == (RESULT,):
             return {RESULT: values}
         return {name: values[name] for name in self.answers}
@@ -90,13 +90,13 @@ def kernel(
     *,
     watched: bool = False,
 ) -> Kernel:
-    """The shader that calls ``function``, with private ``variables`` of its own in every row.
+    """The shader that calls ``function``; every row has its own private ``variables``.
 
-    Each row gives the ``answers``: `RESULT`, parameters that are pointers, private variables. If it
-    is ``watched``, it tells where its loops may have been cut short.
+    The ``answers`` are `RESULT`, parameters that are pointers, and private variables. A ``watched``
+    shader tells whether its loops may have been cut short.
 
     Raises:
-        UsageError: a name that is not there, or a type that cannot travel.
+        UsageError: a name is not declared, or a type cannot be in a buffer.
     """
     signature = module.signature(function, answers)
     bound = {binding.name: binding for binding in module.bound_parameters(function)}
@@ -162,7 +162,7 @@ def kernel(
 
 
 def _holder(module: Module, signature: Signature, name: str) -> tuple[str, Type]:
-    """What holds an answer after the call, and its type."""
+    """The variable that holds an answer after the call, and its type."""
     if name == RESULT and signature.returned is not None:
         return f"{module.prefix}result", signature.result
     pointer = signature.parameters.get(name)
@@ -203,7 +203,7 @@ def _declared(kernel_: Kernel, own: str, stored: _Stored, signature: Signature) 
 
 
 def _given(name: str, answers: Mapping[str, Type]) -> Type | None:
-    """The type in which a row gives its answers."""
+    """The type of a row of answers."""
     if tuple(answers) == (RESULT,):
         return answers[RESULT]
     return _struct(name, answers) if answers else None
@@ -219,25 +219,25 @@ def _struct(name: str, types: Mapping[str, Type]) -> Struct:
 
 
 class _Stored:
-    """Types as they are in a buffer, where a u32 stands for a bool, and the way there and back.
+    """Types as they are in a buffer, where a u32 stands for a bool, and conversions to and fro.
 
-    A type without a bool is the same there. Of the others a struct is declared a second time, and
-    functions turn structs and arrays into what they are in a buffer and back.
+    A type without a bool is the same in a buffer. A struct with a bool is declared a second time.
+    Functions convert structs and arrays with bools to their types in a buffer and back.
     """
 
     def __init__(self, own: str) -> None:
-        """``own`` is how the names of what is declared for that begin."""
+        """``own`` begins the names of all declarations made here."""
         self._own = own
-        # Direction, or "stored", and type -> the name of what is declared, and its text.
+        # Direction, or "stored", and type -> name of the declaration.
         self._names: dict[tuple[str, str], str] = {}
         self._helpers: dict[tuple[str, str], str] = {}
 
     def helpers(self) -> list[str]:
-        """The texts of what is declared."""
+        """The texts of the declarations."""
         return list(self._helpers.values())
 
     def type(self, type_: Type) -> str:
-        """How the type is written in a buffer."""
+        """The text of a type as it is in a buffer."""
         match type_:
             case _ if not _has_bool(type_):
                 return text_of(type_)
@@ -254,7 +254,7 @@ class _Stored:
                 return "u32"
 
     def struct(self, name: str, struct: Struct) -> str:
-        """A declaration of ``struct`` under another name, as it is in a buffer."""
+        """The declaration of ``struct``, as it is in a buffer, under another name."""
         members = "".join(
             f"  @align({member.align}) @size({member.size}) {member.name}:"
             f" {self.type(member.type)},\n"
@@ -263,7 +263,7 @@ class _Stored:
         return f"struct {name} {{\n{members}}}\n"
 
     def read(self, type_: Type, value: str) -> str:
-        """An expression of a value that is in a buffer."""
+        """The expression of a value, from its expression in a buffer."""
         match type_:
             case _ if not _has_bool(type_):
                 return value
@@ -275,7 +275,7 @@ class _Stored:
                 return f"{self._function('read', type_)}({value})"
 
     def written(self, type_: Type, value: str) -> str:
-        """An expression of what is in a buffer for a value."""
+        """The expression of a value as it is in a buffer."""
         match type_:
             case _ if not _has_bool(type_):
                 return value
@@ -287,7 +287,7 @@ class _Stored:
                 return f"{self._function('written', type_)}({value})"
 
     def _function(self, direction: str, type_: Type) -> str:
-        """The name of a function that makes what `read` or `written` says of an array or struct."""
+        """The name of the function that converts an array or struct for `read` or `written`."""
         own, key = self._own, (direction, text_of(type_))
         name = self._names.setdefault(key, f"{own}{direction}_{len(self._names)}")
         if key in self._helpers:

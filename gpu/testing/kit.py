@@ -1,4 +1,4 @@
-"""Functions of WGSL run on a device for the rows of NumPy arrays, and compared with a reference."""
+"""`Kit` runs WGSL functions for the rows of NumPy arrays, and compares them with a reference."""
 
 from __future__ import annotations
 
@@ -43,34 +43,35 @@ from halfstep.testing.tokens import check_depth, check_pointers, tokens_of
 from halfstep.testing.types import DType, dtype_of
 from halfstep.testing.workgroup import clearing
 
-# Of a mismatch, and of what does not fit, pytest shows the test's line and the message.
+# For these errors pytest shows the line of the test and the message, and no frames of this package.
 __tracebackhide__ = methodcaller("errisinstance", (MismatchError, HalfstepError))
 
 Reference = Callable[..., Any]
-# Texts, and functions of them, that are kept for the next use.
+# Number of texts, and of functions in them, that are kept for the next use.
 KEPT = 256
 
 
 class Kit(Judge):
-    """Runs WGSL on one device; pipelines are kept for the next use.
+    """Runs WGSL on one device, and keeps pipelines for the next use.
 
-    A ``source`` is WGSL, or the path of a file of it: a path object, or a string of one line that
-    ends with ".wgsl", from the folder of the test or else from the working directory; or a list of
-    such, one after another. ``preprocess`` makes WGSL of the text of each. The helper functions,
-    constants, aliases and structs of a source are there for the function that is run. Types are
-    those of `types`; in NumPy the rows are the first axes, vectors have one axis more, matrices are
-    (rows, columns), arrays have their elements before what these are, and structs are structured
-    arrays, mappings of their members or tuples of them.
+    A ``source`` is WGSL, the path of a file with WGSL, or a list of these, which are joined. A path
+    is a path object, or a string of one line that ends with ".wgsl"; it starts from the folder of
+    the test or else from the working directory. ``preprocess`` turns each text into WGSL. The
+    function that is run may use all functions, constants, aliases and structs of the source.
+
+    `types` has the types. In NumPy the rows are the first axes. A vector has one axis more, a
+    matrix is (rows, columns), and an array has an axis of elements before the axes of an element. A
+    struct is a structured array, a mapping of its members or a tuple of them.
     """
 
     def __init__(self, device: GpuDevice) -> None:
-        """``device`` is a wgpu.GPUDevice; closing it is its owner's business."""
+        """``device`` is a wgpu.GPUDevice, which its owner closes."""
         self.device = device
         self._compute = Compute(device)
         super().__init__(self._compute.stack)
         self._modules: Kept[tuple[object, ...], Module] = Kept(KEPT)
         self._kernels: Kept[tuple[object, ...], Kernel] = Kept(KEPT)
-        # Text and entry points -> what is run.
+        # Text and entry points -> the text that is compiled.
         self._shaders: Kept[tuple[str, ...], str] = Kept(KEPT)
 
     def check(
@@ -95,40 +96,42 @@ class Kit(Judge):
 
         Args:
             source: see the class.
-            function: its name.
-            reference: is given the same arrays, in the order of the function's parameters, and
-                variables by name. What it returns is rounded to the type of the result if that is
-                a float. With ``returns`` it is a mapping of these names, or a tuple in their order.
+            function: the name of the function.
+            reference: a function of the same arrays, in the order of the parameters, and of
+                variables by name. Its result is rounded to the type of the WGSL result if that is a
+                float. With ``returns`` it returns a mapping of these names, or a tuple in their
+                order.
             inputs: parameter -> array (rows, …) or (H, W, …), or one value for all rows. Every
-                parameter is there; a pointer is given what it points to. The name of a
-                ``var<private>`` that the function uses may be there too: it is set before the call.
-                A parameter that is a texture, a sampler or a pointer into a buffer is given what
-                `bindings` says, the same for all rows. A function without others has one row.
-            ulp: as `Tolerance`, as are atol and rtol. By default the results are the same bits,
-                but one NaN is as good as another.
-            atol: see ulp.
-            rtol: see ulp.
-            margin: is given what the reference is; returns for each row the distance from its
-                decision, in units of the rounding error that the decision may have. A row at 1 or
-                less that differs is counted as ambiguous, not as a failure.
-            bindings: variable -> what is bound to it, of those with @group and @binding that the
-                function uses; the same for all rows. A buffer is given what `kernel` says, a
-                texture an array (height, width) or (height, width, channels), with an axis of
-                samples before the channels if it has several, or a tuple of one for each level; a
-                sampler a `halfstep.testing.Sampler`.
-            constants: override -> its value.
-            returns: names of what is compared instead of the result alone: "result", parameters
-                that are pointers, ``var<private>`` variables, all as they are after the call, and
-                what is bound and may be written, as it is after all rows.
-            float64: whether reference and margin are given float64 for all shorter floats.
-            flush_subnormals: whether a row is right too if it is that of a device that takes
-                subnormal numbers for zeros.
+                parameter needs an entry; for a pointer the entry is the value that it points to. A
+                ``var<private>`` that the function uses may have an entry; it is set before the
+                call. A parameter that is a texture, a sampler or a pointer into a buffer takes
+                values as in ``bindings``, the same for all rows. A function with only such
+                parameters has one row.
+            ulp: see `Tolerance`. By default results must have the same bits, but every NaN is equal
+                to every NaN.
+            atol: see `Tolerance`.
+            rtol: see `Tolerance`.
+            margin: a function of the reference's arguments. It returns, for each row, the distance
+                from its decision, in units of the decision's largest rounding error. A row that
+                differs at a distance of 1 or less is ambiguous, not a failure.
+            bindings: variable -> value, for each variable with @group and @binding that the
+                function uses; all rows share it. `kernel` describes the values of buffers. A
+                texture takes an array (height, width) or (height, width, channels), with an axis of
+                samples before the channels if it is multisampled, or a tuple with an array for each
+                level. A sampler takes a `halfstep.testing.Sampler`.
+            constants: override -> value.
+            returns: names of the values to compare instead of the result alone: "result", pointer
+                parameters and ``var<private>`` variables, all as they are after the call, and bound
+                variables that may be written, as they are after all rows.
+            float64: whether reference and margin take float64 in place of every shorter float.
+            flush_subnormals: whether a row is also right if it is the result of a device that
+                flushes subnormal numbers to zero.
             preprocess: see the class.
 
         Raises:
             MismatchError: they differ; its text is the census.
             UsageError: the source does not compile, or names, types and shapes do not fit.
-            AdapterError: the device has none of a type that is used.
+            AdapterError: the device lacks a type that is used.
             DeviceError: the device was lost or the driver failed.
         """
         tolerance = Tolerance(ulp, atol, rtol)
@@ -169,7 +172,7 @@ class Kit(Judge):
         returns: Sequence[str] | None = None,
         preprocess: Preprocess | None = None,
     ) -> Any:
-        """Results (rows, …) or (H, W, …) of a function; with ``returns`` a mapping of its names.
+        """The results (rows, …) or (H, W, …) of a function; with ``returns`` a mapping by name.
 
         Arguments and exceptions are those of `check`.
         """
@@ -199,20 +202,20 @@ class Kit(Judge):
         constants: Mapping[str, Any] | None = None,
         preprocess: Preprocess | None = None,
     ) -> dict[str, Any]:
-        """Run a whole compute shader; what it may have written to holds then, by variable.
+        """Run a whole compute shader, and return by name the variables that it may have written to.
 
-        Its workgroup memory begins as zeros, as WGSL has it, also where a driver does not clear it.
+        The workgroup memory begins as zeros, as WGSL demands, also if the driver does not clear it.
 
         Args:
             source: see the class.
             entry_point: a function with @compute.
-            bindings: variable -> what it holds before, in the shape in which it comes back. Of a
-                buffer that is a value of the variable's type; for an array without a count its
-                elements along the first axis; for a struct that ends with such an array a mapping
-                of its members. Textures and samplers are those of `check`. `unwritten` makes an
-                array that is to be written.
-            workgroups: how many along x, y and z; none of them writes anything if one is 0.
-            constants: override -> its value.
+            bindings: variable -> value before the run; the value after the run has the same form. A
+                buffer takes a value of the variable's type. An array without a count has its
+                elements along the first axis. A struct that ends with such an array is a mapping of
+                its members. Textures and samplers are as in `check`. `unwritten` makes an array for
+                the shader to write.
+            workgroups: numbers of workgroups along x, y and z; if one is 0, nothing runs.
+            constants: override -> value.
             preprocess: see the class.
 
         Raises:
@@ -234,12 +237,12 @@ class Kit(Judge):
         constants: Mapping[str, Any] | None = None,
         preprocess: Preprocess | None = None,
     ) -> Program:
-        """Compute shaders that run one after another over what stays on the device.
+        """Compute shaders that run one after another over buffers that stay on the device.
 
         Args:
             source: see the class.
-            bindings: as `kernel`; each entry point may use some of them only.
-            constants: override -> its value.
+            bindings: as in `kernel`; an entry point need not use all of them.
+            constants: override -> value.
             preprocess: see the class.
 
         Raises:
@@ -275,18 +278,18 @@ class Kit(Judge):
 
         Args:
             source: see the class.
-            entry_point: a function with @fragment. A ``vec2<f32>`` that it takes at a location is
-                the place in the picture, from (0, 0) at the left upper corner to (1, 1).
+            entry_point: a function with @fragment. Each ``vec2<f32>`` that it takes at a location
+                is the position in the picture, from (0, 0) at the upper left corner to (1, 1).
             size: width and height in pixels.
-            bindings: as `kernel`.
-            vertex: instead of the kit's own a function of the source with @vertex; its first three
-                vertices are the triangle.
-            constants: override -> its value.
+            bindings: as in `kernel`.
+            vertex: a function of the source with @vertex, in place of the kit's own; its first
+                three vertices are the triangle.
+            constants: override -> value.
             preprocess: see the class.
 
         Returns:
-            The picture, (height, width) or (height, width, channels) of the type that the shader
-            gives; of a struct of several parts a mapping of its members, where a depth is float32.
+            The picture, (height, width) or (height, width, channels), of the shader's output type;
+            for a struct of several outputs a mapping of its members, where a depth is float32.
             Pixels that are discarded or not drawn are 0.
 
         Raises:
@@ -325,10 +328,10 @@ class Kit(Judge):
         return fragment.picture(drawn)
 
     def struct(self, source: Source, name: str, *, preprocess: Preprocess | None = None) -> DType:
-        """The structured type that a struct is in NumPy, to make arrays of it with.
+        """The structured NumPy type of a struct, for making arrays.
 
         Raises:
-            UsageError: there is no such struct, or it has members that no buffer can hold.
+            UsageError: the struct is not declared, or it has members that no buffer can hold.
         """
         module = self._module(source, preprocess)
         with CompilerFirst(self._compile, module):
@@ -348,10 +351,10 @@ class Kit(Judge):
         return self._modules.get_or_make((text.parts,), make)
 
     def _shader(self, module: Module, entry_point: str, *others: str) -> str:
-        """The text in which an entry point is run, together with others."""
+        """The text that is compiled for an entry point, and for others with it."""
 
         def make() -> str:
-            # Of what does not compile a message shows the text that was given.
+            # If the text does not compile, the message must show it as given.
             self._compile(module)
             inserted = clearing(module, entry_point)
             if self._is_watched(module, entry_point):
@@ -366,7 +369,7 @@ class Kit(Judge):
         return self._shaders.get_or_make((module.text, entry_point, *others), make)
 
     def _is_watched(self, module: Module, function: str) -> bool:
-        """Whether the driver may end loops of a function before their time."""
+        """Whether the driver may end loops of a function too early."""
         return loops.has_loop(module, function) and self._loop_limit is not None
 
     @cached_property
@@ -374,10 +377,10 @@ class Kit(Judge):
         return loop_limit(self._compute)
 
     def _check_watched(self, name: str, function: str, watched: Bytes) -> None:
-        """See that no loop was ended before its time.
+        """Check that no loop was ended too early.
 
         Raises:
-            DeviceError: some may have been.
+            DeviceError: some loop may have been.
         """
         if loops.was_cut(watched):
             raise DeviceError(
@@ -387,10 +390,10 @@ class Kit(Judge):
             )
 
     def _compile(self, module: Module) -> None:
-        """See that a text compiles; the message has file and line.
+        """Check that a text compiles.
 
         Raises:
-            UsageError: it does not.
+            UsageError: it does not; the message has file and line.
         """
         with Located(module):
             self._compute.compile(module.text, module.name)
@@ -408,10 +411,10 @@ class Kit(Judge):
         constants: Collection[str],
         stage: str = "compute",
     ) -> list[str]:
-        """The resource variables that an entry point uses, all of which are given.
+        """The resource variables that an entry point uses.
 
         Raises:
-            UsageError: there is no such entry point, or what it uses is not there.
+            UsageError: the entry point is not declared, or a variable that it uses has no value.
         """
         with CompilerFirst(self._compile, module):
             module.check_entry_point(entry_point, stage)
@@ -425,7 +428,7 @@ class Kit(Judge):
         constants: Collection[str],
         stage: str = "compute",
     ) -> dict[str, Given]:
-        """What is bound to an entry point that uses all that ``bindings`` give."""
+        """The bound values of an entry point, which must use all of ``bindings``."""
         _check_mapping("bindings", bindings)
         used = self._used(module, entry_point, tuple(bindings), constants, stage)
         check_bindings(module, entry_point, bindings, used)
@@ -439,7 +442,7 @@ class Kit(Judge):
         bound: Sequence[Bindable | Held],
         grid: tuple[int, int, int] | Indirect,
     ) -> list[Bytes]:
-        """Run an entry point; the bytes of what it may have written to and is not held."""
+        """Run an entry point; the bytes of the resources that it may write, but for held ones."""
         code, watched = self._shader(module, entry_point), self._is_watched(module, entry_point)
         all_ = [*bound, loops.bound(module.first_free(entry_point))] if watched else bound
         with Located(module):

@@ -1,8 +1,8 @@
 """Loops that a driver ends early, seen from a loop that follows them.
 
-lavapipe of Mesa 22.3 grants an invocation and its neighbours 65,535 rounds of all their loops, then
-ends each after its first (``device.probe.loop_limit``). So where a loop of two rounds, after all
-others, has only one, the others may have been cut short.
+lavapipe of Mesa 22.3 grants an invocation and its neighbours 65,535 rounds of all their loops.
+Then it ends each loop after its first round (``device.probe.loop_limit``). So a loop of two rounds
+is put after all others. If it gets only one round, the others may have been cut short.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from halfstep.device.compute import Bound
 from halfstep.testing.module import Module
 from halfstep.testing.tokens import written
 
-# What the buffer of `watch` holds before: the rounds of the loop, and that nothing was cut.
+# The buffer of `watch` before the run: the rounds of the loop, and 0 for "nothing was cut".
 WATCHED = np.array([2, 0], np.uint32)
 
 
@@ -25,9 +25,10 @@ def has_loop(module: Module, function: str) -> bool:
 
 
 def watch(module: Module, number: int) -> str:
-    """A function that looks whether loops before its call may have been cut short.
+    """A function that notes whether loops before its call may have been cut short.
 
-    ``number`` is where `WATCHED` is bound in group 0; its second word is then 1.
+    ``number`` is the binding number of `WATCHED` in group 0. The function sets its second word to 1
+    if so.
     """
     own = module.prefix
     return (
@@ -44,9 +45,9 @@ def watch(module: Module, number: int) -> str:
 
 
 def calls(module: Module, entry_point: str) -> list[tuple[int, str]]:
-    """Where an entry point ends, and the call of `watch` to be put before it.
+    """The positions where an entry point ends, and the call of `watch` to insert at each.
 
-    What it returns goes through a function that watches, after all else that it does.
+    A value that it returns passes through a function that calls `watch`.
     """
     own, declaration = module.prefix, module.declared[entry_point]
     found = [(end.at, f"{own}watch(); ") for end in declaration.ends]
@@ -61,10 +62,10 @@ def calls(module: Module, entry_point: str) -> list[tuple[int, str]]:
 
 
 def bound(number: int) -> Bound:
-    """What `watch` writes to, at a number in group 0."""
+    """The buffer that `watch` writes to, at a binding number in group 0."""
     return Bound(0, number, "storage", WATCHED.view(np.uint8))
 
 
 def was_cut(watched: Bytes) -> bool:
-    """What the bytes of the buffer say afterwards."""
+    """Whether the bytes of the buffer after the run say that loops may have been cut short."""
     return bool(watched.view(np.uint32)[1])

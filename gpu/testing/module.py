@@ -1,4 +1,4 @@
-"""A WGSL text by the names it declares: which types they have, and what reaches what."""
+"""The declarations of a WGSL text: their types, and which declaration uses which."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ _TEXTURE = re.compile(
     r"texture_(storage_|depth_)?(1d|2d|2d_array|3d|cube|cube_array|multisampled_2d)"
 )
 _SHORT = {"f": "f32", "i": "i32", "u": "u32", "h": "f16"}
-# Built-in functions in which the invocations of a workgroup, or the pixels of a quad, take part
-# together: what they give for one row is not its own.
+# Built-in functions that combine the invocations of a workgroup, or the pixels of a quad: their
+# value for one row depends on other rows.
 _TOGETHER = re.compile(
     r"(workgroup|storage|texture|subgroup)Barrier|workgroupUniformLoad|(subgroup|quad)[A-Z]\w*"
     r"|(dpdx|dpdy|fwidth)(Coarse|Fine)?|textureSample(Bias|Compare)?"
 )
-# What the answer is called that a function returns.
+# Name of the answer that a function returns.
 RESULT = "result"
 STAGES = ("compute", "vertex", "fragment")
 _SPACES = ("private", "workgroup", "uniform", "storage")
@@ -68,12 +68,12 @@ class Binding(NamedTuple):
 
 
 class Signature(NamedTuple):
-    """What a function takes, and what it returns if it does.
+    """The types of the parameters and the result of a function.
 
     Attributes:
-        parameters: those of which each call has its own.
-        shared: those that are bound, so that all calls have the same: textures, samplers, and
-            pointers into uniform buffers and storage.
+        parameters: parameters with a value for each row.
+        shared: parameters that are bound, so that all rows share their values: textures, samplers,
+            and pointers into uniform buffers and storage.
         returned: the type of the result; None if there is none.
     """
 
@@ -83,7 +83,7 @@ class Signature(NamedTuple):
 
     @property
     def result(self) -> Type:
-        """What it returns."""
+        """The type of the result, which must exist."""
         assert self.returned is not None
         return self.returned
 
@@ -91,17 +91,17 @@ class Signature(NamedTuple):
 class Module:
     """The declarations of a text, with their types.
 
-    Every method raises UsageError for a name that is not there and for a type that cannot travel.
+    Every method raises UsageError for a name that is not declared and a type that no buffer holds.
     """
 
     def __init__(self, name: str, text: str, source: Text | None = None) -> None:
-        """``name`` is what messages call the ``text``, which may come from several files."""
+        """``name`` is the name of the ``text`` in messages; it may come from several files."""
         self.name, self.text = name, text
         self._source = source
-        self._numbers: dict[str, int] = {}  # constant expressions, as they are written
+        self._numbers: dict[str, int] = {}  # values of constant expressions by their text
 
     def relocated(self, message: str) -> str:
-        """What the compiler says of the text, with the file and line of each place."""
+        """A message of the compiler, with files and lines of the source."""
         return message if self._source is None else self._source.relocated(message)
 
     @cached_property
@@ -111,7 +111,7 @@ class Module:
 
     @cached_property
     def prefix(self) -> str:
-        """How no name of the text begins."""
+        """A prefix that no name of the text has."""
         prefixes = (f"halfstep{number}_" for number in itertools.count(2))
         return next(p for p in itertools.chain(["halfstep_"], prefixes) if p not in self.text)
 
@@ -120,7 +120,7 @@ class Module:
         return [d.name for d in self.declared.values() if d.kind == "fn"]
 
     def signature(self, function: str, answers: Collection[str] = (RESULT,)) -> Signature:
-        """Types of the parameters and of the result of a function that is asked for ``answers``."""
+        """Types of the parameters and of the result of a function; ``answers`` are wanted of it."""
         declaration = self._of_kind("fn", "function", function)
         where = f"{self.name}: {function}"
         self._check_stage(declaration, "")
@@ -141,7 +141,7 @@ class Module:
     def _parameters(
         self, declaration: Declaration
     ) -> tuple[dict[str, Type | Pointer], dict[str, Pointer | Texture | Sampler]]:
-        """The parameters of a function by name: its own ones, and those that are bound."""
+        """The parameters of a function by name: those of each row, and those that are bound."""
         own: dict[str, Type | Pointer] = {}
         shared: dict[str, Pointer | Texture | Sampler] = {}
         for part in declaration.parts:
@@ -154,10 +154,10 @@ class Module:
         return own, shared
 
     def bound_parameters(self, function: str) -> list[Binding]:
-        """The parameters of a function that are bound; the numbers come after those in use.
+        """The parameters of a function that are bound, with binding numbers that are free.
 
         Raises:
-            UsageError: one has the name of a variable that the function uses and that is bound.
+            UsageError: one has the name of a bound variable that the function uses.
         """
         first, used = self.first_free(function), {one.name for one in self.bindings(function)}
         _, shared = self._parameters(self._of_kind("fn", "function", function))
@@ -182,12 +182,12 @@ class Module:
         )
 
     def first_free(self, *functions: str) -> int:
-        """The first number in group 0 beyond those of the variables that functions use."""
+        """The first binding number in group 0 beyond those of variables that functions use."""
         used = [binding for function in functions for binding in self.bindings(function)]
         return 1 + max((one.number for one in used if one.group == 0), default=-1)
 
     def answers_of_rows(self, function: str, returns: Collection[str]) -> list[str]:
-        """The answers of a function that each row gives: all but those that are bound."""
+        """The answers that each row has: all but bound variables."""
         reached, declaration = self.reached(function), self._of_kind("fn", "function", function)
         self._check_stage(declaration, "")
         own, _ = self._parameters(declaration)
@@ -200,7 +200,7 @@ class Module:
         return [name for name in returns if name not in bound or name in is_result]
 
     def _answers(self, function: str, signature: Signature) -> list[str]:
-        """What may be asked for after a call, but for buffers."""
+        """All possible answers of a function except buffers."""
         pointers = [n for n, type_ in signature.parameters.items() if isinstance(type_, Pointer)]
         reached = self.reached(function)
         return [
@@ -210,7 +210,7 @@ class Module:
         ]
 
     def check_entry_point(self, name: str, stage: str = "compute") -> None:
-        """See whether ``name`` is an entry point of a stage."""
+        """Check that ``name`` is an entry point of a stage."""
         declaration = self._of_kind("fn", "function", name)
         self._check_stage(declaration, stage)
         if stage not in declaration.attributes:
@@ -231,7 +231,7 @@ class Module:
         return self._struct(self._of_kind("struct", "struct", name))
 
     def private(self) -> list[str]:
-        """Names of the variables that every invocation has its own of."""
+        """Names of the private variables."""
         return [d.name for d in self.declared.values() if d.kind == "var" and "private" in d.space]
 
     def variable(self, name: str) -> Type:
@@ -243,17 +243,17 @@ class Module:
         return self.type(declaration.type, where)
 
     def check_resource(self, name: str) -> None:
-        """See whether ``name`` is a variable that is bound from outside."""
+        """Check that ``name`` is a resource variable."""
         if name not in self.resources():
             told = ", ".join(self.resources()) or "none"
             raise UsageError(f"{self.name}: there is no resource {name!r}; there is {told}")
 
     def resources(self) -> list[str]:
-        """Names of the variables that are bound from outside."""
+        """Names of the resource variables."""
         return [d.name for d in self.declared.values() if "binding" in d.attributes]
 
     def binding(self, name: str) -> Binding:
-        """What is bound to a resource variable."""
+        """The binding of a resource variable."""
         declaration = self._of_kind("var", "variable", name)
         where = f"{self.name}: variable {name}"
         if "binding" not in declaration.attributes or "group" not in declaration.attributes:
@@ -302,10 +302,10 @@ class Module:
         raise UsageError(f"{where}: a {written(tokens)} is not supported")
 
     def constants(self, given: Mapping[str, Any]) -> dict[str, float]:
-        """The values of overrides as a pipeline takes them: by name, or by number if they have one.
+        """The values of overrides in the form for a pipeline: by name, or by number if it has one.
 
         Raises:
-            UsageError: the text has no such override, or its type does not hold the value.
+            UsageError: the text has no override of that name, or its type does not hold the value.
         """
         found = {}
         for name, value in given.items():
@@ -331,7 +331,7 @@ class Module:
         return float(one)
 
     def _type_of(self, tokens: Tokens) -> str:
-        """Type of a constant expression; "" if it cannot be worked out here."""
+        """Type of a constant expression; "" if it cannot be evaluated here."""
         try:
             type_ = evaluate(tokens, self._meaning).type
         except (ArithmeticError, ValueError):
@@ -344,10 +344,10 @@ class Module:
         return [self.binding(name) for name in self.resources() if name in reached]
 
     def check_use(self, function: str, constants: Collection[str] = ()) -> None:
-        """See whether a function can be run; ``constants`` are overrides that are given values.
+        """Check that a function can be run; ``constants`` are overrides that have values.
 
         Raises:
-            UsageError: it needs what cannot be given to it, or what its rows would share.
+            UsageError: it needs a value that cannot be given, or one that its rows would share.
         """
         where = f"{self.name}: {function}"
         is_entry_point = not self.declared[function].attributes.keys().isdisjoint(STAGES)
@@ -371,11 +371,11 @@ class Module:
         )
 
     def workgroup_variables(self, function: str) -> list[Declaration]:
-        """The variables that the invocations of a workgroup share, of those a function needs."""
+        """The workgroup variables that a function needs."""
         return [d for d in self._reached(function) if d.space == ("workgroup",)]
 
     def reached(self, function: str) -> set[str]:
-        """Names of the declarations that a function needs, directly or not, and its own."""
+        """Names of the declarations that a function needs, directly or not, with its own name."""
         reached: set[str] = set()
         wanted = {function} & self.declared.keys()
         while wanted:
@@ -389,12 +389,12 @@ class Module:
         return (d for d in self.declared.values() if d.name in reached)
 
     def _predeclared(self, function: str) -> set[str]:
-        """Names that only WGSL declares of those that a function needs."""
+        """Names that a function needs and only WGSL declares."""
         references = {name for d in self._reached(function) for name in d.references}
         return references - self.declared.keys()
 
     def check_free(self, names: Iterable[str]) -> None:
-        """See that ``names``, which stand for what WGSL declares, are not declared by the text."""
+        """Check that the text does not declare ``names``, which must keep their WGSL meaning."""
         for name in names:
             if name in self.declared:
                 raise UsageError(
@@ -402,11 +402,11 @@ class Module:
                 )
 
     def asserted(self) -> str:
-        """Statements in which the compiler sees for itself that numbers were worked out rightly."""
+        """Statements by which the compiler checks the numbers that were evaluated here."""
         return "".join(f"const_assert {n} == ({text});\n" for text, n in self._numbers.items())
 
     def type(self, tokens: Tokens, where: str) -> Type:
-        """The type that is written so; ``where`` begins the message if there is none."""
+        """The type that the tokens describe; ``where`` begins the message if there is none."""
         return replace(self._type(tokens, where), written=written(tokens))
 
     def _type(self, tokens: Tokens, where: str) -> Type:
@@ -440,7 +440,7 @@ class Module:
         try:
             dtype_of(array)
         except ValueError as error:
-            # Of too many elements, or axes.
+            # The array has too many elements or axes.
             raise UsageError(f"{where}: NumPy has no such array: {error}") from None
         return array
 
@@ -509,7 +509,7 @@ class Module:
         return int(constant.value)
 
     def _meaning(self, name: str) -> Constant | str | None:
-        """What `constant.Names` says of a name."""
+        """The meaning of a name, as `constant.Names` gives it."""
         declaration = self.declared.get(name)
         if declaration is None:
             return name if name in SCALARS else None

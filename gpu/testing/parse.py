@@ -1,7 +1,7 @@
 """The declarations of a WGSL text: functions, structs, variables, constants and aliases.
 
-Of the body of a function it is known which names are its own and which are of the module. What is
-not WGSL is passed over: the compiler says better what is wrong with it.
+In the body of a function, local names are told from names of the module. Text that is not WGSL is
+skipped; the compiler has the better message for it.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 from halfstep.testing.tokens import CLOSE, OPEN, Token, Tokens, closing, split, tokens_of
 
-# Attributes whose words are no names of the module.
+# Attributes whose arguments are no names of the module.
 _CONTEXTUAL = ("builtin", "diagnostic", "interpolate")
 
 
 @dataclass(frozen=True)
 class Named:
-    """A name with its type, as a parameter or a member of a struct has it."""
+    """A name with a type: a parameter, or a member of a struct."""
 
     name: str
     type: Tokens
@@ -26,26 +26,26 @@ class Named:
 
 @dataclass(frozen=True)
 class Declaration:
-    """What a text declares for the whole of its module.
+    """A declaration at module scope.
 
     Attributes:
         kind: "fn", "struct", "alias", "const", "override" or "var".
-        name: what it declares.
-        references: the names in it that are neither its own nor of members: those of other
-            declarations, and of what WGSL declares.
-        attributes: as ``@binding(2)``: name -> what stands in its brackets.
+        name: the name that it declares.
+        references: the names in it that are neither local nor of members. Other declarations
+            or WGSL itself declare them.
+        attributes: name -> arguments of each attribute, as ``@binding(2)``.
         parts: the parameters of a function or the members of a struct.
-        type: of the result of a function, of a variable or constant, or that an alias stands for;
-            empty where there is none.
-        value: of a constant; empty where there is none.
+        type: type of a function's result, of a variable or constant, or of an alias; empty if there
+            is none.
+        value: value of a constant; empty if there is none.
         space: address space and access of a variable, as ("storage", "read_write").
-        brackets: of a function, those that begin its parameters and its body.
-        ends: of a function that returns nothing, each word "return", and the bracket of its body if
-            it is reached.
-        returns: of a function that returns something, for each "return" the word, and the semicolon
-            that ends it.
-        of_result: of a function, the attributes of its result.
-        has_loop: of a function, whether its body has one.
+        brackets: the brackets that begin the parameters and the body of a function.
+        ends: for a function without a result, each word "return", and the last bracket of its body
+            if control reaches it.
+        returns: for a function with a result, each word "return" and the semicolon that ends its
+            statement.
+        of_result: the attributes of a function's result.
+        has_loop: whether the body of a function has a loop.
     """
 
     kind: str
@@ -64,7 +64,7 @@ class Declaration:
 
 
 def declarations(text: str, name: str = "WGSL") -> dict[str, Declaration]:
-    """The declarations of ``text`` by name, in order; ``name`` is what a message calls it.
+    """The declarations of ``text`` by name, in order; ``name`` is its name in messages.
 
     Raises:
         UsageError: a comment is not closed.
@@ -143,14 +143,14 @@ def _function(attributes: dict[str, Tokens], tokens: list[Token]) -> Declaration
 
 
 def _ends(body: list[Token]) -> Tokens:
-    """Where a function that returns nothing ends."""
+    """The tokens where a function without a result ends."""
     returns = tuple(token for token in body if token == "return")
-    # Nothing may stand behind a return.
+    # No statement may follow a return.
     return returns if body[-3:] == ["return", ";", "}"] else (*returns, *body[-1:])
 
 
 def _returns(body: list[Token]) -> tuple[Tokens, ...]:
-    """Where a function that returns something ends: the words and their semicolons."""
+    """The tokens where a function with a result ends: the words and their semicolons."""
     starts = [place for place, token in enumerate(body) if token == "return"]
     return tuple(
         (body[at], body[end]) for at in starts if (end := _find(body, ";", at)) < len(body)
@@ -164,7 +164,7 @@ def _variable(attributes: dict[str, Tokens], space: Tokens, rest: list[Token]) -
 
 
 def _names(tokens: Iterable[Token]) -> frozenset[str]:
-    """The names in a type or an expression but those of members and of address spaces."""
+    """The names in a type or an expression, without those of members and address spaces."""
     found, before, last = set(), "", ""
     for token in tokens:
         if token.is_name and last != "." and (before, last) != ("ptr", "<"):
@@ -185,9 +185,9 @@ def _named_in(parts: tuple[Named, ...]) -> frozenset[str]:
 
 
 def _free_names(body: list[Token], parameters: set[str]) -> frozenset[str]:
-    """The names in the body of a function that nothing within the function declares.
+    """The names in the body of a function that the function does not declare.
 
-    What a statement declares is known from its end to the end of its block, or of its loop.
+    A name that a statement declares is known from its end to the end of its block, or of its loop.
     """
     found: set[str] = set()
     scopes = _Scopes(parameters)
@@ -197,7 +197,7 @@ def _free_names(body: list[Token], parameters: set[str]) -> frozenset[str]:
         place += 1
         scopes.pass_(token)
         if token == "@":
-            # The attributes that statements have name nothing of the module.
+            # Attributes of statements have no names of the module.
             place += 1
             if body[place : place + 1] == ["("]:
                 place = closing(body, place) + 1
@@ -207,17 +207,17 @@ def _free_names(body: list[Token], parameters: set[str]) -> frozenset[str]:
             scopes.begin(_first(body[place : place + 1]))
             place += 1
         elif token not in scopes:
-            # With what stands before it, which says whether it is a name of the module.
+            # The tokens before it tell whether it is a name of the module.
             found |= _names(body[max(place - 3, 0) : place]) & {token}
     return frozenset(map(str, found))
 
 
 class _Scopes:
-    """The names that are known where one is in the body of a function."""
+    """The names that are known at a position in the body of a function."""
 
     def __init__(self, parameters: set[str]) -> None:
         self._scopes = [parameters]
-        self._is_header = [False]  # of a loop, whose names go with its block
+        self._is_header = [False]  # True in the header of a loop, whose names end with its block
         self._begun: list[tuple[str, int]] = []  # names whose declaration has not ended
         self._depth = 0
 
@@ -265,7 +265,7 @@ def _named(tokens: Tokens) -> Named:
 
 
 def _find(tokens: list[Token], sign: str, start: int = 0) -> int:
-    """The index of the first ``sign`` from ``start``; past the end without one."""
+    """The index of the first ``sign`` from ``start``; the length if there is none."""
     return next((k for k in range(start, len(tokens)) if tokens[k] == sign), len(tokens))
 
 
@@ -274,7 +274,7 @@ def _first(tokens: list[Token]) -> str:
 
 
 def _typed(tokens: list[Token]) -> tuple[Tokens, Tokens]:
-    """Type and value of ``: type = value``, either of which may be missing."""
+    """Type and value in ``: type = value``; either may be missing."""
     depth = 0
     for place, token in enumerate(tokens):
         depth += (token in OPEN) - (token in CLOSE)

@@ -1,7 +1,7 @@
 """The pytest plugin: the fixture ``wgsl``, on a device that the user may choose.
 
-Loaded by pytest wherever Halfstep is installed, so it imports nothing of weight before a test asks
-for the fixture.
+pytest loads the plugin in every environment with Halfstep, so it imports nothing of weight before a
+test asks for the fixture.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from halfstep.testing.kit import Kit
 
 
-# With these somebody asks for drivers or a backend, beside those that name an adapter.
+# Variables that ask for a driver or a backend; others ask for an adapter by name.
 _ASKING = ("WGPU_BACKEND_TYPE", "VK_DRIVER_FILES", "VK_ICD_FILENAMES")
-# What CI is where it is not continuous integration.
+# Values of the variable CI outside continuous integration.
 _NO = ("", "0", "false")
 _CHOICES = pytest.StashKey[str]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option that says where results are kept."""
+    """Add the options of the plugin."""
     group = parser.getgroup("halfstep", "shader tests by Halfstep")
     group.addoption(
         "--halfstep-results-path",
@@ -43,8 +43,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """See before any test whether results can be kept, and stored answers written."""
-    # What was found is right by definition then, and nobody looks at it.
+    """Check before any test that results can be kept and stored answers written."""
+    # Regenerating makes every result right, and in continuous integration nobody looks at it.
     if config.getoption("--halfstep-regenerate") and os.environ.get("CI", "") not in _NO:
         raise pytest.UsageError(
             f"--halfstep-regenerate: not in continuous integration, and CI={os.environ['CI']}"
@@ -59,10 +59,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def halfstep_adapter() -> Adapter:
-    """The adapter that `halfstep doctor` says is chosen.
+    """The adapter that `halfstep doctor` marks as chosen.
 
-    Without one tests are skipped, or fail if a variable of the environment asks for an adapter, a
-    driver or a backend: a run that was to test shaders does not pass by not running them.
+    Without an adapter, tests are skipped. If a variable of the environment asks for an adapter, a
+    driver or a backend, they fail instead: a run that was to test shaders must not pass without
+    running them.
     """
     from halfstep.device.adapters import choose_adapter, is_requested
     from halfstep.errors import AdapterError
@@ -78,9 +79,9 @@ def halfstep_adapter() -> Adapter:
 
 @pytest.fixture(scope="session")
 def halfstep_device(halfstep_adapter: Adapter) -> Iterator[GpuDevice]:
-    """The wgpu.GPUDevice that shaders are tested on; override it to test on one of your own.
+    """The wgpu.GPUDevice that tests shaders; override the fixture to use a device of your own.
 
-    It has 64-bit integers, 16- and 64-bit floats, subgroups and more formats of textures where the
+    The device has 64-bit integers, 16- and 64-bit floats, subgroups and more texture formats if the
     adapter has them.
     """
     from halfstep.device.adapters import close_device, open_device
@@ -100,7 +101,7 @@ def wgsl(halfstep_device: GpuDevice, pytestconfig: pytest.Config) -> Kit:
     from halfstep.device.canary import fingerprint
     from halfstep.testing.kit import Kit
 
-    # A driver that cannot add would fail every test, and none of them would say why.
+    # With a driver that cannot add, every test would fail, and none would say why.
     choices = fingerprint(halfstep_device)
     pytestconfig.stash[_CHOICES] = f"{choices.stack['adapter']}: {choices}"
     return Kit(halfstep_device)
@@ -109,14 +110,14 @@ def wgsl(halfstep_device: GpuDevice, pytestconfig: pytest.Config) -> Kit:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Tell the choices of the driver that shaders were tested on."""
+    """Print the choices of the driver that ran the shaders."""
     if _CHOICES in config.stash:
         terminalreporter.write_line(f"halfstep: {config.stash[_CHOICES]}")
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Tell what is called in a test where it is, and name its results for it."""
+    """Let the code that a test calls know the test's folder and the files of its results."""
     from halfstep.testing.results import running
 
     folder = item.config.getoption("--halfstep-results-path")

@@ -1,4 +1,4 @@
-"""Compute shaders that run one after another over what stays on the device."""
+"""Compute shaders that run one after another over buffers that stay on the device."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from halfstep.testing.resources import Given
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
-# What runs an entry point over what is bound, on a grid of workgroups.
+# Runs an entry point with bound resources on a grid of workgroups.
 Dispatch = Callable[[str, Sequence[Bindable | Held], tuple[int, int, int] | Indirect], list[Bytes]]
 
 
 class Program:
-    """Buffers and textures on a device, and the compute shaders of a source, run over them.
+    """Buffers and textures on a device, and the compute shaders of a source that use them.
 
     `Kit.program` makes one.
     """
@@ -34,7 +34,7 @@ class Program:
         used: Callable[[str], list[str]],
         dispatch: Dispatch,
     ) -> None:
-        """``used`` names what an entry point uses, ``dispatch`` runs one."""
+        """``used`` gives the resources that an entry point uses; ``dispatch`` runs it."""
         self._given, self._compute = given, compute
         self._used, self._dispatch = used, dispatch
         self._held = {name: compute.hold(one.bound) for name, one in given.items()}
@@ -51,10 +51,10 @@ class Program:
 
         Args:
             entry_point: a function with @compute.
-            workgroups: how many along x, y and z; 1 if nothing is said.
-            indirect: instead of ``workgroups`` the buffer that holds the three numbers, which the
-                entry point must not write to.
-            offset: bytes before the numbers.
+            workgroups: numbers of workgroups along x, y and z; 1 by default.
+            indirect: instead of ``workgroups``, the name of a buffer with the three numbers. The
+                entry point must not write to this buffer.
+            offset: bytes before the three numbers in that buffer.
 
         Raises:
             UsageError, AdapterError, DeviceError: as `Kit.check`.
@@ -70,10 +70,10 @@ class Program:
         self._dispatch(entry_point, [self._held[name] for name in used], grid)
 
     def read(self, name: str) -> Any:
-        """What a buffer or storage texture holds, formed as what was given.
+        """The content of a buffer or storage texture, in the form of the value given before.
 
         Raises:
-            UsageError: there is none of that name.
+            UsageError: no buffer or storage texture has that name.
             DeviceError: the device was lost or the driver failed.
         """
         there = [n for n, one in self._given.items() if one.bound.is_written]
@@ -103,10 +103,10 @@ class Program:
 def grid_of(
     workgroups: SupportsIndex | Sequence[SupportsIndex], device: GpuDevice
 ) -> tuple[int, int, int]:
-    """How many workgroups there are along x, y and z.
+    """The numbers of workgroups along x, y and z.
 
     Raises:
-        UsageError: they are no whole numbers, or more than the device runs.
+        UsageError: they are no whole numbers, or more than the device can run.
     """
     largest = device.limits["max-compute-workgroups-per-dimension"]
     try:

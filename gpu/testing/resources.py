@@ -1,4 +1,4 @@
-"""What is bound to the resource variables of a shader: buffers, textures and samplers."""
+"""Values for the resource variables of a shader: buffers, textures and samplers."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 @dataclass(frozen=True)
 class Given:
-    """What is bound to a variable.
+    """A value for a resource variable.
 
     Attributes:
-        bound: as a device takes it.
-        value: what the bytes that it then holds are, formed as what was given.
-        dtype: what one value of it is in NumPy.
-        shown: gives what a reference is given of it: the arrays of a texture in its type, as a
-            tuple if they are levels; a sampler; what a buffer holds as `value` forms it.
+        bound: the resource in the form for a device.
+        value: turns the resource's bytes after a run into the form of the given value.
+        dtype: the NumPy type of one value in it.
+        shown: gives the reference's argument: the array of a texture in its type, or a tuple of
+            levels; a sampler; the content of a buffer in the form of `value`.
     """
 
     bound: Bindable
@@ -43,13 +43,13 @@ class Given:
 def given(
     binding: Binding, value: Any, device: GpuDevice, adapter: str, *, argument: str = "bindings"
 ) -> Given:
-    """What is bound to a variable that is given ``value``, in an ``argument``.
+    """The resource for a variable from a ``value`` in an ``argument`` of the kit.
 
-    ``adapter`` is the device's, by name.
+    ``adapter`` is the name of the device's adapter.
 
     Raises:
-        UsageError: it does not fit the type of the variable.
-        AdapterError: the device has no such textures.
+        UsageError: the value does not fit the type of the variable.
+        AdapterError: the device lacks that kind of texture.
     """
     where, place = f"{argument}: {binding.name}", (binding.group, binding.number)
     if isinstance(binding.type, Sampler):
@@ -78,10 +78,10 @@ def given(
 def used_by(
     module: Module, function: str, given: Collection[str], constants: Collection[str]
 ) -> list[str]:
-    """The resource variables that a function needs, all of which are given.
+    """The resource variables that a function needs.
 
     Raises:
-        UsageError: it needs one that is not, or cannot be run.
+        UsageError: one of them is not ``given``, or the function cannot be run.
     """
     module.check_use(function, constants)
     used = [binding.name for binding in module.bindings(function)]
@@ -95,7 +95,7 @@ def used_by(
 def check_bindings(
     module: Module, function: str, bindings: Mapping[str, Any], used: Sequence[str]
 ) -> None:
-    """See that a function uses all that is bound.
+    """Check that a function uses every bound variable.
 
     Raises:
         UsageError: it does not.
@@ -109,12 +109,12 @@ def check_bindings(
 
 
 def check_features(name: str, types_: Iterable[Type], device: GpuDevice, adapter: str) -> None:
-    """See that a device has all scalars of some types; ``name`` is what uses them.
+    """Check that a device has all scalars of some types, for a function or shader ``name``.
 
-    ``adapter`` is the device's, by name.
+    ``adapter`` is the name of the device's adapter.
 
     Raises:
-        AdapterError: it has not.
+        AdapterError: it lacks a scalar.
     """
     for scalar in {leaf.scalar for type_ in types_ for leaf in leaves_of(type_)}:
         feature = FEATURES.get(scalar)

@@ -1,6 +1,6 @@
-"""The test that runs: where it is, and what it leaves behind.
+"""The running test: its folder, and the files of its results.
 
-Where `--halfstep-results-path` says, a test leaves a census of each comparison, and pictures.
+In the folder of `--halfstep-results-path` a test leaves a census of each comparison, and pictures.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 
 class Results:
-    """The files of one test, named for it and numbered."""
+    """The files of one test. Each has the name of the test and a number."""
 
     def __init__(self, folder: Path, test: str) -> None:
         self._stem = folder / re.sub(r"[^\w.-]+", "-", test).strip("-")
@@ -35,12 +35,12 @@ class Results:
 
 @dataclass(frozen=True)
 class Running:
-    """A test that runs.
+    """The running test.
 
     Attributes:
-        folder: that its file is in.
-        results: what it leaves behind, if anything.
-        regenerates: whether stored answers are written anew.
+        folder: the folder of its file.
+        results: the files of its results, if results are wanted.
+        regenerates: whether it writes stored answers anew.
     """
 
     folder: Path
@@ -55,7 +55,7 @@ _current: ContextVar[Running | None] = ContextVar("test", default=None)
 def running(
     name: str, file: Path, results_path: Path | None, *, regenerates: bool
 ) -> Iterator[None]:
-    """Tell what is called in here of the test that runs; its results go to ``results_path``."""
+    """A context in which a test runs; its results go to ``results_path``."""
     results = None if results_path is None else Results(results_path, name)
     token = _current.set(Running(file.parent, results, regenerates))
     try:
@@ -65,19 +65,19 @@ def running(
 
 
 def folder_of_test() -> Path | None:
-    """The folder of the file of the test that runs; None outside of pytest."""
+    """The folder of the running test's file; None outside pytest."""
     test = _current.get()
     return None if test is None else test.folder
 
 
 def regenerates() -> bool:
-    """Whether stored answers are to be written anew."""
+    """Whether the running test writes stored answers anew."""
     test = _current.get()
     return test is not None and test.regenerates
 
 
 def keep(report: Mapping[str, Any], picture: Callable[[], bytes] | None = None) -> None:
-    """Write a report, and a picture if there is one, where results are wanted."""
+    """Write a report, and a picture if there is one, if results are wanted."""
     test = _current.get()
     if test is not None and test.results is not None:
         test.results.keep(report, picture)

@@ -1,4 +1,4 @@
-"""A function called for all its rows, in as many parts as buffers of the device need."""
+"""Calls of a function for all its rows, in parts that fit buffers of the device."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from halfstep.testing.values import Values, pack, prefilled, unpack
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
-# What sees whether loops of a function were cut: it is given the source, the function, and bytes.
+# Checks that no loop of a function was cut, given the source, the function, and bytes of `watch`.
 CheckWatched = Callable[[str, str, Bytes], None]
 
 
 def rows_at_once(kernel_: Kernel, limits: Mapping[str, int]) -> int:
-    """As many rows as buffers of a device with these limits hold."""
+    """The number of rows that buffers of a device with these limits hold."""
     size = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
     most = limits["max-compute-workgroups-per-dimension"] * WORKGROUP
     return int(min([most, *(size // stride_of(type_) for type_ in kernel_.types)]))
@@ -36,10 +36,10 @@ def rows_at_once(kernel_: Kernel, limits: Mapping[str, int]) -> int:
 def run_rows(
     compute: Compute, call: Call, at_once: int, check_watched: CheckWatched
 ) -> dict[str, Any]:
-    """The answers: of rows (rows, …), of what is bound as it comes back.
+    """The answers: (rows, …) for those of rows, and the content of bound variables.
 
     Raises:
-        UsageError: what is compiled does not compile.
+        UsageError: the text does not compile.
         DeviceError: the device was lost or the driver failed.
     """
     held = {name: compute.hold(one.bound) for name, one in call.bound.items()}

@@ -1,4 +1,4 @@
-"""What is WGSL and what is the path of a file of it, and which lines of which files a text has."""
+"""Sources of a kit: texts and paths told apart, and the file and line of each line of a text."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
 One = str | os.PathLike[str]
 Source = One | Sequence[One]
-# What makes WGSL of a text that is none yet.
+# Turns a text into WGSL.
 Preprocess = Callable[[str], str]
 
 SUFFIX = ".wgsl"
-# Every text that declares something has one of these, and so has every text of more than a line.
+# Every text with a declaration matches this, and so does every text of more than one line.
 _WGSL = re.compile(r"[{};\n\r]|//\s|/\*")
 _MARK = "\ufeff"
-# How the compiler tells a place, and a line that it shows.
+# A position in a message of the compiler, and a line of the text that the message shows.
 _PLACE = re.compile(r"(┌─ ).*:(\d+)(:\d+)$", re.MULTILINE)
 _SHOWN = re.compile(r"^( *)(\d+)( [│╭])")
 
 
 @dataclass(frozen=True)
 class Part:
-    """One of the texts that a source is made of.
+    """One of the texts that a source joins.
 
     Attributes:
-        name: what messages call it.
-        original: as it was read.
-        text: as it is compiled.
+        name: its name in messages.
+        original: the text as it was read.
+        text: the text as it is compiled.
     """
 
     name: str
@@ -49,9 +49,9 @@ class Part:
 
     @cached_property
     def lines(self) -> list[tuple[str, int]]:
-        """For each line of the text the name and the number in it that a message tells.
+        """The name and line number in messages, for each line of the text.
 
-        A line that a preprocessor wrote itself has its number in what the preprocessor gave.
+        A line that the preprocessor added has its number in the preprocessor's output.
         """
         lines = self.text.split("\n")
         if self.text == self.original:
@@ -69,23 +69,23 @@ class Text:
     """A text to compile.
 
     Attributes:
-        parts: what it is made of, in order.
+        parts: its parts, in order.
     """
 
     parts: tuple[Part, ...]
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return ", ".join(dict.fromkeys(part.name for part in self.parts))
 
     @property
     def text(self) -> str:
-        """All of it."""
+        """The parts, joined."""
         return "\n".join(part.text for part in self.parts)
 
     def place_of(self, at: int) -> str:
-        """The file and line of a place in `text`."""
+        """The file and line of index ``at`` in `text`."""
         start = 0
         for part in self.parts:
             end = start + len(part.text)
@@ -97,7 +97,7 @@ class Text:
         return f"{name}: line {number}"
 
     def relocated(self, message: str) -> str:
-        """What the compiler says of the whole, with the file and line of each place."""
+        """A message of the compiler about `text`, with files and lines of the parts."""
         if len(self.parts) == 1 and self.parts[0].text == self.parts[0].original:
             return message
         places = [place for part in self.parts for place in part.lines]
@@ -121,7 +121,7 @@ def _relocated(lines: Sequence[str], places: Sequence[tuple[str, int]]) -> Itera
 
 
 def _found(match: re.Match[str], places: Sequence[tuple[str, int]]) -> tuple[str, int]:
-    """The file and line of a line of the whole; what stands behind the end is in its last."""
+    """The file and line of a matched line; a line behind the end counts as the last."""
     return places[min(int(match[2]), len(places)) - 1]
 
 
@@ -129,7 +129,7 @@ def read(source: Source, preprocess: Preprocess | None = None) -> Text:
     """The text of a source, each part of it preprocessed alone.
 
     Raises:
-        UsageError: as `named_text`; or there is no text, or a preprocessor gives something else.
+        UsageError: as `named_text`; or there is no text, or the preprocessor returns no text.
     """
     several = isinstance(source, list | tuple)
     sources: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
@@ -150,11 +150,11 @@ def read(source: Source, preprocess: Preprocess | None = None) -> Text:
 
 
 def named_text(source: One) -> tuple[str, str]:
-    """What messages call a source, and its text without the mark that some editors begin it with.
+    """The name of a source in messages, and its text without a byte order mark.
 
     Raises:
-        UsageError: a path that cannot be read, a file that is not UTF-8, or neither WGSL nor a
-            path.
+        UsageError: it is neither WGSL nor a path, the path cannot be read, or the file is not
+            UTF-8.
     """
     if isinstance(source, os.PathLike):
         path = str(os.fspath(source))
@@ -172,7 +172,7 @@ def named_text(source: One) -> tuple[str, str]:
 
 
 def beside_the_test(path: str) -> str:
-    """A path from the folder of the test that runs, or else from the working directory."""
+    """A path from the folder of the running test, or else from the working directory."""
     folder = folder_of_test()
     if folder is None or not os.path.exists(folder / path):  # noqa: PTH110 - too long is no fault
         return path

@@ -1,4 +1,4 @@
-"""Textures and samplers: what arrays they are made of, and what is wrong with others."""
+"""Textures and samplers: made from arrays, and the faults of arrays that do not fit."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _AXES = {
     "cube": ("6", "height", "width"),
     "cube-array": ("6 × cubes", "height", "width"),
 }
-# Those of which a level has half as many as the level before.
+# Axes that are half as long in each level as in the level before.
 _HALVED = ("width", "height", "depth")
 _LIMITS = {"1d": "max-texture-dimension-1d", "3d": "max-texture-dimension-3d"}
 _ACCESS = {"": "", "read": "read-only", "write": "write-only", "read_write": "read-write"}
@@ -50,13 +50,13 @@ _ACCESS = {"": "", "read": "read-only", "write": "write-only", "read_write": "re
 
 @dataclass(frozen=True)
 class Sampler:
-    """What is bound to a ``sampler`` or ``sampler_comparison``.
+    """The value for a ``sampler`` or ``sampler_comparison``.
 
     Attributes:
         filter: "nearest" takes a texel, "linear" the mean of texels.
-        address: what is beyond an edge: "clamp-to-edge", "repeat" or "mirror-repeat".
-        compare: of a ``sampler_comparison``, how WebGPU compares what it is given with a depth, as
-            "less".
+        address: the texel beyond an edge: "clamp-to-edge", "repeat" or "mirror-repeat".
+        compare: for a ``sampler_comparison``, WebGPU's name of the comparison of the reference
+            value with a depth, as "less".
         mipmap: "nearest" takes a level of the texture, "linear" the mean of two.
     """
 
@@ -85,7 +85,7 @@ def bound_sampler(
     """A sampler at a ``place``, (group, number).
 
     Raises:
-        UsageError: it is none, or does not compare as the shader does.
+        UsageError: ``value`` is no sampler, or only one of sampler and shader compares.
     """
     if not isinstance(value, Sampler):
         raise UsageError(f"{where}: {type(value).__name__} is not a halfstep.testing.Sampler")
@@ -101,19 +101,19 @@ def bound_texture(
     """A texture at a ``place``, (group, number).
 
     Args:
-        type_: what the shader declares.
-        value: an array, or a tuple of one for each level.
-        where: what a message calls it.
-        place: where it is bound.
-        device: of which it is.
+        type_: the type in the shader.
+        value: an array, or a tuple with an array for each level.
+        where: its name in messages.
+        place: its (group, number).
+        device: the device that will hold it.
 
     Returns:
-        The levels in the type of the texture, what is bound, and what makes an array of the bytes
-        of its first level.
+        The levels in the type of the texture, the texture, and a function that turns the bytes of
+        its first level into an array.
 
     Raises:
-        UsageError: it does not fit the type of the variable.
-        AdapterError: the device has no such textures.
+        UsageError: the value does not fit the type of the variable.
+        AdapterError: the device lacks that kind of texture.
     """
     name, levels = _levels(type_, value, where)
     _check_size(type_, levels[0], where, device.limits)
@@ -121,7 +121,7 @@ def bound_texture(
     if feature and (name != "bgra8unorm" or type_.access) and feature not in device.features:
         raise AdapterError(f"{where}: the device has no {feature}, which {name} needs")
     axes = _axes_of(type_)
-    # In an array the first channel is red, in a format it may be blue.
+    # The first channel of an array is red. The first channel of a format may be blue.
     order = [2, 1, 0, 3] if name == "bgra8unorm" else slice(None)
 
     def whole(texels: Values) -> Values:
@@ -150,13 +150,13 @@ def bound_texture(
 
 
 def _axes_of(type_: Texture) -> tuple[str, ...]:
-    """The axes before the channels."""
+    """The axes of an array for the texture, before the channels."""
     more = (f"{SAMPLES} samples",) if type_.is_multisampled else ()
     return _AXES[type_.dimension] + more
 
 
 def _levels(type_: Texture, value: Any, where: str) -> tuple[str, list[Values]]:
-    """The format that texels have, and the texels of each level in its type."""
+    """The format of the texels, and the texels of each level in its type."""
     if isinstance(value, list) and all(map(is_numpy, value)) and len({*map(np.shape, value)}) > 1:
         raise UsageError(
             f"{where}: arrays of different shapes; the levels of a texture are a tuple"
@@ -186,7 +186,7 @@ def _levels(type_: Texture, value: Any, where: str) -> tuple[str, list[Values]]:
 
 
 def _halved(type_: Texture, shape: tuple[int, ...], level: int) -> tuple[int, ...]:
-    """The shape of a level of a texture whose first has ``shape``."""
+    """The shape of a level, if the first level has ``shape``."""
     axes = _axes_of(type_)
     sizes = (
         max(size >> level, 1) if axis in _HALVED else size
@@ -196,7 +196,7 @@ def _halved(type_: Texture, shape: tuple[int, ...], level: int) -> tuple[int, ..
 
 
 def _texels(type_: Texture, value: Any, where: str) -> tuple[str, Values]:
-    """The format that texels have, and the texels in its type."""
+    """The format of the texels, and the texels in its type."""
     axes = _axes_of(type_)
     shape = array_of(value, where).shape
     if type_.format:
@@ -222,7 +222,7 @@ def _texels(type_: Texture, value: Any, where: str) -> tuple[str, Values]:
         for name, dtype in there.items():
             if dtype == value.dtype:
                 return name, value
-    # What holds most; where numbers are wanted, not parts of 1.
+    # The widest format; no normalised format, because the values are not fractions of 1.
     name = max((n for n in there if "norm" not in n), key=lambda one: there[one].itemsize)
     return name, conform(value, there[name], where, any_axes=True, axis="texels")
 

@@ -12,9 +12,9 @@ from halfstep.errors import HalfstepError, UsageError
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
-# Where a line of WGSL ends, and with it a comment that begins with two slashes.
+# Characters that end a line of WGSL, and with it a comment after two slashes.
 _LINE_ENDS = "\n\v\f\r\x85\u2028\u2029"
-# Beyond ASCII everything is taken for a part of a name: what is none does not compile.
+# Every character beyond ASCII counts as part of a name; if it is none, the text does not compile.
 _NAME = r"[^\W\d][^\x00-/:-@\[-^`{-\x7f\s]*"
 _NUMBER = (
     r"0[xX][\da-fA-F]*\.?[\da-fA-F]*(?:[pP][+-]?\d+)?\w*|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\w*"
@@ -26,8 +26,8 @@ _LINE = re.compile(rf"\r\n|[{_LINE_ENDS}]")
 
 OPEN, CLOSE = "([{", ")]}"
 _PREFIXES = "-!~*&"
-# naga, the compiler, reads each level by a call of its own. With 8 MiB of stack it ends the process
-# at 2,500 brackets, 5,900 branches of one `if` and 8,300 signs before a value.
+# naga, the compiler, reads levels recursively. With a stack of 8 MiB it ends the process at 2,500
+# brackets, 5,900 branches of one `if` or 8,300 signs before a value.
 MOST_LEVELS = 1000
 
 
@@ -35,20 +35,20 @@ class Token(str):
     """A word or a single sign.
 
     Attributes:
-        at: where it begins in the text.
+        at: index of its first character in the text.
     """
 
     at: int
 
     def __new__(cls, text: str, at: int) -> Token:
-        """A token of ``text`` at a place."""
+        """A token of ``text`` at an index."""
         token = super().__new__(cls, text)
         token.at = at
         return token
 
     @property
     def end(self) -> int:
-        """Where it ends in the text."""
+        """The index behind its last character."""
         return self.at + len(self)
 
     @property
@@ -62,10 +62,10 @@ Tokens = tuple[Token, ...]
 
 
 def tokens_of(text: str, name: str) -> list[Token]:
-    """The words and signs of ``text`` outside comments; ``name`` is what a message calls it.
+    """The words and signs of ``text`` outside comments; ``name`` is its name in messages.
 
     Raises:
-        UsageError: a comment is not closed. Compilers differ in what they make of that.
+        UsageError: a comment is not closed, which compilers read differently.
     """
     found: list[Token] = []
     place = 0
@@ -77,14 +77,14 @@ def tokens_of(text: str, name: str) -> list[Token]:
 
 
 def check_depth(tokens: list[Token], name: str) -> None:
-    """See that no compiler runs out of stack; ``name`` is what a message calls the text.
+    """Check that no compiler runs out of stack; ``name`` is the name of the text in messages.
 
     Raises:
         UsageError: there are more than `MOST_LEVELS` brackets within each other, branches of one
             ``if`` or signs before one value.
     """
     brackets = angles = signs = 0
-    # Branches so far of the ``if`` that was last at each level of brackets.
+    # Branches so far of the last ``if`` at each level of brackets.
     branches = [0]
     previous = ""
     for token in tokens:
@@ -92,7 +92,7 @@ def check_depth(tokens: list[Token], name: str) -> None:
             branches[-1] = 0
         branches[-1] += token == "else"
         signs = signs + 1 if token in _PREFIXES else 0
-        # A sign that compares has no partner, but its statement an end.
+        # A "<" that compares has no partner; the end of its statement resets the count.
         angles = 0 if token in ";{}" else max(angles + (token == "<") - (token == ">"), 0)
         if token in OPEN:
             brackets += 1
@@ -109,18 +109,18 @@ def check_depth(tokens: list[Token], name: str) -> None:
 
 
 def check_pointers(tokens: list[Token], place_of: Callable[[Token], str]) -> None:
-    """See that no function has pointers that naga does not take.
+    """Check that no function has pointers that naga refuses.
 
-    WGSL has them as ``unrestricted_pointer_parameters``: to a part of a variable, for which naga 29
-    ends the process, and into storage, uniform buffers and workgroup memory, of which it says less
-    than is said here.
+    WGSL calls them ``unrestricted_pointer_parameters``. For a pointer to a part of a variable naga
+    29 ends the process. For a pointer into storage, uniform buffers or workgroup memory its message
+    says less than the one here.
 
     Raises:
-        UsageError: one has; ``place_of`` a token tells the file and line.
+        UsageError: a function has one; ``place_of`` tells the file and line of a token.
     """
     functions = {after for token, after in pairwise(tokens) if token == "fn"}
     _check_spaces(tokens, place_of)
-    parts: set[Token] = set()  # names of a function for such pointers
+    parts: set[Token] = set()  # names for pointers to parts of variables, in a function
     for place, token in enumerate(tokens):
         if token == "fn":
             parts = set()
@@ -169,7 +169,7 @@ def written(tokens: Tokens) -> str:
 
 
 def closing(tokens: list[Token], start: int) -> int:
-    """The index of the bracket that closes the one at ``start``; past the end without it."""
+    """The index of the bracket that closes the one at ``start``; the length if there is none."""
     depth = 0
     for place in range(start, len(tokens)):
         depth += (tokens[place] in OPEN) - (tokens[place] in CLOSE)
@@ -179,13 +179,13 @@ def closing(tokens: list[Token], start: int) -> int:
 
 
 def split(tokens: list[Token] | Tokens) -> list[Tokens]:
-    """The parts between commas outside all brackets; a comma at the end begins none."""
+    """The parts between commas outside all brackets; no part follows a comma at the end."""
     parts: list[Tokens] = []
     part: list[Token] = []
     round_, angle = 0, 0
     for token in tokens:
         round_ += (token in OPEN) - (token in CLOSE)
-        # Within round brackets the signs compare.
+        # Inside round brackets, "<" and ">" are comparisons.
         angle += ((token == "<") - (token == ">")) * (round_ == 0)
         if token == "," and round_ == 0 and angle == 0:
             parts.append(tuple(part))
@@ -196,7 +196,7 @@ def split(tokens: list[Token] | Tokens) -> list[Tokens]:
 
 
 def _comment_end(text: str, start: int, name: str) -> int:
-    """Where the comment ends that begins at ``start``; those within it nest."""
+    """The index where the comment at ``start`` ends; comments nest."""
     depth, place = 0, start
     while mark := _MARK.search(text, place):
         depth += 1 if mark[0] == "/*" else -1

@@ -1,8 +1,7 @@
-"""Types of WGSL, and where their parts lie in a buffer.
+"""Types of WGSL, and the positions of their parts in a buffer.
 
-Sizes and alignments are those of the WGSL specification, "Memory Layout"; for i64, u64 and f64,
-which are naga's, they follow from the same rules. A bool cannot lie in a buffer: there a u32, 0 or
-1, stands for it.
+Sizes and alignments are those of the WGSL specification, "Memory Layout". The same rules give them
+for naga's types i64, u64 and f64. A bool cannot be in a buffer; a u32, 0 or 1, stands for it there.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ SCALARS: dict[str, DType] = {
     "i64": np.dtype(np.int64),
     "u64": np.dtype(np.uint64),
 }
-# Scalar -> the feature without which a device has none.
+# Scalar -> the feature that a device needs for it.
 FEATURES = {
     "f16": "shader-f16",
     "f64": "shader-f64",
@@ -35,7 +34,7 @@ FEATURES = {
 }
 
 
-# Every type keeps the words it was ``written`` in: to naga an alias is a type of its own.
+# Every type keeps its text in ``written``, because naga treats an alias as a type of its own.
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Vector:
 
 @dataclass(frozen=True)
 class Matrix:
-    """2 to 4 columns of vectors; in NumPy (rows, columns), so that ``m @ v`` is what it says."""
+    """2 to 4 columns, which are vectors; in NumPy (rows, columns), so that ``m @ v`` is right."""
 
     scalar: Scalar
     columns: int
@@ -68,7 +67,7 @@ class Matrix:
 
 @dataclass(frozen=True)
 class Array:
-    """Elements one after another, as many as its buffer holds where there is no count."""
+    """Elements one after another; without a count, as many as its buffer holds."""
 
     element: Type
     count: int | None
@@ -77,7 +76,7 @@ class Array:
 
 @dataclass(frozen=True)
 class Member:
-    """A member of a struct; attributes may give it more room than its type needs."""
+    """A member of a struct; attributes may give it more bytes than its type needs."""
 
     name: str
     type: Type
@@ -103,9 +102,9 @@ class Pointer:
     """A parameter through which a function reaches a variable of its caller.
 
     Attributes:
-        space: that the variable is in.
-        target: its type.
-        access: of a variable in storage: "read" or "read_write".
+        space: address space of the variable.
+        target: type of the variable.
+        access: for a variable in storage, "read" or "read_write".
     """
 
     space: str
@@ -118,10 +117,10 @@ class Texture:
     """Texels that a shader reads or writes.
 
     Attributes:
-        dimension: as WebGPU calls it: "1d", "2d", "2d-array", "3d", "cube" or "cube-array".
-        scalar: what a shader sees of a channel; "depth" of a texture of depths.
-        format: of a storage texture, else "".
-        access: of a storage texture: "read", "write" or "read_write".
+        dimension: WebGPU's name: "1d", "2d", "2d-array", "3d", "cube" or "cube-array".
+        scalar: type of a channel in the shader; "depth" for a texture of depths.
+        format: format of a storage texture, else "".
+        access: access of a storage texture: "read", "write" or "read_write".
         is_multisampled: whether a texel has several samples.
     """
 
@@ -135,7 +134,7 @@ class Texture:
 
 @dataclass(frozen=True)
 class Sampler:
-    """What says how a texture is sampled; it may compare depths."""
+    """A sampler, which tells how a texture is sampled; it may compare depths."""
 
     compares: bool
     written: str = field(default="", compare=False)
@@ -143,13 +142,13 @@ class Sampler:
 
 @dataclass(frozen=True)
 class Leaf:
-    """All scalars of a type that have the same names of members on the way to them.
+    """All scalars of a type that the same names of members lead to.
 
     Attributes:
         path: the names.
         offset: bytes from the start of the type.
-        scalar: its name in WGSL.
-        shape: of the array of scalars, outer arrays first.
+        scalar: name of the scalar in WGSL.
+        shape: shape of the array of scalars, outer arrays first.
         strides: bytes along each axis.
     """
 
@@ -161,7 +160,7 @@ class Leaf:
 
 
 def size_of(type_: Type) -> int:
-    """Bytes of a value; of an array without a count those of one element."""
+    """Bytes of a value; for an array without a count, of one element."""
     match type_:
         case Scalar(name):
             return 4 if name == "bool" else SCALARS[name].itemsize
@@ -176,12 +175,12 @@ def size_of(type_: Type) -> int:
 
 
 def align_of(type_: Type) -> int:
-    """What the address of a value is a multiple of, bytes."""
+    """The alignment of a value in bytes."""
     match type_:
         case Scalar():
             return size_of(type_)
         case Vector(scalar, count):
-            # A vec3 begins where a vec4 could.
+            # A vec3 has the alignment of a vec4.
             return (2 if count == 2 else 4) * size_of(scalar)
         case Matrix():
             return align_of(_column(type_))
@@ -197,7 +196,7 @@ def stride_of(type_: Type) -> int:
 
 
 def dtype_of(type_: Type) -> DType:
-    """What a value is in NumPy; of an array without a count, what one element is."""
+    """The NumPy type of a value; for an array without a count, of one element."""
     match type_:
         case Scalar(name):
             return SCALARS[name]
@@ -215,7 +214,7 @@ def dtype_of(type_: Type) -> DType:
 
 
 def leaves_of(type_: Type) -> Iterator[Leaf]:
-    """The scalars of a value, in order; of an array without a count, those of one element."""
+    """The scalars of a value, in order; for an array without a count, of one element."""
     match type_:
         case Scalar(name):
             yield Leaf((), 0, name)
@@ -239,7 +238,7 @@ def leaves_of(type_: Type) -> Iterator[Leaf]:
 
 
 def text_of(type_: Type) -> str:
-    """How the type was written, or else how WGSL writes it."""
+    """The text of the type in the source, or else its WGSL."""
     match type_:
         case _ if type_.written:
             return type_.written
@@ -256,7 +255,7 @@ def text_of(type_: Type) -> str:
 
 
 def struct_of(name: str, members: list[tuple[str, Type, int, int]]) -> Struct:
-    """A struct of members (name, type, alignment, size), 0 for those of the type itself."""
+    """A struct of members (name, type, alignment, size); 0 stands for the type's own."""
     placed: list[Member] = []
     end = 0
     for member, type_, align, size in members:

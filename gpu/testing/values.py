@@ -1,4 +1,4 @@
-"""NumPy values into the bytes of a buffer and back, and into the exact types that WGSL has."""
+"""Converts NumPy values to the exact types of WGSL, to the bytes of a buffer, and back."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from halfstep.testing.types import (
 # As in `kit`.
 __tracebackhide__ = methodcaller("errisinstance", HalfstepError)
 
-# `Array` is a type of WGSL here.
+# `Array` is taken: it is a type of WGSL here.
 Values = NDArray[Any]
 
 
 def unwritten(shape: int | tuple[int, ...], dtype: np.typing.DTypeLike) -> Values:
-    """An array to give to `Kit.kernel` for a buffer that its shader is to write.
+    """An array for a buffer that the shader of `Kit.kernel` is to write.
 
-    Every word of it is 0xDEADBEEF, and a census tells values that still are.
+    Each of its words is 0xDEADBEEF. A census tells which words still are.
     """
     values = np.empty(shape, dtype)
     values.reshape(-1).view(np.uint8)[:] = prefilled(values.nbytes)
@@ -45,7 +45,7 @@ def unwritten(shape: int | tuple[int, ...], dtype: np.typing.DTypeLike) -> Value
 
 
 def prefilled(size: int) -> Bytes:
-    """So many bytes that no shader has written to."""
+    """``size`` bytes with the words of `unwritten`."""
     return np.full(-(-size // 4), UNWRITTEN, "<u4").view(np.uint8)[:size]
 
 
@@ -58,16 +58,16 @@ def conform(
     any_axes: bool = False,
     axis: str = "rows",
 ) -> Values:
-    """``value`` with exactly ``dtype``: (rows, …), or structured with these fields.
+    """``value`` converted to ``dtype``: (rows, …), or structured with its fields.
 
     A struct may be a structured array, a mapping of its members, or a tuple of them in order. A
-    number stands for the same number in every row, and an array without an axis of rows for the
-    same value. Numbers and lists of Python are rounded to floats; other values may not change,
-    unless ``rounded``. If ``any_axes``, rows may have any number of axes: (H, W, …). A message
-    calls the first axis ``axis``, and is silent about it if that is "".
+    number, or an array without an axis of rows, stands for the same value in every row. Numbers and
+    lists of Python are rounded to floats. Other values must not change, unless ``rounded``. With
+    ``any_axes`` rows may have any number of axes: (H, W, …). Messages call the first axis ``axis``
+    and leave it out if that is "".
 
     Raises:
-        UsageError: another shape or other members, or a value that the type does not hold.
+        UsageError: the shape or the members do not fit, or the type does not hold a value.
     """
     scalar, shape = dtype.base, dtype.shape
     value = unmasked(value, where)
@@ -76,7 +76,7 @@ def conform(
     members = members_of(value, scalar.names, where)
     parts, leads = {}, set()
     for name in scalar.names:
-        # An array of structs has its axes before those of the member.
+        # The axes of an array of structs stand before those of a member.
         member = scalar[name]
         full = np.dtype((member.base, (*shape, *member.shape)))
         part = conform(
@@ -99,21 +99,21 @@ def conform(
 
 
 def lead_of(values: Values, dtype: DType) -> tuple[int, ...]:
-    """The axes of rows, which stand before those of a value; none for one value of all rows."""
+    """The axes of rows, which stand before those of a value; none if rows share one value."""
     return values.shape[: max(values.ndim - len(dtype.shape), 0)]
 
 
 def paired(found: Any, expected: Any, where: str = "") -> Iterator[tuple[str, Values, Values]]:
-    """The arrays (rows, …) that a value is made of, by name, with those expected of them.
+    """The arrays (rows, …) in a value, each with its name and the array expected.
 
     Args:
-        found: what `Kit.kernel` gives, or all of it: an array, a value without rows, or a mapping
-            of such. A list is what NumPy makes of it.
-        expected: formed alike; one value may stand for all rows of an array.
-        where: the name of ``found`` in what it is a part of.
+        found: a result of `Kit.kernel`, or all results: an array, a value without rows, or a
+            mapping of these. A list becomes an array.
+        expected: a value of the same form; one value may stand for all rows of an array.
+        where: the name of ``found``, if it is a part of a larger value.
 
     Raises:
-        UsageError: they are formed otherwise, or are no numbers.
+        UsageError: the forms differ, or the arrays are no numbers.
     """
     dot = f"{where}." if where else ""
     if isinstance(found, Mapping):
@@ -141,7 +141,7 @@ def spread(values: Values, lead: int | tuple[int, ...], dtype: DType, where: str
     """Values of rows with the axes ``lead``; one value for all rows is repeated.
 
     Raises:
-        UsageError: there are more rows or fewer.
+        UsageError: the number of rows differs.
     """
     axes = (lead,) if isinstance(lead, int) else lead
     own = lead_of(values, dtype)
@@ -153,14 +153,14 @@ def spread(values: Values, lead: int | tuple[int, ...], dtype: DType, where: str
 
 
 def counted(lead: tuple[int, ...]) -> str:
-    """How many rows there are."""
+    """The number of rows, for people."""
     return " × ".join(map(str, lead))
 
 
 def pack(type_: Type, values: Values | Mapping[str, Values], rows: int) -> Bytes:
     """The bytes of an array of ``type_`` with ``values`` (rows, …); padding is 0.
 
-    Of a struct the values may also be a mapping of its members.
+    The values of a struct may also be a mapping of its members.
     """
     stride = stride_of(type_)
     raw = np.zeros(round_up(rows * stride, 4), np.uint8)
@@ -186,7 +186,7 @@ def view(raw: Bytes, leaf: Leaf, rows: int, stride: int) -> Values:
 
 
 def member(values: Values | Mapping[str, Values], path: tuple[str, ...]) -> Values:
-    """The array that is reached in a structured one, or in a mapping, by the names of ``path``."""
+    """The array that the names of ``path`` lead to in a structured array or a mapping."""
     array: Any = values
     for name in path:
         array = array[name]
@@ -194,14 +194,14 @@ def member(values: Values | Mapping[str, Values], path: tuple[str, ...]) -> Valu
 
 
 def unmasked(value: Any, where: str) -> Any:
-    """``value``, if no part of it is masked: a device has no such thing."""
+    """``value``, if no part of it is masked: a device has no masked values."""
     if isinstance(value, np.ma.MaskedArray):
         raise UsageError(f"{where}: a masked array; give its rows that are not masked")
     return value
 
 
 def leaf_types(dtype: DType) -> Iterator[DType]:
-    """The types of the numbers that a type is made of."""
+    """The types of the numbers in a type."""
     if dtype.base.names is None:
         yield dtype.base
         return
@@ -210,10 +210,10 @@ def leaf_types(dtype: DType) -> Iterator[DType]:
 
 
 class Resource:
-    """What is bound to a resource variable.
+    """A buffer for a resource variable.
 
-    Its value is what `conform` takes, without an axis of rows. An array without a count has its
-    elements along the first axis; a struct that ends with one is a mapping of its members.
+    Its value has the form that `conform` takes, without an axis of rows. An array without a count
+    has its elements along the first axis. A struct that ends with such an array is a mapping.
 
     Attributes:
         raw: the bytes.
@@ -222,9 +222,9 @@ class Resource:
     def __init__(
         self, type_: Type, value: Any, where: str, *, before: int = 0, least: int = 0
     ) -> None:
-        """Raises UsageError as `conform`, and for elements that would not be bound exactly.
+        """Raises UsageError as `conform`, and if a binding cannot have exactly that many elements.
 
-        It begins ``before`` bytes into a struct, of which at least ``least`` bytes are bound.
+        The array begins ``before`` bytes into a struct; at least ``least`` bytes are bound.
         """
         self._type = type_
         self._rows: int | None = None
@@ -237,7 +237,7 @@ class Resource:
             if lead_of(values, dtype_of(type_)) in ((), (0,)):
                 raise UsageError(f"{where}: no elements along a first axis: shape {values.shape}")
             self._rows = len(values)
-            # A shader that asks how many elements there are is told how many fit the binding.
+            # A shader that asks for the number of elements gets the number that fits the binding.
             end = before + len(values) * stride_of(type_)
             if end % 4 or end < least:
                 raise UsageError(
@@ -257,7 +257,7 @@ class Resource:
             place, given = f"{where}.{member.name}", values[member.name]
             part = Resource(member.type, given, place, before=member.offset, least=least)
             self._members[member.name] = member.offset, part
-        # The last part has elements; the bytes of others may end with padding.
+        # The last member is the array; the bytes of the others may end with padding.
         last = struct.members[-1]
         self.raw = np.zeros(last.offset + (part._rows or 0) * stride_of(last.type), np.uint8)
         for offset, part in self._members.values():
@@ -265,7 +265,7 @@ class Resource:
             self.raw[offset : offset + len(raw)] = raw
 
     def value(self, raw: Bytes) -> Any:
-        """The value that ``raw`` holds, formed as the one that was bound."""
+        """The value in ``raw``, in the form of the value that was bound."""
         if self._members:
             return {name: part.value(raw[at:]) for name, (at, part) in self._members.items()}
         if self._rows is None:
@@ -282,7 +282,7 @@ def _is_open(type_: Type) -> bool:
 
 
 def array_of(value: Any, where: str) -> Values:
-    """What NumPy makes of a value.
+    """A value as a NumPy array.
 
     Raises:
         UsageError: it is no array.
@@ -290,7 +290,7 @@ def array_of(value: Any, where: str) -> Values:
     try:
         return np.asarray(value)
     except ValueError as error:
-        # Of rows of different lengths.
+        # The rows have different lengths.
         raise UsageError(f"{where}: not an array: {error}") from None
 
 
@@ -309,13 +309,13 @@ def _one_row(value: Any, dtype: DType, where: str) -> Any:
             _one_row(part, type_, where)
             for part, type_ in itertools.zip_longest(value, types[: len(value)], fillvalue=dtype)
         )
-    # What is of Python stays so: its numbers are rounded.
+    # Numbers of Python are kept as they are; they will be rounded.
     array = array_of(value, where)
     return array[None] if is_numpy(value) else [array.tolist()]
 
 
 def is_numpy(value: Any) -> bool:
-    """Whether a value has a type of numbers of its own."""
+    """Whether a value is an array or number of NumPy."""
     return isinstance(value, np.ndarray | np.generic) or hasattr(value, "__array_interface__")
 
 
@@ -364,7 +364,7 @@ def _numbers(
     with np.errstate(all="ignore"):
         result = array.astype(dtype)
         lost = result.astype(array.dtype) != array
-    # 2^63 as an i64 is -2^63, and back 2^63.
+    # 2^63 as an i64 is -2^63, which converts back to 2^63.
     lost |= result != array
     if array.dtype.kind == "f":
         lost &= ~np.isnan(array)

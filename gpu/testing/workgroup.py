@@ -1,8 +1,8 @@
-"""The workgroup memory of a compute shader, cleared before the shader begins.
+"""Clears the workgroup memory of a compute shader before the shader begins.
 
-In WGSL it is zero then. wgpu-native leaves in it what others left there, so a shader that counts on
-zeros would be given another verdict from run to run. The text gains a function after its end, and
-within its own lines, which keep their numbers, a call of it.
+WGSL demands zeros there. wgpu-native leaves the values of earlier shaders, so a shader that counts
+on zeros would pass in one run and fail in another. A function that clears the memory is added after
+the text, and a call of it inside the text's lines, which keep their numbers.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ _NEEDED = ("atomicStore", "u32", "workgroupBarrier")
 
 
 def clearing(module: Module, entry_point: str) -> list[tuple[int, str]]:
-    """What a text gains, each at its place, to clear the workgroup memory of an entry point.
+    """The insertions, with their indices, that clear the workgroup memory of an entry point.
 
     Raises:
-        UsageError: the text declares a name that this needs.
+        UsageError: the text declares a name that the insertions need.
     """
     variables = module.workgroup_variables(entry_point)
     if not variables:
@@ -49,7 +49,7 @@ def clearing(module: Module, entry_point: str) -> list[tuple[int, str]]:
 
 
 def _given_index(module: Module, entry_point: Declaration) -> str | None:
-    """An expression of the index of an invocation, if the entry point has a parameter for it."""
+    """The expression of an invocation's index, if the entry point has a parameter for it."""
     for part in entry_point.parts:
         if _is_index(part.attributes):
             return part.name
@@ -77,7 +77,7 @@ def _cleared_by_all(module: Module, type_: Tokens, name: str, size: str) -> str:
 
 
 def _cleared(module: Module, type_: Tokens, place: str, depth: int = 0) -> str:
-    """Statements that clear a place; ``depth`` loops are around them."""
+    """Statements that clear a variable or a part of one; ``depth`` loops are around them."""
     if not _has_atomic(module, type_):
         return f"    {place} = {written(type_)}();\n"
     match _plain(module, type_):
@@ -106,7 +106,7 @@ def _has_atomic(module: Module, type_: Tokens) -> bool:
 
 
 def _plain(module: Module, type_: Tokens) -> Tokens:
-    """What an alias stands for, or the type itself."""
+    """The type that an alias stands for, or the type itself."""
     declaration = module.declared.get(str(type_[0])) if type_ else None
     if declaration is not None and declaration.kind == "alias":
         return _plain(module, declaration.type)
@@ -114,5 +114,5 @@ def _plain(module: Module, type_: Tokens) -> Tokens:
 
 
 def _head(module: Module, type_: Tokens) -> str:
-    """The first word of what a type is."""
+    """The first word of a type, aliases resolved."""
     return "".join(_plain(module, type_)[:1])

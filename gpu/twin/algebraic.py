@@ -1,4 +1,4 @@
-"""Twin of ``algebraic.wgsl``: where a solid with a polynomial is cut, and how it looks."""
+"""Twin of ``algebraic.wgsl``: where planes and a ball cut a solid with a polynomial or formula."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.normal import Vector
 from halfstep.twin.taylor import Curve, Slopes, cap_or
 
-# So many times EPSILON.
+# 2 and 8 times EPSILON.
 ROUNDINGS_2, ROUNDINGS_8 = np.float32(2.0**-23), np.float32(2.0**-21)
-# Beyond both ends of every interval.
+# A distance from any u to beyond both ends of every interval.
 BEYOND = np.float32(2)
 
 
 class Outline(NamedTuple):
-    """Where a solid is on the screen, and what it is; the record of the solid has it here."""
+    """The rectangle of a solid on the screen, and its kind, from the record of the solid."""
 
-    scale: np.float32  # of pixel offsets
+    scale: np.float32  # scale of pixel offsets
     left: np.int32
     right: np.int32
     top: np.int32
@@ -31,7 +31,7 @@ class Outline(NamedTuple):
 
 
 def outline_of(form: np.void) -> Outline:
-    """That of a polynomial."""
+    """The outline of a polynomial."""
     return Outline(*(form[name] for name in Outline._fields))
 
 
@@ -43,7 +43,7 @@ def line_place(c: F32, b: F32) -> F32:
 
 
 def line_slack(c: F32, b: F32, error: F32, number: I32) -> F32:
-    """How far it is from its place at most; the end of an interval that nothing cuts is exact."""
+    """The largest error of `line_place`; an end of the interval that no plane cuts is exact."""
     size = np.abs(b)
     some = size > 2 * error
     slope = np.where(some, size - error, np.float32(1))
@@ -53,10 +53,10 @@ def line_slack(c: F32, b: F32, error: F32, number: I32) -> F32:
 
 
 class Chord(NamedTuple):
-    """Where a ray is in a ball, and how far each end is from its place at most."""
+    """The part of a ray in a ball, and the largest error of each end."""
 
     met: Bools
-    sure: Bools  # whether it is met
+    sure: Bools  # surely not empty
     enter: F32
     leave: F32
     enter_slack: F32
@@ -65,7 +65,7 @@ class Chord(NamedTuple):
 
 
 def chord_of(a: F32, g: F32, c: F32, error_a: F32, error_g: F32, error_c: F32) -> Chord:
-    """The ball a u² + g u + c, a > 0, or no ball; coefficients off by at most their errors."""
+    """The chord in the ball a u² + g u + c <= 0, a > 0; it may be empty."""
     square = g * g
     fourfold = (a + a) * (c + c)
     d = square - fourfold
@@ -76,7 +76,7 @@ def chord_of(a: F32, g: F32, c: F32, error_a: F32, error_g: F32, error_c: F32) -
     )
     zero = np.float32(0)
     root = np.sqrt(np.maximum(d, zero))
-    # Of the two forms of each root, the one in which nothing cancels.
+    # Of the two formulas of each root, take the one without cancellation.
     total = np.abs(g) + root
     signed = np.where(g > 0, -total, total)
     twice = np.where(a == 0, np.float32(1), a + a)
@@ -104,7 +104,7 @@ def chord_of(a: F32, g: F32, c: F32, error_a: F32, error_g: F32, error_c: F32) -
 def root_slack(
     a: F32, g: F32, c: F32, error_a: F32, least: F32, off_slope: F32, unit: F32, u: F32
 ) -> F32:
-    """How far a root of the ball is from u at most: F there says how well it was met."""
+    """The largest distance of a root of the ball from u, by the value of F at u."""
     reach = np.maximum(np.abs(u), np.float32(1))
     level = ROOM * (np.abs((a * u + g) * u + c) + unit * (reach * reach))
     rest = least - 4 * ((np.abs(a) + error_a) * level)
@@ -115,14 +115,14 @@ def root_slack(
 
 
 def later_slack(u: F32, slack: F32, other: F32, other_slack: F32) -> F32:
-    """How far the later of two places is from its place at most, each known to a slack."""
+    """The largest error of the later of two u, each known to a slack."""
     clear = np.abs(u - other) > slack + other_slack
     later = np.where(u > other, slack, other_slack)
     return np.where(clear, later, np.maximum(slack, other_slack))
 
 
 def begun_cell(found: Cell, is_cap: Bools, steps: int) -> Cell:
-    """The cell to be halved on: what was found, or all of the interval where a cap is seen."""
+    """The cell to halve: the one found, or the whole interval where a cap is seen."""
     zero = np.zeros_like(found.first)
     return found._replace(
         first=np.where(found.met, found.first, zero),
@@ -144,9 +144,9 @@ def finished(
     steps: int,
     last_step: np.float32,
 ) -> I32:
-    """The position of the root in a cell, or that of the cap c + b u + a u² where it is seen.
+    """The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen.
 
-    The cap has one root between ``cap_start`` and ``cap_stop``.
+    That form has one root between ``cap_start`` and ``cap_stop``.
     """
     cell = begun_cell(found, is_cap, steps)
     powers = cap_or(found.met, curve.powers, c, b, a)
@@ -159,7 +159,7 @@ def finished(
 
 
 def world_slope(form: np.void, x: F32, y: F32, u: F32, slopes: Slopes) -> Vector:
-    """The gradient in world axes from the derivatives along x, y and u, u from the middle on."""
+    """The gradient in world axes, from the derivatives along x, y and u."""
     axes, tangents, stretch = form["axes"], form["tangents"], form["stretch"]
     right, down = tangents[0] + x * tangents[2], tangents[1] + y * tangents[2]
     along = (stretch[0] + u * stretch[1]) * slopes.u

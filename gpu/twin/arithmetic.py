@@ -1,4 +1,4 @@
-"""Twin of ``arithmetic.wgsl``: values of the forms and places on a ray in float32."""
+"""Twin of ``arithmetic.wgsl``: values of the forms and positions on a ray in float32."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from halfstep.twin.lanes import F32, I32, Form, FormErrors
 
 # The value that u = 1 is.
 ONE = np.float32(1)
-# A product or a sum is off by at most this, relative to it.
+# The relative error of a product or a sum is at most this.
 ROUNDING = np.float32(2.0**-24)
-# A reduced product is the product times this, off by at most so much besides.
+# reduced(p) = p · REDUCTION ± REDUCTION_ERROR.
 REDUCTION = np.float32(1)
 REDUCTION_ERROR = np.float32(0)
-# A value is moved by no more than this.
+# The most by which `moved` moves a value.
 LARGEST_MOVE = np.float32(16)
 
 
@@ -28,12 +28,12 @@ def reduced(wide: F32) -> F32:
 
 
 def steps_from_middle(position: I32, steps: int) -> F32:
-    """u of a number of last steps."""
+    """The u at a number of last steps from the middle."""
     return position.astype(np.float32) * np.float32(0.5**steps)
 
 
 def discriminant_error(form: Form, errors: FormErrors) -> F32:
-    """How far errors of its coefficients, and rounding it, take G² - 4 A C; with room."""
+    """A bound of the error of G² - 4 A C, from errors of its coefficients and from rounding."""
     size_a, size_g, size_c = np.abs(form.a), np.abs(form.g), np.abs(form.c)
     fourfold = np.abs((form.a + form.a) * (form.c + form.c))
     return np.float32(1.03) * (
@@ -46,5 +46,5 @@ def discriminant_error(form: Form, errors: FormErrors) -> F32:
 
 
 def moved(c: F32, by: F32) -> F32:
-    """A value and an error."""
+    """The sum of a value and an error."""
     return c + by

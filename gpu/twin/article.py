@@ -32,12 +32,12 @@ START = np.int32(-1)
 
 
 class Found(NamedTuple):
-    """The visible point and the point where the ray leaves the solid after it."""
+    """The visible point, and the exit, where the ray leaves the solid after it."""
 
     hit: Bools
     surface: I32  # 0 is F, half-spaces count from 1
     position: I32  # odd integer: u = position 2^-n
-    inside: Bools  # the ray starts inside: the point is where it leaves
+    inside: Bools  # the ray starts inside, so the exit is the visible point
     left: Bools  # the ray leaves through a surface before the far base plane
     exit_position: I32
 
@@ -50,7 +50,7 @@ class Cells(NamedTuple):
 
 
 class Blocker(NamedTuple):
-    """A plane that still excludes a grid point, the one met furthest from it."""
+    """The plane that excludes a grid point and that the ray crosses furthest from it."""
 
     number: I32  # 0 is a base plane
     value: Values
@@ -58,7 +58,7 @@ class Blocker(NamedTuple):
 
 
 def line_value(line: Line, u: Values) -> Products:
-    """c + b u, times what reduces a product."""
+    """c + b u, divided by REDUCTION."""
     return product(line.c, one_of(line.c)) + product(line.b, u)
 
 
@@ -81,7 +81,7 @@ def blocked_out(lines: Sequence[Line], far_u: Value, u: Values) -> Bools:
 
 
 def last_entered(lines: Sequence[Line], near_u: Value, u: Values) -> Blocker:
-    """Of the entered planes that exclude u, the one entered last after it."""
+    """The last entered of the planes that the ray enters and that exclude u."""
     number = np.zeros(u.shape, np.int32)
     value = np.maximum(near_u - u, np.zeros_like(u))
     slope = np.full(u.shape, one_of(u))
@@ -97,7 +97,7 @@ def last_entered(lines: Sequence[Line], near_u: Value, u: Values) -> Blocker:
 
 
 def first_left(lines: Sequence[Line], far_u: Value, u: Values) -> Blocker:
-    """Of the left planes that exclude u, the one left first before it."""
+    """The first left of the planes that the ray leaves and that exclude u."""
     number = np.zeros(u.shape, np.int32)
     value = np.maximum(u - far_u, np.zeros_like(u))
     slope = np.full(u.shape, one_of(u))
@@ -113,7 +113,7 @@ def first_left(lines: Sequence[Line], far_u: Value, u: Values) -> Blocker:
 
 
 def cell_of(position: I32, cells: int) -> I32:
-    """The cell whose middle is an odd position."""
+    """The cell with an odd position as its middle."""
     return (position + np.int32(cells - 1)) >> np.int32(1)
 
 
@@ -148,17 +148,17 @@ def planes_out(lines: Sequence[Line], far_u: Value, position: I32, steps: int) -
 
 
 def value_of(form: Form, u: Values) -> Products:
-    """F at u, times what reduces a product."""
+    """F at u, divided by REDUCTION."""
     return product(reduced(product(form.a, u)) + form.g, u) + product(form.c, one_of(form.c))
 
 
 def slope_of(form: Form, u: Values) -> Products:
-    """F' at u, times what reduces a product."""
+    """F' at u, divided by REDUCTION."""
     return product(form.a + form.a, u) + product(form.g, one_of(form.g))
 
 
 def further_than(form: Form, u: Values, plane: Blocker) -> Bools:
-    """Whether F is met further from the excluded u than the plane is."""
+    """Whether the ray crosses F = 0 further from the excluded u than the plane."""
     slope = reduced(np.abs(slope_of(form, u)))
     return product(reduced(value_of(form, u)), plane.slope) > product(plane.value, slope)
 
@@ -171,7 +171,7 @@ def visible_point(
     left: Blocker,
     steps: int,
 ) -> Found:
-    """The extra step (20)–(22): what the ray shows of the piece, and where it leaves it."""
+    """The extra step (20)–(22): the point that the ray shows of the piece, and the exit."""
     cells = np.int32(1 << steps)
     starts_inside = (piece.first == START) | (~entered_f & (entered.number == 0))
     leaves = (piece.last < cells) & (left_f | (left.number > 0))
@@ -287,7 +287,7 @@ def article_quadric(
     u_in = grid_point(piece.first, steps, near_u)
     u_out = grid_point(piece.last + np.int32(1), steps, near_u)
     entered, left = last_entered(lines, near_u, u_in), first_left(lines, far_u, u_out)
-    # In one cell the surface met furthest from the excluded grid point is the one that counts.
+    # If several surfaces lie in one cell, the one furthest from the excluded grid point counts.
     f_later, f_earlier = further_than(form, u_in, entered), further_than(form, u_out, left)
     return visible_point(
         piece,

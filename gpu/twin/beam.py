@@ -10,17 +10,17 @@ from halfstep.twin.place import Beam, Point
 from halfstep.twin.rays import Ray
 
 ONE = np.float32(1)
-# No slope of a half-space is smaller.
+# The least slope of a half-space.
 LEAST_SLOPE = np.float32(2.0**-60)
 
 
 def times(a: F32, b: F32) -> F32:
-    """Radii are 1."""
+    """The product of two values in radii."""
     return a * b
 
 
 def far_ray(beam: Beam, occluder: np.void) -> Ray:
-    """The ray from a point, counted from the occluder's middle, to a light far away."""
+    """The ray from a point, counted from the occluder's middle, to a far light."""
     x, y, v = (part.astype(np.float32) * occluder["unit"] for part in beam)
     one, two = np.ones_like(x), np.float32(2)
     near = (np.abs(x) <= two) & (np.abs(y) <= two) & (v <= ONE)
@@ -28,7 +28,7 @@ def far_ray(beam: Beam, occluder: np.void) -> Ray:
 
 
 def light_ray(beam: Beam, occluder: np.void) -> Ray:
-    """The ray to any light. Where a lamp is near, points are counted from it."""
+    """The ray to any light. Points are counted from a lamp that is near."""
     x, y, v = (part.astype(np.float32) * occluder["unit"] for part in beam)
     one = np.ones_like(x)
     if int(occluder["flags"]) & Shade.AT_LAMP:
@@ -52,12 +52,12 @@ def first_order(k: F32, ray: Ray, t: F32) -> F32:
 
 
 def affine(one: np.float32, by_x: np.float32, by_y: np.float32, x: F32, y: F32) -> F32:
-    """What is affine in the offset of a pixel."""
+    """An affine function of the pixel offset."""
     return (one + y * by_y) + x * by_x
 
 
 def coordinate(anchor: int, level: F32, along: F32, u: F32) -> I32:
-    """One coordinate: of the anchor, and of the point from there."""
+    """One coordinate of a point: that of the anchor and that from there."""
     return np.int32(anchor) + np.rint(level + along * u).astype(np.int32)
 
 

@@ -1,7 +1,7 @@
 """Twin of ``beam_fixed.wgsl``: forms of occluders along rays to a light, in integers.
 
-A radius is 2^28, and what may meet an occluder is within two of them. Rays to lamps have a scale of
-their own: their forms are homogeneous, so no sign knows it.
+A radius is 2^28. Rays that may meet an occluder stay within two radii. Rays to lamps have a scale
+of their own, which changes no sign, because their forms are homogeneous.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from halfstep.twin.lanes import I32, I64
 from halfstep.twin.place import Beam, Point
 from halfstep.twin.rays import Ray
 
-# Bits of a place on a ray: more halvings than these are no nearer on the grid.
+# Bits of a position on a ray: more halvings give no better position on the grid.
 PLACE_BITS = 20
 RADIUS_BITS = 28
 RADIUS = np.int32(1 << RADIUS_BITS)
-# Nothing of an occluder is before -1 1/8 radii.
+# An occluder lies behind -1 1/8 radii.
 BEFORE = np.int64(-9 << (RADIUS_BITS - 3))
-# No slope of a half-space is smaller.
+# The least slope of a half-space.
 LEAST_SLOPE = np.int32(1)
 _MOST = np.int64(2 << RADIUS_BITS)
 
@@ -43,17 +43,17 @@ def radii_of(units: I32, level: int) -> I64:
 
 
 def within(wide: I64, most: I64 | np.int64) -> I64:
-    """No further than so far either way."""
+    """The number, kept from -most to most."""
     return np.minimum(np.maximum(wide, -most), most)
 
 
 def start_on(v: I64) -> I32:
-    """Where a ray begins, no further off than anything of the occluder."""
+    """The start of a ray, moved no further away than the occluder reaches."""
     return np.minimum(np.maximum(v, BEFORE), _MOST).astype(np.int32)
 
 
 def far_ray(beam: Beam, occluder: np.void) -> Ray:
-    """The ray from a point, counted from the occluder's middle, to a light far away."""
+    """The ray from a point, counted from the occluder's middle, to a far light."""
     x, y, v = (radii_of(part, int(occluder["level"])) for part in beam)
     near = (np.abs(x) <= _MOST) & (np.abs(y) <= _MOST) & (v <= RADIUS)
     radius = np.full(x.shape, RADIUS)
@@ -71,7 +71,7 @@ def far_ray(beam: Beam, occluder: np.void) -> Ray:
 
 
 def light_ray(beam: Beam, occluder: np.void) -> Ray:
-    """The ray to any light. Where a lamp is near, points are counted from it."""
+    """The ray to any light. Points are counted from a lamp that is near."""
     at_lamp = bool(int(occluder["flags"]) & Shade.AT_LAMP)
     x, y, v = (radii_of(part, int(occluder["level"])) for part in beam)
     shift = int(occluder["factor_shift"])
@@ -123,7 +123,7 @@ def first_order(k: I32, ray: Ray, t: I32) -> I32:
 
 
 def coordinate(anchor: int, level: I64, along: I64, u: I64, shift: int) -> I32:
-    """One coordinate: of the anchor, and of the point from there, times 2^shift."""
+    """One coordinate of a point: that of the anchor and that from there, times 2^shift."""
     bits = np.int64(PLACE_BITS)
     moved = (along * u + np.int64(1 << (PLACE_BITS - 1))) >> bits
     found = (level + moved + np.int64((1 << shift) >> 1)) >> np.int64(shift)
@@ -131,7 +131,7 @@ def coordinate(anchor: int, level: I64, along: I64, u: I64, shift: int) -> I32:
 
 
 def affine(one: int, by_x: int, by_y: int, x: I32, y: I32) -> I64:
-    """What is affine in the offset of a pixel."""
+    """An affine function of the pixel offset."""
     rows = np.int64(one) + np.asarray(y).astype(np.int64) * np.int64(by_y)
     return rows + x.astype(np.int64) * np.int64(by_x)
 

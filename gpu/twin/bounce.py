@@ -1,6 +1,7 @@
-"""Twin of ``bounce.wgsl``: what mirrors show, bounce after bounce.
+"""Twin of ``bounce.wgsl``: the colours that mirrors show, bounce after bounce.
 
-All bodies are tried: one that is left out meets no ray, and their order does not matter.
+The twin tries all bodies. The shader leaves out bodies that no ray meets, and tries the others in
+another order, which does not matter.
 """
 
 from __future__ import annotations
@@ -16,114 +17,113 @@ from halfstep.twin.chosen import Chosen
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools, Form
 from halfstep.twin.mirror import (
+    NO_BODY,
     Glance,
     curve_of,
     face_of,
     further,
     glance_at,
     gradient_of,
+    is_left,
     mirrored,
     normal_of_face,
     piece_of,
+    place_of_root,
     point_on,
 )
-from halfstep.twin.normal import NO_VECTOR, Vector, either, normalized, or_else, scaled
+from halfstep.twin.normal import Vector, either, normalized, or_else, scaled
 from halfstep.twin.piece import Line, Piece, clip
-from halfstep.twin.place import Point, either_point, is_own
+from halfstep.twin.place import Point, either_point
 from halfstep.twin.ray import ray_direction
-from halfstep.twin.root import choose, outside_at_entry, quadric_entry, quadric_exit
+from halfstep.twin.root import Root, choose, outside_at_entry, quadric_entry, quadric_exit
 from halfstep.twin.shade import Finish, Light, seen, shade
 from halfstep.twin.shadows import Mirror
-from halfstep.twin.sight import Sight
 
 MIRROR_STEP = np.float32(2.0**-MIRROR_STEPS)
 
 
-class Caught(NamedTuple):
-    """What a ray from a mirror meets first."""
+class Spotted(NamedTuple):
+    """What a ray from a mirror meets first, of the bodies tried so far."""
 
     distance: F32  # in units of the grid
     surface: U32  # its number in the scene, from 1; 0 is none
+    body: U32  # that of the body
     turned: U32  # which side of it is seen, as of `other_side`
+    root: Root
+
+
+def nothing_spotted(weight: F32) -> Spotted:
+    """Nothing, of rays of some weight; where there is no ray, nothing is near enough."""
+    shape, zero, none = weight.shape, np.zeros_like(weight), np.zeros(weight.shape, np.uint32)
+    never = np.zeros(shape, bool)
+    root = Root(never, np.zeros(shape, np.int32), zero, zero, zero, never)
+    far = np.float32(3e38)
+    return Spotted(np.where(weight > 0, far, -far), none, none, none, root)
+
+
+class Caught(NamedTuple):
+    """What is seen of it."""
+
     point: Point
     slope: Vector  # along the normal
     material: Finish
     reflection: F32
+    gone: U32  # number of the body that rays from there have left for good
 
 
-def nothing_caught(shape: tuple[int, ...]) -> Caught:
-    """No point."""
-    zero, none = np.zeros(shape, np.float32), np.zeros(shape, np.uint32)
-    vector, whole = Vector(zero, zero, zero), np.zeros(shape, np.int32)
-    return Caught(
-        distance=np.full(shape, np.float32(3e38)),
-        surface=none,
-        turned=none,
-        point=Point(whole, whole, whole),
-        slope=vector,
-        material=Finish(vector, zero, none),
-        reflection=zero,
-    )
-
-
-def catch_first(
-    old: Caught, body: np.void, glance: Glance, sight: Sight, normal: Vector, inside: Bools
-) -> Caught:
-    """The point of a body where a ray meets it, if that is nearer than what it met so far."""
-    u = sight.position.astype(np.float32) * MIRROR_STEP
-    distance = (u - glance.start) * body["radius"]
-    on_curve = (sight.surface == 0) | (sight.surface > int(body["face_count"]))
+def spot_first(
+    old: Spotted, number: int, body: np.void, glance: Glance, root: Root, inside: Bools
+) -> Spotted:
+    """What a ray meets first, and a body, which it meets at a root."""
+    u = np.maximum(place_of_root(root), -body["bound"])
+    distance = (u - glance.start) * (np.float32(1) / body["unit"])
+    on_curve = (root.surface == 0) | (root.surface > int(body["face_count"]))
     is_flat = bool(int(body["flags"]) & Shade.FLAT)
-    number = np.where(on_curve, 0, sight.surface).astype(np.uint32)
-    surface = body["surface"] + (np.full_like(number, 1) if is_flat else number)
+    face = np.where(on_curve, 0, root.surface).astype(np.uint32)
+    surface = body["surface"] + (np.full_like(face, 1) if is_flat else face)
     first = (distance == old.distance) & (surface < old.surface)
-    nearer = sight.hit & ((distance < old.distance) | first)
-    at = further(glance.base, glance.along, u)
-    other = inside | (is_flat & (number == 2))
-    color = Vector(*(np.asarray(part) for part in body["color"]))
-    return Caught(
+    nearer = root.hit & ((distance < old.distance) | first)
+    other = inside | (is_flat & (face == 2))
+    return Spotted(
         np.where(nearer, distance, old.distance),
         np.where(nearer, surface, old.surface),
+        np.where(nearer, np.uint32(number), old.body),
         np.where(nearer, other.astype(np.uint32), old.turned),
-        either_point(nearer, point_on(body, at), old.point),
-        either(nearer, either(on_curve, gradient_of(body, at), normal), old.slope),
-        Finish(
-            either(nearer, color, old.material.color),
-            np.where(nearer, body["specular"], old.material.specular),
-            np.where(nearer, body["shininess"], old.material.shininess),
+        Root(
+            old.root.hit | nearer,
+            old.root.surface,
+            np.where(nearer, root.a, old.root.a),
+            np.where(nearer, root.g, old.root.g),
+            np.where(nearer, root.c, old.root.c),
+            np.where(nearer, root.flipped, old.root.flipped),
         ),
-        np.where(nearer, body["reflection"], old.reflection),
     )
 
 
-def try_body(
-    old: Caught,
-    body: np.void,
-    mirrors: PackedMirrors,
-    nearest: Nearest,
-    point: Point,
-    ray: Vector,
-    open_: Bools,
-    chosen: Chosen,
-) -> Caught:
-    """Try a body on the rays from mirrors; ``open_``: where there is one."""
+class Rays(NamedTuple):
+    """Rays from mirrors."""
+
+    surface: U32  # number of the surface that mirrors each
+    gone: U32  # number of the body that each has left for good
+    point: Point  # where they begin
+    along: Vector  # unit
+    weight: F32  # how much they add; 0 where there is none
+
+
+def try_body(old: Spotted, number: int, mirrors: PackedMirrors, rays: Rays) -> Spotted:
+    """Try the body of a number from 1 on rays from mirrors."""
+    body = mirrors.bodies[number - 1]
+    glance = glance_at(body, rays.point, rays.along)
     count, base = int(body["face_count"]), int(body["surface"])
-    is_flat = bool(int(body["flags"]) & Shade.FLAT)
-    glance = glance_at(body, point, ray)
-    own = is_own(nearest.surface, body["first"], body["count"])
     piece = piece_of(glance)
-    normal_in = normal_out = NO_VECTOR
     for k in range(count):
         face = mirrors.faces[int(body["face_start"]) + k]
-        normal = normal_of_face(face)
-        on = own & (nearest.surface == np.uint32(base + k + 1))
+        on = rays.surface == np.uint32(base + k + 1)
         line = face_of(face, glance)
         c, b = np.where(on, np.float32(-1), line.c), np.where(on, np.float32(0), line.b)
         piece = clip(piece, Line(c, b), k + 1)
-        normal_in = either(piece.id_in == k + 1, normal, normal_in)
-        normal_out = either(piece.id_out == k + 1, normal, normal_out)
     whole = curve_of(body, glance)
-    on_curve = own & (nearest.surface == np.uint32(base))
+    on_curve = rays.surface == np.uint32(base)
     rest = clip(piece, Line(whole.a * glance.start + whole.g, whole.a), count + 1)
     piece = Piece(*(np.where(on_curve, a, b) for a, b in zip(rest, piece, strict=True)))
     flat = Form(*np.array([0, 0, -1], np.float32))
@@ -131,14 +131,12 @@ def try_body(
     outside = outside_at_entry(form, piece)
     inside = (piece.id_in == 0) & ~outside
     root = choose(inside, quadric_entry(form, piece, outside), quadric_exit(form, piece, ~outside))
-    leaves = own & ~on_curve & (is_flat | (nearest.turned == 0))
-    root = root._replace(hit=root.hit & glance.near & open_ & ~leaves)
-    sight = chosen.conveyor(root, root, MIRROR_STEPS, frozenset())
-    return catch_first(old, body, glance, sight, either(inside, normal_out, normal_in), inside)
+    root = root._replace(hit=root.hit & glance.near & (rays.gone != number))
+    return spot_first(old, number, body, glance, root, inside)
 
 
 class Asked(NamedTuple):
-    """What mirrors are asked with: the picture's pixels, and what stays the same in all bounces."""
+    """The picture's pixels, and all that is the same in every bounce."""
 
     mirrors: PackedMirrors
     frame: np.void
@@ -148,19 +146,47 @@ class Asked(NamedTuple):
     darkened: Callable[[Nearest, Point], Nearest]  # with the lights that do not reach points
 
 
-def catch_bodies(asked: Asked, nearest: Nearest, point: Point, ray: Vector, weight: F32) -> Caught:
+def find_bodies(mirrors: PackedMirrors, rays: Rays) -> Spotted:
     """What rays from mirrors meet first."""
-    caught = nothing_caught(weight.shape)
-    for body in asked.mirrors.bodies:
-        caught = try_body(
-            caught,
-            body,
-            asked.mirrors,
-            nearest,
-            point,
-            ray,
-            weight > 0,
-            asked.chosen,
+    spotted = nothing_spotted(rays.weight)
+    for number in range(1, len(mirrors.bodies) + 1):
+        spotted = try_body(spotted, number, mirrors, rays)
+    return spotted
+
+
+def catch_bodies(mirrors: PackedMirrors, rays: Rays, found: Spotted, chosen: Chosen) -> Caught:
+    """Halve the roots of what was found, and look at it."""
+    sight = chosen.conveyor(found.root, found.root, MIRROR_STEPS, frozenset())
+    u = sight.position.astype(np.float32) * MIRROR_STEP
+    shape = u.shape
+    zero, none = np.zeros(shape, np.float32), np.zeros(shape, np.uint32)
+    gone = np.full(shape, NO_BODY)
+    vector, whole = Vector(zero, zero, zero), np.zeros(shape, np.int32)
+    caught = Caught(Point(whole, whole, whole), vector, Finish(vector, zero, none), zero, gone)
+    for number in np.unique(found.body[found.body > 0]).tolist():
+        body = mirrors.bodies[number - 1]
+        mine = found.body == number
+        base = int(body["surface"])
+        on_curve = found.surface == np.uint32(base)
+        glance = glance_at(body, rays.point, rays.along)
+        at = further(glance.base, glance.along, u)
+        slope = gradient_of(body, at)
+        for k in range(int(body["face_count"])):
+            normal = normal_of_face(mirrors.faces[int(body["face_start"]) + k])
+            slope = either(found.surface == np.uint32(base + k + 1), normal, slope)
+        left = is_left(int(body["flags"]), on_curve, found.turned)
+        old = caught.material
+        color = Vector(*(np.asarray(part) for part in body["color"]))
+        caught = Caught(
+            either_point(mine, point_on(body, at), caught.point),
+            either(mine, slope, caught.slope),
+            Finish(
+                either(mine, color, old.color),
+                np.where(mine, body["specular"], old.specular),
+                np.where(mine, body["shininess"], old.shininess),
+            ),
+            np.where(mine, body["reflection"], caught.reflection),
+            np.where(mine, np.where(left, np.uint32(number), NO_BODY), caught.gone),
         )
     return caught
 
@@ -168,13 +194,13 @@ def catch_bodies(asked: Asked, nearest: Nearest, point: Point, ray: Vector, weig
 def follow_mirrors(
     asked: Asked, nearest: Nearest, points: Mirror, color: Vector, i: I32, j: I32
 ) -> Vector:
-    """The colours of pixels with what mirrors add, bounce after bounce.
+    """The colours of pixels with the light that mirrors add, bounce after bounce.
 
     Args:
-        asked: what stays the same in all bounces.
-        nearest: the points as they are seen.
-        points: the same on the grid.
-        color: how they look by themselves.
+        asked: all that is the same in every bounce.
+        nearest: the visible points.
+        points: their positions on the grid.
+        color: their colours without mirrors.
         i: columns of the picture.
         j: rows.
     """
@@ -186,13 +212,15 @@ def follow_mirrors(
     point = points.point
     weight = np.where(nearest.surface > 0, points.reflection, np.float32(0))
     color = scaled(color, np.float32(1) - weight)
-    slope = nearest.slope
+    slope, gone = nearest.slope, points.gone
     for bounce in range(mirrors.bounces):
         back = Vector(*(-part for part in ray))
         ray = mirrored(ray, normalized(or_else(slope, back)))
-        caught = catch_bodies(asked, nearest, point, ray, weight)
-        point, slope = caught.point, caught.slope
-        nearest = nearest._replace(surface=caught.surface, turned=caught.turned)
+        rays = Rays(nearest.surface, gone, point, ray, weight)
+        found = find_bodies(mirrors, rays)
+        caught = catch_bodies(mirrors, rays, found, asked.chosen)
+        point, slope, gone = caught.point, caught.slope, caught.gone
+        nearest = nearest._replace(surface=found.surface, turned=found.turned)
         nearest = asked.darkened(nearest, point)
         back = Vector(*(-part for part in ray))
         normal = normalized(or_else(slope, back))
@@ -205,7 +233,7 @@ def follow_mirrors(
         )
         material = caught.material
         lit = shade(normal, ray, place, material, nearest.dark, frame["ambient"], asked.lights)
-        shown = either(caught.surface > 0, lit, background)
+        shown = either(found.surface > 0, lit, background)
         # The last mirror shows a colour of its own.
         share = caught.reflection if bounce + 1 < mirrors.bounces else np.float32(0)
         passed_on = seen(weight * share)

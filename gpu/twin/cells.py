@@ -1,18 +1,22 @@
 """Twin of ``cells.wgsl``: the first root of a polynomial, cell by cell and then by halvings.
 
-The interval of a solid has 2^n leaves, numbered from 0; a cell is 2^e of them that begin at a
-multiple of 2^e.  Cells are tried from the near end, so their state is two integers.  In each the
-polynomial is known about the middle, F(m + s h) = Σ T_j s^j, to E.  A cell is
+The interval of a solid has 2^n leaves, numbered from 0. A cell is 2^e leaves that begin at a
+multiple of 2^e. Cells are tried from the near end, so their state is two integers. In each cell the
+polynomial is known about the middle, F(m + s h) = Σ T_j s^j, with an error of at most E. A cell is
 
 * passed, if F > 0 all over it: the parabola of the first three terms exceeds the others and E;
-* single, if F < 0 at its end and F is monotone or bends one way all over it.  F > 0 at its
-  beginning, as all cells before were passed, so it has exactly one root;
-* else it is halved.  A leaf that can be neither is left: with a hit where F <= 0 at its end.  So is
-  a cell in which F changes by less than E: all that is smaller looks alike.
+* single, if F < 0 at its end and F is monotone or bends one way all over it. F > 0 at its
+  beginning, because all cells before were passed, so it has exactly one root;
+* halved, if it is neither. The search goes on in the second half if the same parabola shows that
+  F > 0 all over the first. But a leaf, and a cell in which F changes by less than E, is not halved:
+  it has the root if F <= 0 at its end, else it is passed.
 
-A cell with a root is halved by the sign of F in its middle until it is a leaf.  Cells and halvings
-together make n, as for all solids.  What was left and not certain makes the pixel doubtful.  The
-number of cells that a pixel may try is fixed; where it does not suffice the pixel is doubtful too.
+The cell after one that is passed is at most twice as large, because F ahead is most often like F
+behind.
+
+The cell with the root is halved by the sign of F in its middle until it is a leaf. From the whole
+interval to a leaf there are n halvings, as for all solids. A pixel is doubtful if one of its
+decisions is not certain, or if the number of cells that it may try did not suffice.
 """
 
 from __future__ import annotations
@@ -26,44 +30,48 @@ from halfstep.twin.certify import UNBOUNDED
 from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.taylor import Curve, Powers, about, curve_error, curve_value, value_at
 
-# The middle of a cell that is cut off is rounded; so far it is beyond its ends.
+# Added to the half width of a cell that is cut off, because its middle is rounded.
 CLIPPING = np.float32(2.0**-23)
+# A sum with it is no more than one with 1, however it is rounded.
+NEARLY_ONE = np.float32(1 - 2.0**-21)
 
 
 class Judged(NamedTuple):
-    """What is known of F in a cell."""
+    """The properties of F in a cell."""
 
-    passed: Bools  # it has no root
-    single: Bools  # it has one root
+    passed: Bools  # F has no root in the cell
+    ahead: Bools  # F has no root in its first half
+    single: Bools  # F has exactly one root
     vague: Bools  # F changes by less than its error
     within: Bools  # F <= 0 at the end
     below: Bools  # F < 0 at the end, surely
-    defined: Bools  # F has a value all over the cell
+    defined: Bools  # F has a value everywhere in the cell
 
 
 class Cell(NamedTuple):
-    """A cell that is tried, or what was found."""
+    """The cell to try next, or the one found."""
 
     first: I32  # leaf
     size: I32  # it has 2^size leaves
-    going: Bools  # there is more to try
+    going: Bools  # the search goes on
     met: Bools  # a root lies in it
-    sure: Bools  # nothing doubtful was left behind
+    sure: Bools  # no doubtful leaf was passed
 
 
 class Span(NamedTuple):
-    """Where a cell is on a ray, cut off at both ends."""
+    """The part of a cell on a ray between the ends of an interval."""
 
     following: I32  # the leaf behind it
-    right: F32  # where the whole cell ends
+    right: F32  # end of the whole cell
+    center: F32  # place where it is halved
     low: F32
     high: F32
     middle: F32
-    half: F32  # of its width, and a little more where it is cut off
+    half: F32  # half the width, and a little more if the cell is cut off
 
 
 def judged_of(t: Powers, error: F32) -> Judged:
-    """What holds of F = Σ t_j s^j, |s| <= 1, which is off by at most ``error``."""
+    """The properties of F = Σ t_j s^j for |s| <= 1, if F has an error of at most ``error``."""
     degree = len(t) - 1
     rest, slope, bend = error, np.float32(degree) * error, error * np.float32(0.5 * degree)
     bend = bend * np.float32(degree - 1)
@@ -82,12 +90,23 @@ def judged_of(t: Powers, error: F32) -> Judged:
     below = last < -error
     return Judged(
         passed=np.where(dips, above, (least - size_1) + t[2] > 0),
+        ahead=np.where(dips & (t[1] > 0), above, np.minimum((least - t[1]) + t[2], least) > 0),
         single=below & ((size_1 > slope + twice) | (size_2 > bend)),
         vague=(size_1 + size_2) + (rest - error) < error,
         within=last <= 0,
         below=below,
         defined=np.ones(last.shape, bool),
     )
+
+
+def cells_about(start: F32, going: Bools, made: int, steps: int) -> Cell:
+    """The cells with which rays begin at ``start``: ``made`` halvings are taken for made."""
+    size = np.int32(max(steps, made) - made)
+    place = (start + NEARLY_ONE) * np.float32(1 << (steps - 1))
+    last = np.float32((1 << steps) - 1)
+    leaf = np.minimum(np.maximum(place, np.float32(0)), last).astype(np.int32)
+    never = np.zeros(going.shape, bool)
+    return Cell((leaf >> size) << size, np.full(leaf.shape, size), going, never, ~never)
 
 
 def cells_from(first: I32, going: Bools, steps: int) -> Cell:
@@ -104,16 +123,19 @@ def largest_at(first: I32, steps: int) -> I32:
 
 
 def span_of(cell: Cell, start: F32, stop: F32, last_step: np.float32) -> Span:
-    """Where a cell is between ``start`` and ``stop``."""
+    """The part of a cell between ``start`` and ``stop``."""
     width = last_step + last_step
-    following = cell.first + (np.int32(1) << cell.size)
+    leaves = np.int32(1) << cell.size
+    following = cell.first + leaves
     left = cell.first.astype(np.float32) * width - np.float32(1)
+    center = (cell.first + (leaves >> np.int32(1))).astype(np.float32) * width - np.float32(1)
     right = following.astype(np.float32) * width - np.float32(1)
     low, high = np.maximum(left, start), np.minimum(right, stop)
     clipped = (low > left) | (high < right)
     half = np.maximum((high - low) * np.float32(0.5), np.float32(0))
     half = half + np.where(clipped, CLIPPING, np.float32(0))
-    return Span(following, right, low, high, (low + high) * np.float32(0.5), half)
+    middle = (low + high) * np.float32(0.5)
+    return Span(following, right, center, low, high, middle, half)
 
 
 def next_cell(old: Cell, span: Span, judged: Judged, stop: F32, steps: int) -> Cell:
@@ -126,11 +148,15 @@ def next_cell(old: Cell, span: Span, judged: Judged, stop: F32, steps: int) -> C
     skips = passed | (ends & ~met)
     known = (passed | (leaf & judged.below)) & judged.defined
     sure = nowhere | known | judged.single | ~(passed | ends)
-    size = np.where(met, old.size, old.size - 1)
-    size = np.where(skips, largest_at(span.following, steps), size)
+    # Where it is cut off at its end, half of what is left may be less than the first half.
+    far = judged.ahead & judged.defined & (span.center <= span.middle) & ~met
+    larger = np.minimum(largest_at(span.following, steps), old.size + 1)
+    size = np.where(skips, larger, np.where(met, old.size, old.size - 1))
+    leaves = span.following - old.first
+    first = old.first + np.where(skips, leaves, np.where(far, leaves >> 1, 0))
     going = ~met & ~(skips & (span.right >= stop))
     return Cell(
-        np.where(old.going & skips, span.following, old.first),
+        np.where(old.going, first, old.first),
         np.where(old.going, size, old.size),
         old.going & going,
         old.met | (old.going & met),
@@ -162,7 +188,7 @@ def walked(
 
 
 def middle_of(cell: Cell, last_step: np.float32) -> F32:
-    """The middle of a cell, where it is halved."""
+    """The u in the middle of a cell."""
     half = np.int32(1) << np.maximum(cell.size - 1, np.int32(0))
     return (cell.first + half).astype(np.float32) * (last_step + last_step) - np.float32(1)
 
@@ -180,7 +206,7 @@ def half_of(old: Cell, far: Bools) -> Cell:
 def narrowed(
     powers: Powers, middle: F32, start: F32, stop: F32, old: Cell, last_step: np.float32
 ) -> Cell:
-    """The half of a cell in which a root lies of what has powers of u - middle; a leaf stays."""
+    """The half of a cell with the root of a polynomial in u - middle; a leaf stays."""
     u = middle_of(old, last_step)
     before = (u < start) | (value_at(powers, u - middle) > 0)
     return half_of(old, (u < stop) & before)
@@ -199,7 +225,7 @@ def bound_in(
     position: I32,
     last_step: np.float32,
 ) -> F32:
-    """How far the only root of a cell is from a position at most."""
+    """A bound of the distance of the only root of a cell from a position."""
     span = span_of(cell, start, stop, last_step)
     u = position.astype(np.float32) * last_step
     off = np.abs(u - curve.middle)

@@ -1,4 +1,4 @@
-"""Twin of ``certificate.wgsl``: what is certain of a solid along rays."""
+"""Twin of ``certificate.wgsl``: certificates of solids along rays."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from halfstep.twin.solid import (
 
 
 def ends_from_eye(solid: np.void, ends: BoundedPiece) -> BoundedPiece:
-    """The piece of a ray, from the eye if that is inside all half-spaces."""
+    """The piece of a ray; it begins at the eye if the eye is inside all half-spaces."""
     if eye_inside(solid):
         return bounded_from_the_eye(ends, solid["near_u"])
     return ends
 
 
 def form_with_errors(solid: np.void, at: Offset, chosen: Chosen) -> BoundedForm:
-    """F along the rays with its errors."""
+    """F along the rays, with errors."""
     a, g, c = (solid[name] for name in "agc")
     form = chosen.forms.form_at(a, g, c, at)
     return bounded_form(form, chosen.forms.form_errors(a, g, c, at, solid["host_error"]))
 
 
 def ellipsoid_certificate(solid: np.void, at: Offset, chosen: Chosen) -> Certificate:
-    """What is certain of an uncut ellipsoid seen from outside."""
+    """The certificate of an uncut ellipsoid seen from outside."""
     bounded = form_with_errors(solid, at, chosen)
     return certify_ellipsoid(bounded, chosen.halvings, solid["last_step"])
 
@@ -48,7 +48,7 @@ def ellipsoid_certificate(solid: np.void, at: Offset, chosen: Chosen) -> Certifi
 def quadric_certificate(
     solid: np.void, at: Offset, tried: BoundedPiece, chosen: Chosen
 ) -> Certificate:
-    """What is certain of a quadric; ``tried`` is the piece after all half-spaces."""
+    """The certificate of a quadric; ``tried`` is the piece after all half-spaces."""
     ends = ends_from_eye(solid, tried)
     return certify_quadric(
         form_with_errors(solid, at, chosen),
@@ -63,7 +63,7 @@ def quadric_certificate(
 
 
 def polyhedron_certificate(solid: np.void, tried: BoundedPiece) -> Certificate:
-    """What is certain of a polyhedron; ``tried`` is the piece after all half-spaces."""
+    """The certificate of a polyhedron; ``tried`` is the piece after all half-spaces."""
     ends = ends_from_eye(solid, tried)
     inside = starts_inside(solid, ends.piece)
     return certify_polyhedron(ends, inside, eye_sure(solid), solid["last_step"])

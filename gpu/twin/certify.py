@@ -1,14 +1,15 @@
-"""Twin of ``certify.wgsl``: what is certain of a ray and a solid, and how large the error is.
+"""Twin of ``certify.wgsl``: what is certain about a ray and a solid, and how large the error is.
 
-Derivation.  Let E_A, E_G, E_C bound the errors of the values A, G, C at a pixel: the rounding of
-the coefficients and of the evaluation, counted term by term (``polynomial.quadratic_error``), and
-that of the float64 set-up (``Setup.host_error``).  Let ε = 2^-24.
+Derivation.  Let E_A, E_G, E_C bound the errors of the values A, G, C at a pixel.  These errors are
+the rounding of the coefficients and of the evaluation, counted term by term
+(``polynomial.quadratic_error``), and the error of the float64 set-up (``Setup.host_error``).  Let
+ε = 2^-24.
 
 *Decisions.*  Every sign the joint logic takes is that of a polynomial in the values and in the
-pairs (c, b); its error is the sum over its factors of the factor's error times the magnitude of
-the rest, plus ε per rounding times the magnitude of the terms.  A sign is certain if the value
-exceeds that.  The result is certain if every sign that decided is; signs that could not have
-changed the result are not asked.
+pairs (c, b).  The error of the polynomial is the sum over its factors of the factor's error times
+the magnitude of the rest, plus ε per rounding times the magnitude of the terms.  A sign is certain
+if the magnitude of the value exceeds this error.  The result is certain if every sign that decided
+it is certain.  A sign that could not change the result is not asked.
 
 *Curved surfaces.*  During the halvings |u| <= 1, so the computed F differs from F by at most
 
@@ -24,21 +25,22 @@ passes from E to -E within
 
     2 E / (sqrt(S) + sqrt(R)),   R = S - 4 (|A| + E_A) E
 
-of u*: it is the distance from the root to where the parabola, bent the wrong way, reaches the level
-E; near tangency this grows as a square root until R is not positive and nothing can be said.  A
-sign of F can be wrong only within that distance; a sign of the slope that is wrong further away
-needs |F'| < E', excluded by R > E'².  The halvings therefore end within
+of u*.  This is the distance from the root to where the parabola, bent the wrong way, reaches the
+level E.  Near tangency it grows as a square root, until R is not positive and nothing is certain.
+A sign of F can be wrong only within that distance.  A sign of the slope that is wrong further away
+needs |F'| < E', which R > E'² excludes.  The halvings therefore end within
 
     |u - u*| <= 2^-n + 2 E / (sqrt(S) + sqrt(R)).
 
 *Planes.*  c + b u with errors e of both: |u - u*| <= 2^-n + (e + 3.1 ε (|b| + |c|)) / (|b| - e).
 
 A plane that excludes the whole interval by more than its errors leaves nothing, whatever the sign
-of its b; one that includes it by as much plays no part.  A plane that passes the eye closer than
-float32 can tell is moved by the set-up (``setup.EYE_CLEARANCE``), and the move counts as its error.
+of its b.  A plane that includes the whole interval by more than its errors has no effect.  The
+set-up moves a plane that passes the eye closer than float32 can tell (``setup.EYE_CLEARANCE``), and
+the move counts as error of the plane.
 
-Every bound is taken ROOM times larger, which covers its own rounding and that of devices that
-contract a*b + c or take square roots and quotients less exactly than IEEE arithmetic.
+Every bound is taken ROOM times larger.  This covers its own rounding, and the rounding of devices
+that contract a*b + c or take square roots and quotients less exactly than IEEE arithmetic.
 """
 
 from __future__ import annotations
@@ -64,7 +66,8 @@ UNBOUNDED = np.float32(1e20)
 class Run(NamedTuple):
     """Roundings of the halvings.
 
-    Of F per |A|, |G| and |C| and of the slope, times ε; of both in units of a value.
+    Those of F per |A|, |G| and |C|, and those of the slope, are times ε. Those of integers, of F
+    and of the slope, are in units of a value.
     """
 
     a: np.float32
@@ -88,12 +91,12 @@ class LineErrors(NamedTuple):
 
 
 class Certificate(NamedTuple):
-    """What is known of a ray and a solid; the root is within ``bound`` of the position, in u."""
+    """What is certain about a ray and a solid; the root is within ``bound`` of the position."""
 
     sure: Bools
     hit: Bools
     surface: I32
-    inside: Bools  # the ray starts inside: the point is where it leaves
+    inside: Bools  # the ray starts inside, so the exit is the visible point
     bound: F32
 
 
@@ -107,7 +110,7 @@ NO_CERTIFICATE = Certificate(
 
 
 class BoundedPiece(NamedTuple):
-    """A piece, the errors of the pairs at its ends, and what is certain of its planes."""
+    """A piece, the errors of the pairs at its ends, and what is certain about its planes."""
 
     piece: Piece
     error_in: F32
@@ -119,7 +122,7 @@ class BoundedPiece(NamedTuple):
 def bounded_interval(
     like: NDArray[np.generic], near_u: Value, far_u: Value, near_cut: bool
 ) -> BoundedPiece:
-    """The interval of the solid; base planes that cut it are only as exact as their slack."""
+    """The interval of the solid. A base plane that cuts it has an error."""
     zero = np.zeros(like.shape, np.float32)
     slack = BASE_PLANE_ERROR * np.float32(one_of(near_u))
     return BoundedPiece(
@@ -134,9 +137,9 @@ def bounded_interval(
 def surely_apart(
     line: Line, errors: LineErrors, end_c: Values, end_b: Values, end_error: F32
 ) -> Bools:
-    """Whether pairs of a half-space and of an end of a piece surely differ in order.
+    """Whether the order of a half-space's root and an end of a piece is certain.
 
-    The latter is off by at most ``end_error``.
+    The pair of the end has an error of at most ``end_error``.
     """
     first, second = product(line.c, end_b), product(end_c, line.b)
     error = ROOM * (
@@ -155,8 +158,8 @@ def bounded_clip(old: BoundedPiece, line: Line, errors: LineErrors, number: int)
     apart_out = surely_apart(line, errors, before.c_out, before.b_out, old.error_out)
     slope = size_of(line.b)
     apart = (slope > errors.b) & np.where(line.b < 0, apart_in, apart_out)
-    # Inside for every u of the interval: whatever the sign of b, the plane plays no part.  Outside
-    # for every u: whatever that sign, nothing remains.
+    # If every u of the interval is inside, the plane has no effect, whatever the sign of b.  If
+    # every u is outside, nothing remains, whatever the sign of b.
     error = errors.c + errors.b
     spread = slope + (ROOM * error + 8 * EPSILON * (size_of(line.c) + slope))
     height = line.c.astype(np.float32)
@@ -176,7 +179,7 @@ def bounded_from_the_eye(old: BoundedPiece, near_u: Value) -> BoundedPiece:
 
 
 def surely_ordered(ends: BoundedPiece) -> Bools:
-    """Whether it is certain that the piece is entered before it is left, or not."""
+    """Whether it is certain which end of the piece comes first."""
     piece = ends.piece
     first, second = product(piece.c_in, piece.b_out), product(piece.c_out, piece.b_in)
     error = ROOM * (
@@ -188,7 +191,7 @@ def surely_ordered(ends: BoundedPiece) -> Bools:
 
 
 def line_bound(c: Values, b: Values, error: F32, last_step: np.float32) -> F32:
-    """Distance from the position to the root of the line, c and b off by at most ``error``."""
+    """Distance from the position to the root of the line; c and b have at most ``error``."""
     size = size_of(b)
     some = size > 2 * error
     slope = np.where(some, size - error, np.float32(1))
@@ -235,7 +238,7 @@ def curve_bound(bounded: BoundedForm, run: Run, last_step: np.float32) -> F32:
 
 
 class EndSigns(NamedTuple):
-    """F and F' at an end (c, b) of a piece: signs, and whether they are certain."""
+    """Signs of F and F' at an end (c, b) of a piece, and whether they are certain."""
 
     outside: Bools  # F > 0
     falling: Bools  # F' < 0, times the sign of -b
@@ -245,7 +248,7 @@ class EndSigns(NamedTuple):
 
 
 def end_signs(bounded: BoundedForm, c: Values, b: Values, error: F32) -> EndSigns:
-    """Signs at the end (c, b), which is off by at most ``error``."""
+    """Signs at the end (c, b), whose c and b have at most ``error``."""
     form, errors, m = bounded.form, bounded.errors, arithmetic_of(c)
     size_a, size_g, size_b = size_of(form.a), size_of(form.g), size_of(b)
     value = end_value(form, c, b)
@@ -292,7 +295,7 @@ def certify_ellipsoid(bounded: BoundedForm, run: Run, last_step: np.float32) -> 
 def certify_polyhedron(
     ends: BoundedPiece, inside: Bools, eye_sure: bool, last_step: np.float32
 ) -> Certificate:
-    """A polyhedron; ``inside``: the ray starts in it, certain at the eye if ``eye_sure``."""
+    """A polyhedron; the ray may start ``inside``, at the eye for certain if ``eye_sure``."""
     piece = ends.piece
     number = np.where(inside, piece.id_out, piece.id_in)
     some = remains(piece)
@@ -322,8 +325,9 @@ def certify_quadric(
 ) -> Certificate:
     """A quadric.
 
-    At the eye, where ``from_eye``, the host knows the sign of F, ``eye_outside``, and whether it is
-    certain, ``eye_sure``.  ``may_start_inside``: the eye or the near base plane may be inside.
+    For rays ``from_eye`` the host tells the sign of F at the eye, ``eye_outside``, and whether it
+    is certain, ``eye_sure``.  With ``may_start_inside`` the eye or the near base plane may be
+    inside.
     """
     piece = ends.piece
     entry = end_signs(bounded, piece.c_in, piece.b_in, ends.error_in)
@@ -333,7 +337,7 @@ def certify_quadric(
     some = remains(piece)
     ordered = surely_ordered(ends)
 
-    # F if the ray starts outside, else -F, may have both its roots within.
+    # F, or -F if the ray starts inside, may have two roots in the piece.
     form = bounded.form
     sure_a = size_of(form.a) > bounded.errors.a
     sure_d = np.abs(bounded.discriminant) > bounded.error_d
@@ -385,7 +389,7 @@ def certify_quadric(
 
 
 class BoundedPatch(NamedTuple):
-    """A patch being tried: certainly met so far, certainly not met, its plane turned to the eye."""
+    """A patch being tried: surely hit so far, surely missed, and its plane turned to the eye."""
 
     met: Bools
     missed: Bools
@@ -397,7 +401,7 @@ class BoundedPatch(NamedTuple):
 def bounded_facing(
     line: Line, errors: LineErrors, near_u: Value, far_u: Value, near_cut: bool
 ) -> BoundedPatch:
-    """As ``facing``; base planes that cut the patch are only as exact as their slack."""
+    """As ``facing``; a base plane that cuts the patch has an error."""
     away = line.b > 0
     size = size_of(line.b)
     one = one_of(line.c)
@@ -448,16 +452,16 @@ def certify_patch(tried: BoundedPatch, last_step: np.float32) -> Certificate:
 
 
 def confirms(certificate: Certificate, hit: Bools, surface: I32) -> Bools:
-    """Whether the point found is what the certificate says."""
+    """Whether the point found is the certified one."""
     right = (certificate.surface == surface) & (certificate.bound <= LARGEST_BOUND)
     return certificate.sure & (certificate.hit == hit) & (~hit | right)
 
 
 def least_key(key: Key, bound: F32, steps: int, spare: int, shift: int) -> Key:
-    """The least depth key a point can have: its own less its bound.
+    """The least depth key that a point may have: its own less its bound.
 
-    The bound is taken in parts 2^-spare of a last step, so that it is not rounded up to two steps
-    where it is a little more than one; ``steps + spare`` <= 30.
+    The bound is rounded up to parts 2^-spare of a last step, so that a bound of little more than
+    one step does not become two.  ``steps + spare`` <= 30.
     """
     parts = np.minimum(bound, LARGEST_BOUND) * np.float32(1 << (steps + spare))
     zero = np.zeros(key.low.shape, np.uint32)

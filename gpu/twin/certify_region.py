@@ -1,21 +1,22 @@
-"""Twin of ``certify_region.wgsl``: what is certain of a ray and a region.
+"""Twin of ``certify_region.wgsl``: certificates of regions along rays.
 
-Let E bound the error of F for all u from -1 to 1: that of its coefficients, as ``certify`` counts
-it, and what the halvings add. F + E <= 0 then says that F <= 0 surely holds, F - E <= 0 that it may
-hold. Both are crossed on the same grid as F. The formula of a region, its complements pushed down
-to the literals, gains from each literal that holds, so the same walk on the one set of crossings
-finds the first grid point where the region surely holds, and on the other, made to speak of cells
-in place of grid points, the first cell in which it may hold. The exact entry lies between the
-beginning of that cell and that point.
+Let E bound the error of F for all u from -1 to 1: the error of its coefficients, as ``certify``
+counts it, and the rounding of the halvings. If F + E <= 0, then F <= 0 surely holds. If F - E <= 0,
+it may hold. The crossings of both are found on the same grid as those of F. In the formula of a
+region, complements are pushed down to the literals, so the region can only grow with each literal.
+The same walk is therefore taken twice. On the crossings of F + E it finds the first grid point
+where the region surely holds. On the crossings of F - E, with cells in place of grid points, it
+finds the first cell in which the region may hold. The exact entry lies between the beginning of
+that cell and that point.
 
-*E.* The computed F and its slope are off, at a point that the halvings visit, by what ``certify``
-derives. A wrong sign of F misleads within E by itself. A wrong sign of the slope, where F is
-positive, does where |F'| < E': there F is within E'²/4|A| of its least value, less than E'' = 2 E'
-in any case. In float32 E' is proportional to |A| where the slope can vanish, so that this is less
-than one rounding of |A|. In integers it is less than a unit from |A| = 2^10 on.
+*E.* ``certify`` derives the errors of the computed F and its slope at a point that the halvings
+visit. A wrong sign of F misleads only where |F| <= E. A wrong sign of the slope, where F is
+positive, misleads only where |F'| < E'. There F is within E'²/4|A| of its least value, and within
+E'' = 2 E' in any case. In float32 E' is proportional to |A| where the slope can vanish, so this is
+less than one rounding of |A|. In integers it is less than a unit from |A| = 2^10 on.
 
-*Which surface.* All other surfaces keep one sign between the two ends, if F + E or F - E says so of
-both ends and, F being convex or concave, of all between.
+*Which surface.* Every other surface keeps its sign between the two ends if F + E, or F - E, has the
+same sign at both ends and, because F is convex or concave, everywhere between.
 """
 
 from __future__ import annotations
@@ -37,14 +38,14 @@ EXACT_COUNT = np.float32(2.0**23)
 
 
 class Between(NamedTuple):
-    """Where the exact point lies: from the beginning of a cell to a grid point."""
+    """The range of the exact point: from the beginning of a cell to a grid point."""
 
     cell: I32
     point: I32
 
 
 def spread(form: Form, errors: FormErrors, run: Run) -> F32:
-    """E: how far the computed F is off, for all u that the halvings visit."""
+    """E: the largest error of the computed F at any u that the halvings visit."""
     size_a, size_g, size_c = (size_of(value) for value in form)
     slope = np.where(size_a < FLAT, 2 * run.slope_units, np.float32(0))
     counted = ((errors.a + errors.g) + errors.c) + ((run.units + run.units) + slope)
@@ -53,29 +54,29 @@ def spread(form: Form, errors: FormErrors, run: Run) -> F32:
 
 
 def shifted_form(form: Form, by: F32) -> Form:
-    """F and an error; one that is too large for the number format is cut."""
+    """The form F + by; an error that is too large for the number format is cut."""
     return form._replace(c=arithmetic_of(form.c).moved(form.c, by))
 
 
 def is_vague(form: Form, by: F32) -> Bools:
-    """Whether an error is too large to be added."""
+    """Whether an error is too large for the number format."""
     return by > arithmetic_of(form.c).LARGEST_MOVE
 
 
 def surely(crossing: Crossing, vague: Bools, never: np.int32) -> Crossing:
-    """Crossings of F + E: nowhere surely F <= 0 where E is too large."""
+    """Crossings of F + E. If E is too large, F <= 0 is certain nowhere."""
     return Crossing(*(np.where(vague, never, end) for end in crossing))
 
 
 def perhaps(crossing: Crossing, vague: Bools, never: np.int32) -> Crossing:
-    """Crossings of F - E: everywhere perhaps F <= 0 where E is too large."""
+    """Crossings of F - E. If E is too large, F <= 0 is possible everywhere."""
     return Crossing(
         np.where(vague, np.int32(0), crossing.low), np.where(vague, never, crossing.high)
     )
 
 
 def part_of(crossing: Crossing, q: I32) -> I32:
-    """Which part of the grid a point is in: before, between or behind the crossings."""
+    """The part of the grid with a point: before, between or behind the crossings."""
     ends = ends_of(crossing)
     return (q >= ends.low).astype(np.int32) + (q >= ends.high).astype(np.int32)
 
@@ -109,14 +110,14 @@ def certify_region(
     """A region.
 
     Args:
-        shown: where the ray meets it, or not.
-        hit: whether it does.
-        inside: the ray starts in it: the point is where it leaves.
-        within: the pixel is in its rectangle.
-        between: where the exact point lies.
-        certain: whether all other surfaces are.
-        begun: whether it is certain what holds where the ray starts.
-        region: its record.
+        shown: the point that the ray hits, if any.
+        hit: whether the ray hits the region.
+        inside: whether the ray starts inside, so that the point is the exit.
+        within: whether the pixel is in the region's rectangle.
+        between: the range of the exact point.
+        certain: whether the signs of all other surfaces are certain.
+        begun: whether it is certain that the ray starts inside or outside.
+        region: the record of the region.
         last_step: 2^-n.
     """
     back = 2 * (shown.q - between.cell).astype(np.float32) - 1

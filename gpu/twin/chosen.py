@@ -1,4 +1,4 @@
-"""Stages that stand for one another, as a twin is given them: a shader is composed of one each."""
+"""Stages with several files: the twin takes one module of each, as a shader takes one file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from halfstep.twin.root import Root
 from halfstep.twin.sight import Sight
 
 Coefficients = NDArray[Any]
-# Of one of the modules of polynomials.
+# The offset of a pixel, in the type of the chosen module of polynomials.
 Offset = Any
 
 
@@ -29,15 +29,15 @@ class Forms(Protocol):
     """A solid's forms along rays, and their errors."""
 
     def line_at(self, c: Coefficients, b: Coefficients, at: Offset) -> Line:
-        """A half-space along the ray; ``c`` and ``b`` (3,)."""
+        """A half-space along the ray, given ``c`` and ``b`` (3,)."""
 
     def line_errors(
         self, c: Coefficients, b: Coefficients, at: Offset, host_error: np.float32
     ) -> LineErrors:
-        """Its errors; that of the set-up is known."""
+        """Its errors, given the error of the set-up."""
 
     def form_at(self, a: Coefficients, g: Coefficients, c: Coefficients, at: Offset) -> Form:
-        """F along the ray; ``a``, ``g`` and ``c`` (6,)."""
+        """F along the ray, given ``a``, ``g`` and ``c`` (6,)."""
 
     def form_errors(
         self,
@@ -51,7 +51,7 @@ class Forms(Protocol):
 
 
 class Chosen(NamedTuple):
-    """The stages that stand in a place where others could."""
+    """The chosen stages."""
 
     offset: Callable[[NDArray[Any], NDArray[Any]], Offset]
     forms: Forms

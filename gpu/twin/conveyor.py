@@ -11,7 +11,7 @@ from halfstep.twin.sight import Sight
 
 
 class Halve(Protocol):
-    """How one root is halved."""
+    """The halving of one root."""
 
     def begun(self, root: Root) -> Any:
         """The search for a root before its first halving."""
@@ -24,7 +24,7 @@ class Halve(Protocol):
 
 
 def conveyor(halve: Halve, root: Root, leaving: Root, steps: int, facts: Collection[str]) -> Sight:
-    """What is seen of roots, and with the fact ``exit`` where rays leave."""
+    """The positions of roots, and with the fact ``exit`` of the exits."""
     search = halve.begun(root)
     exit_search = halve.begun(leaving) if "exit" in facts else search
     for k in range(steps):

@@ -1,4 +1,4 @@
-"""Twin of ``cross.wgsl``: a surface of a region, and where it is crossed."""
+"""Twin of ``cross.wgsl``: the crossings of a surface of a region."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from halfstep.twin.piece import Line
 
 
 def crossed(form: Form, steps: int, eye: int, chosen: Chosen) -> Crossing:
-    """Where a quadric is crossed."""
+    """The crossing of a quadric."""
     bowl = convex(form)
     found = chosen.conveyor(way_in(bowl), way_out(bowl), steps, ("exit",))
     return crossing(form, found.position, found.exit_position, steps, eye)
 
 
 def line_crossed(line: Line, steps: int, eye: int, chosen: Chosen) -> Crossing:
-    """Where a plane is crossed."""
+    """The crossing of a plane."""
     way = line_way(line)
     return line_crossing(line, chosen.conveyor(way, way, steps, ()).position, steps, eye)
 
 
 def doubted(form: Form, by: F32, raised: bool, steps: int, eye: int, chosen: Chosen) -> Crossing:
-    """Where F + E is crossed if ``raised``, else F - E."""
+    """The crossing of F + E if ``raised``, else of F - E."""
     vague = is_vague(form, by)
     never = np.int32((1 << steps) + 1)
     found = crossed(shifted_form(form, by if raised else -by), steps, eye, chosen)

@@ -2,33 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from halfstep.contract.regions import PackedRegions
+from halfstep.twin.algebraic import world_slope
 from halfstep.twin.certify_region import Between, part_of
+from halfstep.twin.cross_formula import formula_crossed
 from halfstep.twin.crossings import Crossing
-from halfstep.twin.higher import Ends, pair_of
-from halfstep.twin.lanes import Bools
+from halfstep.twin.expression import Formula, formula_of, slope_of_formula, trace_of
+from halfstep.twin.higher import Ends, Trail, all_crossed, higher_curve, is_about, pair_of
+from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.normal import Vector
+from halfstep.twin.taylor import slopes_on_rays
 
 
 class Listed(NamedTuple):
-    """A surface that counts."""
+    """A surface of the list."""
 
     number: int  # within its group
     higher: np.void
-    form: np.void
+    form: np.void | Formula  # of a polynomial, or another formula
 
     @property
     def pairs(self) -> int:
-        """Of grid points between which F <= 0 holds, at most."""
+        """The most intervals of grid points in which F <= 0."""
         return int(self.higher["pairs"])
 
 
 def higher_surfaces(region: np.void, solid: np.void, regions: PackedRegions) -> list[Listed]:
-    """Those of a region's surfaces of an order above two that count."""
+    """The surfaces of an order above two in the list of a region."""
     if regions.higher is None:
         return []
     counts = ("flat_count", "curved_count", "cell_count")
@@ -37,13 +42,45 @@ def higher_surfaces(region: np.void, solid: np.void, regions: PackedRegions) -> 
     found = []
     for number in regions.words[begin + 2 : begin + 2 + count].tolist():
         higher = regions.higher[int(solid["polynomial"]) + (number - lower)]
-        assert regions.polynomials is not None
-        found.append(Listed(number, higher, regions.polynomials[int(higher["polynomial"])]))
+        row = int(higher["form"])
+        if higher["is_formula"]:
+            assert regions.expressions is not None
+            found.append(Listed(number, higher, formula_of(regions.expressions, row)))
+        else:
+            assert regions.polynomials is not None
+            found.append(Listed(number, higher, regions.polynomials.records[row]))
     return found
 
 
+def higher_crossed(
+    one: Listed,
+    x: I32,
+    y: I32,
+    steps: int,
+    last_step: np.float32,
+    room: int,
+    facts: Collection[str],
+) -> Trail:
+    """Where a surface is crossed on the rays of pixels, x and y from its own middle."""
+    higher, form = one.higher, one.form
+    if isinstance(form, Formula):
+        return formula_crossed(form, higher, x, y, steps, last_step, room, facts)
+    curve, some = higher_curve(form, x, y), is_about(form, x, y)
+    return all_crossed(curve, higher, some, steps, last_step, room, facts)
+
+
+def higher_slope(one: Listed, x: I32, y: I32, u: F32) -> Vector:
+    """Its normal where u is the place on the rays of pixels, towards F > 0, of any length."""
+    form = one.form.form if isinstance(one.form, Formula) else one.form
+    right, down = x.astype(np.float32) * form["scale"], y.astype(np.float32) * form["scale"]
+    if isinstance(one.form, Formula):
+        return slope_of_formula(one.form, trace_of(form, right, down), u)
+    v = u - form["middle"]
+    return world_slope(form, right, down, v, slopes_on_rays(form["terms"], right, down, v))
+
+
 def kept_ends(ends: Ends, pairs: int, steps: int, *, reopens: bool) -> list[Crossing]:
-    """The pairs of ends of a surface as crossings."""
+    """The pairs of ends of a surface, as crossings."""
     never = np.int32((1 << steps) + 1)
     return [pair_of(ends, k, pairs, never, reopens) for k in range(pairs)]
 

@@ -1,8 +1,8 @@
-"""Twin of ``crossings.wgsl``: where a surface of a region is crossed, on one grid for all of them.
+"""Twin of ``crossings.wgsl``: the crossings of a region's surfaces, on one grid for all of them.
 
 The interval of a region has 2^n cells between 2^n + 1 grid points, q from 0 (u = -1) to 2^n
-(u = 1). The truth of F <= 0 is asked at grid points only. A root in the cell between q and q + 1
-changes it at q + 1, for all regions that share the surface alike.
+(u = 1). Only at grid points is F <= 0 asked. A root in the cell between q and q + 1 changes the
+answer at q + 1, in the same way for all regions that share the surface.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from halfstep.twin.lanes import I32, Bools, Form
 from halfstep.twin.piece import Line
 from halfstep.twin.root import Root, has_root
 
-# What the host knows of a surface where rays start at the eye.
+# What the host knows of F at the eye, where rays start.
 EYE_UNKNOWN, EYE_INSIDE, EYE_OUTSIDE = 0, 1, 2
 
 
 class Crossing(NamedTuple):
     """F <= 0 at the grid points low <= q < high.
 
-    Both are complements where it is so outside of them.
+    If both are complements, ~low and ~high, F <= 0 holds at the grid points outside of them.
     """
 
     low: I32
@@ -30,17 +30,17 @@ class Crossing(NamedTuple):
 
 
 def is_outside(crossing: Crossing) -> Bools:
-    """Whether F <= 0 outside of two grid points, not between them."""
+    """Whether F <= 0 outside of the two grid points, not between them."""
     return np.asarray(crossing.low < 0)
 
 
 def turned_if(outside: Bools, low: I32, high: I32) -> Crossing:
-    """The same grid points with F <= 0 outside of them, or between."""
+    """The crossing with F <= 0 outside of two grid points, or between them."""
     return Crossing(np.where(outside, ~low, low), np.where(outside, ~high, high))
 
 
 def ends_of(crossing: Crossing) -> Crossing:
-    """A crossing's grid points themselves."""
+    """The two grid points of a crossing, in order."""
     return turned_if(is_outside(crossing), crossing.low, crossing.high)
 
 
@@ -58,14 +58,14 @@ def way_in(form: Form) -> Root:
 
 
 def way_out(form: Form) -> Root:
-    """The last crossing of a convex F, from - to +: the first from + to - of F(-u)."""
+    """The last crossing of a convex F, from - to +, as the first crossing of F(-u)."""
     shape = form.a.shape
     none, always = np.zeros(shape, np.int32), np.ones(shape, bool)
     return Root(always, none, form.a, -form.g, form.c, always)
 
 
 def line_way(line: Line) -> Root:
-    """The crossing of a plane, whichever its direction."""
+    """The root of a plane, entered or left."""
     rises = line.b > 0
     none = np.zeros(rises.shape, np.int32)
     b = np.where(rises, -line.b, line.b)
@@ -73,26 +73,26 @@ def line_way(line: Line) -> Root:
 
 
 def point_after(position: I32, steps: int) -> I32:
-    """The grid point at the end of the cell in whose middle a position is."""
+    """The grid point at the end of the cell whose middle is the position."""
     return ((position + np.int32((1 << steps) - 1)) >> np.int32(1)) + np.int32(1)
 
 
 def begins(at_first: Bools, eye: int, turned: Bools) -> Bools:
-    """Whether F <= 0, or -F where ``turned``, where rays start: at the eye the host knows it."""
+    """Whether F <= 0, or -F <= 0 if ``turned``, where rays start; the host knows it at the eye."""
     if eye == EYE_UNKNOWN:
         return at_first
     return np.where(turned, eye == EYE_OUTSIDE, eye == EYE_INSIDE)
 
 
 def crossing(form: Form, enters: I32, leaves: I32, steps: int, eye: int) -> Crossing:
-    """Where a quadric is crossed.
+    """The crossing of a quadric.
 
     Args:
         form: F along the rays.
         enters: position of ``way_in`` of ``convex(form)``.
         leaves: position of ``way_out`` of it.
         steps: halvings n of both.
-        eye: what is known of F at the eye if rays start there, ``EYE_…``.
+        eye: ``EYE_…``, what the host knows of F at the eye.
     """
     turned = form.a < 0
     bowl = convex(form)
@@ -109,7 +109,7 @@ def crossing(form: Form, enters: I32, leaves: I32, steps: int, eye: int) -> Cros
 
 
 def line_crossing(line: Line, position: I32, steps: int, eye: int) -> Crossing:
-    """Where a plane is crossed: ``position`` is that of ``line_way``."""
+    """The crossing of a plane: ``position`` is that of ``line_way``."""
     rises = line.b > 0
     first = begins(line.c - line.b <= 0, eye, np.zeros_like(rises))
     last = line.c + line.b <= 0
@@ -126,7 +126,7 @@ def line_crossing(line: Line, position: I32, steps: int, eye: int) -> Crossing:
 def in_cells(crossing: Crossing, touched: bool) -> Crossing:
     """Cells in place of the grid points where F <= 0.
 
-    Those that hold a point of F <= 0 if ``touched``, else those that lie in it with both ends.
+    A cell counts if F <= 0 at one of its ends, if ``touched``, else if F <= 0 at both.
     """
     outside, ends = is_outside(crossing), ends_of(crossing)
     earlier = touched != outside

@@ -1,9 +1,9 @@
-"""Twin of ``elementary.wgsl``: functions of numbers, of additions, products and quotients alone.
+"""Twin of ``elementary.wgsl``: functions made of additions, products and quotients alone.
 
-WGSL's own ``sin`` and ``exp`` promise neither bits nor enough digits.  These are the usual ones:
-arguments are reduced by parts of π and ln 2 (W. J. Cody and W. Waite, "Software Manual for the
-Elementary Functions", 1980), of which all but the last have so few bits that their products with
-whole numbers are exact; then follows a short series.
+WGSL's own ``sin`` and ``exp`` promise neither bits nor enough digits.  The functions here take the
+usual way: an argument is reduced by parts of π or ln 2 (W. J. Cody and W. Waite, "Software Manual
+for the Elementary Functions", 1980), then a short series follows.  All parts but the last have so
+few bits that their products with whole numbers are exact.
 
 Errors, which ``tests/test_elementary.py`` measures against mpmath:
 
@@ -11,8 +11,8 @@ Errors, which ``tests/test_elementary.py`` measures against mpmath:
 * exponential of |x| <= LARGEST_EXPONENT: GROWTH_ERROR of itself;
 * logarithm of x >= SMALLEST_ARGUMENT: LOGARITHM_ERROR, and as much of itself.
 
-Where a device contracts a·b + c, or divides less exactly than IEEE, they are no larger by more than
-a rounding, which the bounds leave room for.
+A device that contracts a·b + c, or divides less exactly than IEEE, adds at most one rounding.  The
+bounds leave room for it.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _HALF, _ONE, _TWO = np.float32(0.5), np.float32(1), np.float32(2)
 
 
 def turned_sine(x: F32, half_turns: F32) -> F32:
-    """sin(x) where ``half_turns`` is whole and near x/π, cos(x) where it is one less a half."""
+    """sin(x) if ``half_turns`` is whole and near x/π; cos(x) if it is that less a half."""
     r = ((x - half_turns * _PI[0]) - half_turns * _PI[1]) - half_turns * _PI[2]
     q = r * r
     tail = q * (_SINE[3] - q * _SINE[4])
@@ -122,11 +122,11 @@ def reciprocal_of(x: F32) -> F32:
 
 
 def product_of(a: F32, b: F32 | np.float32) -> F32:
-    """A product that no infinity comes of, and that compilers do not take apart."""
+    """A product that never becomes infinite, and that compilers do not take apart."""
     return np.minimum(np.maximum(a * b, -LARGEST_PRODUCT), LARGEST_PRODUCT)
 
 
 def root_of(x: F32) -> F32:
-    """The square root, 0 of what is negative."""
+    """The square root; 0 for a negative number."""
     root: F32 = np.sqrt(np.maximum(x, np.float32(0)))
     return root

@@ -1,8 +1,8 @@
 """Twin of ``encode.wgsl``: linear light to 8-bit sRGB through a table, correctly rounded.
 
 An entry of the table covers the numbers that agree in their exponent and the first seven bits of
-their fraction.  It holds the level of the least of them (8 bits) and which of the other 16 bits the
-next level begins at (17 bits); no entry holds more than one such place.
+their fraction.  It holds the level of the least of them (8 bits), and the value of the other 16
+bits at which the next level begins (17 bits). No entry holds more than one beginning of a level.
 ``contract.srgb.srgb_table`` makes it.
 """
 
@@ -18,7 +18,7 @@ SRGB_FIRST = np.float32(2.0**-13)
 
 
 def srgb_level(table: U32, linear_value: F32) -> U32:
-    """The 8-bit level of a linear value; beyond 0…1 it is the first or the last."""
+    """The 8-bit level of a linear value; values beyond 0…1 have the first or the last level."""
     bits = np.minimum(np.maximum(linear_value, SRGB_FIRST), np.float32(1)).view(np.uint32)
     cell = (bits >> np.uint32(16)) - (SRGB_FIRST.view(np.uint32) >> np.uint32(16))
     entry = table[cell]

@@ -1,7 +1,7 @@
-"""Twin of ``expression.wgsl``: a formula along rays, its first root, and how far it may be off.
+"""Twin of ``expression.wgsl``: a formula along rays, its first root, and the error of the root.
 
-A formula is a list of operations (``contract.expressions``). A shader has it written out; here the
-operations are called one by one.
+A formula is a list of operations (``contract.expressions``). In a shader they are written out; the
+twin calls them one by one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from halfstep.contract.expressions import NO_NUMBER, PackedExpressions, Program
 from halfstep.contract.powers import BOUNDS, CLOCKS
-from halfstep.twin import jets
+from halfstep.twin import grades, jets
 from halfstep.twin.algebraic import begun_cell
 from halfstep.twin.cells import (
     CLIPPING,
@@ -35,6 +35,7 @@ from halfstep.twin.elementary import (
     root_of,
     sine_of,
 )
+from halfstep.twin.grades import Grade
 from halfstep.twin.jets import (
     FAINTEST,
     UNDEFINED,
@@ -47,10 +48,8 @@ from halfstep.twin.jets import (
 from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.normal import Vector
 
-# Cells about a place where F must be of one sign there are no wider than the interval.
+# The widest cell that is tried about a u at which F must have one sign: the whole interval.
 WIDEST = np.float32(2)
-# What is taken for a direction where slopes are asked for: so short that nothing bends.
-NUDGE = np.float32(2.0**-12)
 
 # The values of operations, of values of operands and of the number that some take.
 VALUES: dict[str, Callable[..., Any]] = {
@@ -100,7 +99,7 @@ class Formula(NamedTuple):
 
 
 def formula_of(packed: PackedExpressions, row: int) -> Formula:
-    """That of a solid."""
+    """The formula of a solid."""
     form = packed.records[row]
     return Formula(form, packed.programs[int(form["formula"])])
 
@@ -116,18 +115,23 @@ def track_of(level: F32, along: F32, x: F32, y: F32) -> Track:
 
 
 def trace_of(form: np.void, x: F32, y: F32) -> Trace:
-    """The points of rays at pixel offsets of which each is at most 1."""
+    """The points of rays at pixel offsets of at most 1."""
     return Trace(*(track_of(form[f"level_{a}"], form[f"along_{a}"], x, y) for a in "xyz"))
 
 
 def jet_on(track: Track, host_error: np.float32, m: F32, h: F32) -> Jet:
-    """A coordinate in the cell about m of half the width h."""
+    """The jet of a coordinate in the cell from m - h to m + h."""
     return coordinate_jet(*track, host_error, m, h)
 
 
 def formula_jet(formula: Formula, x: Jet, y: Jet, z: Jet) -> Jet:
     """The jet of the last operation."""
     return _result(formula, [x, y, z], lambda name: getattr(jets, f"{name}_jet"))
+
+
+def formula_grade(formula: Formula, x: Grade, y: Grade, z: Grade) -> Grade:
+    """The grade of the last operation."""
+    return _result(formula, [x, y, z], lambda name: getattr(grades, f"{name}_grade"))
 
 
 def formula_value(formula: Formula, x: F32, y: F32, z: F32) -> F32:
@@ -148,14 +152,14 @@ def _result(
 
 
 def expression_jet(formula: Formula, trace: Trace, turned: Bools, m: F32, h: F32) -> Jet:
-    """F, or -F where turned, in the cell about m of half the width h."""
+    """F, or -F where turned, in the cell from m - h to m + h."""
     error = formula.form["host_error"]
     jet = formula_jet(formula, *(jet_on(track, error, m, h) for track in trace))
     return opposite_jet(turned, jet)
 
 
 def expression_value(formula: Formula, trace: Trace, u: F32) -> F32:
-    """F at the places ``u``."""
+    """F at ``u``."""
     return formula_value(formula, *(track.level + u * track.along for track in trace))
 
 
@@ -196,9 +200,9 @@ def finished_formula(
     steps: int,
     last_step: np.float32,
 ) -> I32:
-    """The position of the root in a cell, or that of the cap c + b u + a u² where it is seen.
+    """The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen.
 
-    The cap has one root between ``cap_start`` and ``cap_stop``.
+    That form has one root between ``cap_start`` and ``cap_stop``.
     """
     cell = begun_cell(found, is_cap, steps)
     low, high = np.where(found.met, start, cap_start), np.where(found.met, stop, cap_stop)
@@ -212,11 +216,11 @@ def finished_formula(
 
 
 class Surety(NamedTuple):
-    """What is sure of F on a piece of a ray."""
+    """What is certain about F on a piece of a ray."""
 
-    begins: Bools  # F has the sign that was found where it begins
-    ends: Bools  # F is above 0 where it ends
-    bound: F32  # how far the only root of the cell is from its position at most
+    begins: Bools  # F has the sign found at the beginning of the piece
+    ends: Bools  # F is above 0 at the end
+    bound: F32  # of the distance of the only root of the cell from its position
 
 
 def surety_of(
@@ -232,7 +236,7 @@ def surety_of(
     position: I32,
     last_step: np.float32,
 ) -> Surety:
-    """That of F, or -F where turned; ends of pieces are known to a slack."""
+    """The surety of F, or -F where turned; ends of pieces are known to a slack."""
 
     def above(turned: Bools, u: F32, slack: F32) -> Bools:
         jet = expression_jet(formula, trace, turned, u, np.minimum(slack, WIDEST))
@@ -254,21 +258,18 @@ def surety_of(
     return Surety(above(begins_below, start, start_slack), above(turned, stop, stop_slack), bound)
 
 
-def nudged(track: Track, host_error: np.float32, u: F32, is_one: bool) -> Jet:
-    """A coordinate at the places ``u``, nudged if it is the one."""
-    jet = jet_on(track, host_error, u, np.zeros_like(u))
-    return jet._replace(slope=np.full(u.shape, NUDGE if is_one else np.float32(0)))
-
-
 def slope_of_formula(formula: Formula, trace: Trace, u: F32) -> Vector:
-    """The gradient of F in world axes at the places ``u``, but for its length."""
-    error, axes = formula.form["host_error"], formula.form["axes"]
-    own = [
-        formula_jet(
-            formula, *(nudged(track, error, u, k == axis) for k, track in enumerate(trace))
-        ).slope
-        for axis in range(3)
-    ]
+    """The gradient of F in world axes at ``u``, up to its length."""
+    axes = formula.form["axes"]
+    one, zero = np.ones_like(u), np.zeros_like(u)
+    grade = formula_grade(
+        formula,
+        Grade(trace.x.level + u * trace.x.along, one, zero, zero),
+        Grade(trace.y.level + u * trace.y.along, zero, one, zero),
+        Grade(trace.z.level + u * trace.z.along, zero, zero, one),
+    )
+    # A zero may have any sign: compilers leave out products with zeros.
+    own = [np.where(part == 0, zero, part) for part in (grade.x, grade.y, grade.z)]
     largest = np.maximum(np.maximum(np.abs(own[0]), np.abs(own[1])), np.abs(own[2]))
     unit = np.float32(1) / np.where(largest < FAINTEST, np.float32(1), largest)
     x, y, z = (each * unit for each in own)

@@ -15,7 +15,7 @@ from halfstep.twin.shade import Finish, Light, seen, shade
 
 
 class Shown(NamedTuple):
-    """What pixels show; what no fact asks for is empty."""
+    """The normals and colours of pixels; those that no fact asks for are empty."""
 
     normal: Vector  # unit, or 0 where nothing is hit
     color: Vector  # linear
@@ -29,7 +29,7 @@ def finish(
     lights: Sequence[Light],
     facts: Collection[str],
 ) -> Shown:
-    """What the pixels (i, j) of the picture show."""
+    """The normals and colours of the pixels (i, j) of the picture."""
     some = nearest.surface > 0
     direction = ray = ray_direction(frame, i.astype(np.float32), j.astype(np.float32))
     if "parallel" in facts:

@@ -1,4 +1,4 @@
-"""Twin of ``finish_regions.wgsl``: the numbers, normals and looks of what regions show."""
+"""Twin of ``finish_regions.wgsl``: numbers, normals and appearances of points that regions show."""
 
 from __future__ import annotations
 
@@ -7,17 +7,15 @@ from collections.abc import Collection
 import numpy as np
 
 from halfstep.contract.regions import PackedRegions
-from halfstep.twin.algebraic import world_slope
-from halfstep.twin.cross_higher import higher_surfaces
+from halfstep.twin.cross_higher import higher_slope, higher_surfaces
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import I32, Bools
 from halfstep.twin.normal import Vector, either, gradient
 from halfstep.twin.region import outward, plane_normal, shows_surface
-from halfstep.twin.taylor import slopes_on_rays
 
 
 def painted(old: Nearest, look: np.void, here: Bools, facts: Collection[str]) -> Nearest:
-    """A point with the look of a cell or a surface where it is what is met."""
+    """A point, with the appearance of a cell or a surface in the pixels `here`."""
     new = old._replace(color=either(here, Vector(*look["color"]), old.color))
     if "gloss" in facts:
         new = new._replace(
@@ -36,7 +34,7 @@ def finish_region(
     j: I32,
     facts: Collection[str],
 ) -> Nearest:
-    """Points that a region, a record, shows all of; i and j are their pixels."""
+    """The points that a region shows; ``i`` and ``j`` are their pixels."""
     start, *counts = (
         int(region[name]) for name in ("list_start", "flat_count", "curved_count", "cell_count")
     )
@@ -61,11 +59,8 @@ def finish_region(
                 normal = plane_normal(regions.flat[int(region["flat_start"]) + number])
             elif number in higher:
                 one = higher[number]
-                right = (i - one.higher["center_x"]).astype(np.float32) * one.form["scale"]
-                down = (j - one.higher["center_y"]).astype(np.float32) * one.form["scale"]
-                v = u - one.form["middle"]
-                slopes = slopes_on_rays(one.form["terms"], right, down, v)
-                normal = world_slope(one.form, right, down, v, slopes)
+                right, down = i - one.higher["center_x"], j - one.higher["center_y"]
+                normal = higher_slope(one, right, down, u)
             else:
                 row = int(region["curved_start"]) + number - int(region["planes"])
                 normal = gradient(regions.curved[row]["gradient"], x, y, u)

@@ -16,7 +16,7 @@ def line_at(c: F32, b: F32, at: Offset) -> Line:
 
 
 def line_errors(c: F32, b: F32, at: Offset, host_error: np.float32) -> LineErrors:
-    """Its errors; that of the set-up is known."""
+    """Its errors, given the error of the set-up."""
     return LineErrors(linear_error(c, at) + host_error, linear_error(b, at) + host_error)
 
 
@@ -26,5 +26,5 @@ def form_at(a: F32, g: F32, c: F32, at: Offset) -> Form:
 
 
 def form_errors(a: F32, g: F32, c: F32, at: Offset, host_error: np.float32) -> FormErrors:
-    """Its errors; that of the set-up is known."""
+    """Its errors, given the error of the set-up."""
     return FormErrors(*(quadratic_error(k, at) + host_error for k in (a, g, c)))

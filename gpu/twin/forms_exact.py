@@ -21,7 +21,7 @@ def line_at(c: I64, b: I64, at: Offset) -> Line:
 
 
 def line_errors(c: I64, b: I64, at: Offset, host_error: np.float32) -> LineErrors:
-    """Its errors; that of the set-up is known."""
+    """Its errors, given the error of the set-up."""
     given = UNIT * (linear_error(at) + host_error)
     return LineErrors(*(ONCE * np.abs(value) + given for value in line_at(c, b, at)))
 
@@ -32,7 +32,7 @@ def form_at(a: I64, g: I64, c: I64, at: Offset) -> Form:
 
 
 def form_errors(a: I64, g: I64, c: I64, at: Offset, host_error: np.float32) -> FormErrors:
-    """Its errors; that of the set-up is known."""
+    """Its errors, given the error of the set-up."""
     given = UNIT * (quadratic_error(at) + host_error)
     return FormErrors(*(ONCE * np.abs(value) + given for value in form_at(a, g, c, at)))
 

@@ -1,7 +1,7 @@
 """Twin of ``forms_fixed.wgsl``: a solid's forms along the ray, in 32-bit integers.
 
-Each ray shifts its values down to 29 bits, c and b together, A, G and C together: the joint logic
-asks for signs of homogeneous expressions, which no common factor disturbs.
+Each ray shifts its values down to 29 bits: c and b by one number of bits, A, G and C by another.
+The joint logic asks for signs of homogeneous expressions, which a common factor does not change.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LARGEST_ERROR = np.float32(2.0**40)
 
 
 def excess_bits(size: I64) -> U32:
-    """How far a number of such size is shifted down to have ``VALUE_BITS`` bits."""
+    """The bits to shift a number of a size down, so that it has ``VALUE_BITS`` bits."""
     # No float has the bits of all 64-bit integers, but their high and low words.
     high = np.frexp((size >> np.int64(32)).astype(np.float64))[1]
     low = np.frexp((size & np.int64(0xFFFFFFFF)).astype(np.float64))[1]
@@ -47,7 +47,7 @@ def shifted_error(error: F32, excess: U32) -> F32:
 
 
 def line_excess(c: I64, b: I64, at: Offset) -> U32:
-    """What a half-space is shifted by: |c| and |b| fit."""
+    """The shift of a half-space, after which |c| and |b| fit."""
     return excess_bits(np.maximum(np.abs(linear(c, at)), np.abs(linear(b, at))))
 
 
@@ -58,13 +58,13 @@ def line_at(c: I64, b: I64, at: Offset) -> Line:
 
 
 def line_errors(c: I64, b: I64, at: Offset, host_error: np.float32) -> LineErrors:
-    """Its errors; that of the set-up is known."""
+    """Its errors, given the error of the set-up."""
     error = shifted_error(linear_error(at) + host_error, line_excess(c, b, at))
     return LineErrors(error, error)
 
 
 def form_excess(a: I64, g: I64, c: I64, at: Offset) -> U32:
-    """What F is shifted by: |C| fits, and |G| + 3 |A|, which bounds all that the halvings meet."""
+    """The shift of F, after which |C| fits, and |G| + 3 |A|, a bound of the halvings' values."""
     bend = np.abs(quadratic(a, at))
     slope = np.abs(quadratic(g, at)) + (bend + bend + bend)
     return excess_bits(np.maximum(np.abs(quadratic(c, at)), slope))
@@ -77,6 +77,6 @@ def form_at(a: I64, g: I64, c: I64, at: Offset) -> Form:
 
 
 def form_errors(a: I64, g: I64, c: I64, at: Offset, host_error: np.float32) -> FormErrors:
-    """Its errors; that of the set-up is known."""
+    """Its errors, given the error of the set-up."""
     error = shifted_error(quadratic_error(at) + host_error, form_excess(a, g, c, at))
     return FormErrors(error, error, error)

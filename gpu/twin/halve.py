@@ -11,7 +11,7 @@ from halfstep.twin.root import Root
 
 
 class Search(NamedTuple):
-    """A search under way, for F' < 0 and 2 F > 0: both compare a product with what is constant."""
+    """A search under way. F' < 0 and 2 F > 0 each compare a product with a constant."""
 
     v: F32
     double_a: F32
@@ -21,7 +21,7 @@ class Search(NamedTuple):
 
 
 def begun(root: Root) -> Search:
-    """The search for a root before its first halving: in the middle of the interval."""
+    """The search for a root before its first halving, in the middle of the interval."""
     v = np.zeros(root.c.shape, np.float32)
     return Search(v, root.a + root.a, root.g + root.g, -root.g, -(root.c + root.c))
 

@@ -1,9 +1,8 @@
 """Twin of ``halve_fixed.wgsl``: exactly n halvings in integers, by shifts, sums and comparisons.
 
-``value`` is 2^k F, so it keeps its bits while F vanishes.  |C| and
-|G| + 3 |A| are at most 2^29, and so is the slope; once |2^k F| reaches 2^29 its sign can no longer
-change, because a step then adds at most as much as doubling does, so it stops there, and nothing
-exceeds 2^31.
+``value`` is 2^k F, so it keeps its bits while F vanishes.  |C| and |G| + 3 |A| are at most 2^29,
+and so is the slope.  Once |2^k F| reaches 2^29, its sign can no longer change, because a step then
+adds at most as much as doubling does.  So the value stops there, and nothing exceeds 2^31.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ LIMIT = np.int32(1 << 29)
 
 
 class Search(NamedTuple):
-    """A search under way: where it is, and 2^k F and F' there."""
+    """A search under way: its position, and 2^k F and F' there."""
 
     position: I32
     value: I32
@@ -28,7 +27,7 @@ class Search(NamedTuple):
 
 
 def begun(root: Root) -> Search:
-    """The search for a root before its first halving: in the middle of the interval."""
+    """The search for a root before its first halving, in the middle of the interval."""
     return Search(np.zeros(root.c.shape, np.int32), root.c, root.g, root.a)
 
 

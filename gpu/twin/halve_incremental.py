@@ -1,7 +1,7 @@
 """Twin of ``halve_incremental.wgsl``: exactly n halvings, updating F and F' from step to step.
 
-F and F' stay relative to the current point, so their rounding shrinks with the step: the more
-exact variant for n > 16.
+F and F' stay relative to the current point, so their rounding shrinks with the step.  This variant
+is more exact for n > 16.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from halfstep.twin.root import Root
 
 
 class Search(NamedTuple):
-    """A search under way: where it is, and F and F' there."""
+    """A search under way: its position, and F and F' there."""
 
     position: I32
     value: F32
@@ -24,7 +24,7 @@ class Search(NamedTuple):
 
 
 def begun(root: Root) -> Search:
-    """The search for a root before its first halving: in the middle of the interval."""
+    """The search for a root before its first halving, in the middle of the interval."""
     return Search(np.zeros(root.c.shape, np.int32), root.c, root.g, root.a)
 
 

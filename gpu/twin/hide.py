@@ -1,4 +1,4 @@
-"""Twin of ``hide.wgsl``: a solid before a light."""
+"""Twin of ``hide.wgsl``: the pixels from which an occluder hides a light."""
 
 from __future__ import annotations
 

@@ -1,33 +1,33 @@
 """Twin of ``jets.wgsl``: second-order Taylor forms of formulas along rays, with their errors.
 
-Over a cell, |s| <= 1, F is claimed to be S(s) + L(s):
+A jet claims that over a cell, |s| <= 1, F = S(s) + L(s):
 
 * S has two derivatives. S(0) is within ``value_error`` of ``value``, S'(0) is ``slope``, and S''/2
   is within ``bend_error`` of ``bend`` all over the cell;
-* L(0) = 0, and L changes by at most ``slope_error`` |s - t| between s and t. It is linear but in
-  the state KINKED.
+* L(0) = 0, and L changes by at most ``slope_error`` |s - t| between s and t. L is linear unless
+  the state is KINKED.
 
-In the state STEEP this holds of no part of F, but F is within ``reach_of`` of ``value`` all over
-the cell. In the state UNDEFINED, F may have no value somewhere; what is said is said of what takes
-its place there: the root of 0 for that of a negative number.
+In the state STEEP the jet claims only that F is within ``reach_of`` of ``value`` all over the cell.
+In the state UNDEFINED F may have no value somewhere. The claim then holds for F with a substitute
+there, as the root of 0 for the root of a negative number.
 
 Let p = |bend| + bend_error and w = value_error + |slope| + p. Then |S'| <= |slope| + 2p, and S is
-within w of the value. Every operation takes sums and products of such intervals. Of a product,
+within w of the value. Every operation takes sums and products of these intervals. For a product,
 
     (S₁ + L₁)(S₂ + L₂) = S₁ S₂ + (L₁ F₂ + S₁ L₂),  (S₁ S₂)''/2 = S₁ S₂''/2 + S₂ S₁''/2 + S₁' S₂';
 
-of a function φ, φ(S + L) = φ(S) + L*, where L* changes no faster than |φ'| L' + |φ''| |S'| (|L| +
-value_error), and φ(S)''/2 = φ'(S) S''/2 + (φ''(S)/2) S'². A greater of two is half of the sum and
-half of the distance, which changes no faster than what it is the distance of.
+For a function φ, φ(S + L) = φ(S) + L*, where L* changes no faster than |φ'| L' + |φ''| |S'| (|L| +
+value_error), and φ(S)''/2 = φ'(S) S''/2 + (φ''(S)/2) S'². The greater of two numbers is half their
+sum plus half their distance, and the distance changes no faster than their difference.
 
-Roundings: each value, slope and bend is a sum of as many rounded products as its error has EPSILON
-times their magnitudes. Errors are sums of positive terms: where they are compared, ROOM covers
-their own rounding, a few EPSILON for each operation. Where numbers
-are lost because they are too small, FAINTEST is larger, for no error is less.
+Roundings: each value, slope and bend is a sum of rounded products. Its error has EPSILON times the
+magnitude of each product. Errors are sums of positive terms. Where they are compared, ROOM covers
+their own rounding, a few EPSILON for each operation. No error is less than FAINTEST, which is
+larger than any number that is lost because it is too small.
 
-What is greater than LARGEST is not known at all. Products and functions see to that; sums and
-multiples that could grow by more than 2^16 are followed by `checked_jet` (``scene.programs``). So
-no number here is ever infinite, and nothing a device may make of NaN is asked.
+If a number exceeds LARGEST, the jet claims nothing but |F| <= UNKNOWN. Products and functions test
+this. Sums and multiples that could grow by more than 2^16 are followed by `checked_jet`
+(``scene.programs``). So no number here is ever infinite, and no NaN ever decides.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from halfstep.twin.elementary import (
 from halfstep.twin.lanes import F32, U32, Bools
 
 LARGEST, UNKNOWN = np.float32(2.0**42), np.float32(2.0**43)
-# Functions take jets that change by less, and where they change by less.
+# Functions take jets that change by less than this, and change by less themselves.
 LARGEST_CHANGE = np.float32(2.0**38)
 FAINTEST = np.float32(2.0**-100)
 KINKED, STEEP, UNDEFINED, ANY_STATE = map(np.uint32, (1, 2, 4, 7))
@@ -69,7 +69,7 @@ class Jet(NamedTuple):
 
     value: F32
     slope: F32  # to the end of the cell
-    bend: F32  # half the second derivative, the same way
+    bend: F32  # half the second derivative, likewise
     value_error: F32
     slope_error: F32
     bend_error: F32
@@ -81,19 +81,19 @@ NO_JET = Jet(*(_NOTHING,) * 6, state=np.zeros((), np.uint32))
 
 
 class Outer(NamedTuple):
-    """A function of F by its value and two derivatives, of the second the half, at F's value."""
+    """A function of F: its value, its derivative and half its second derivative at F's value."""
 
     value: F32
     first: F32
     second: F32
-    value_off: F32  # how far it may be off there
+    value_off: F32  # error of the value there
     first_off: F32
-    first_change: F32  # and elsewhere in the cell
+    first_change: F32  # the most by which it differs elsewhere in the cell
     second_change: F32
 
 
 def fitted(jet: Jet, known: Bools | np.bool_) -> Jet:
-    """A jet of a product or a function; nothing of it is known if it is too large."""
+    """The jet of a product or a function; if it is too large, nothing is known of F."""
     errors = (jet.value_error + jet.slope_error) + jet.bend_error
     size = (np.abs(jet.value) + np.abs(jet.slope)) + (np.abs(jet.bend) + errors)
     fits = known & (size < LARGEST)
@@ -109,22 +109,22 @@ def fitted(jet: Jet, known: Bools | np.bool_) -> Jet:
 
 
 def checked_jet(a: Jet) -> Jet:
-    """The same jet, if it is not too large."""
+    """The same jet; if it is too large, nothing is known of F."""
     return fitted(a, _SURE)
 
 
 def bend_at_most(jet: Jet) -> F32:
-    """No bend in the cell is larger."""
+    """The largest bend in the cell."""
     return np.abs(jet.bend) + jet.bend_error
 
 
 def steepest(jet: Jet) -> F32:
-    """No slope in the cell is larger."""
+    """The largest slope in the cell."""
     return (np.abs(jet.slope) + jet.slope_error) + _TWO * bend_at_most(jet)
 
 
 def reach_of(jet: Jet) -> F32:
-    """F is no further from the value in the cell."""
+    """The largest distance of F from the value, in the cell."""
     reach = (jet.value_error + np.abs(jet.slope)) + (jet.slope_error + bend_at_most(jet))
     return ROOM * reach
 
@@ -138,9 +138,9 @@ def coordinate_jet(
     m: F32,
     h: F32,
 ) -> Jet:
-    """A coordinate of points level + u along, in the cell about m of half the width h.
+    """A coordinate of points level + u along, in the cell from m - h to m + h.
 
-    The sizes are magnitudes of the terms of both. Level and along pass four roundings each.
+    The sizes are magnitudes of the terms of level and along, which pass four roundings each.
     """
     off = EPSILON * (np.float32(5) * level_size + (np.float32(6) * np.abs(m)) * along_size)
     zero = np.zeros_like(m)
@@ -170,7 +170,7 @@ def raised_jet(a: Jet, k: np.float32) -> Jet:
 
 
 def scaled_jet(a: Jet, k: np.float32) -> Jet:
-    """k a; what does not bend is exactly so."""
+    """k a; the bend of a jet without a bend is exactly 0."""
     size, twice = np.abs(k), _TWO * EPSILON
     value, slope, bend = k * a.value, k * a.slope, k * a.bend
     faint = np.where(a.bend_error > 0, FAINTEST, _ZERO)
@@ -227,7 +227,7 @@ def product_jet(a: Jet, b: Jet) -> Jet:
     around_b = (b.value_error + tilt_b) + bend_b
     value = a.value * b.value
     bends = (size_a + around_a) * bend_b + (size_b + around_b) * bend_a
-    # Sums of products alone, from the left: compilers keep their order.
+    # The sums have only products as terms and go from the left: compilers keep this order.
     value_error = (size_a + a.value_error) * b.value_error + size_b * a.value_error
     value_error = value_error + EPSILON * np.abs(value)
     slope_error = (
@@ -295,7 +295,7 @@ def composed(given: Jet, outer: Outer, known: Bools) -> Jet:
     most_1, most_2 = size_1 + outer.first_change, size_2 + outer.second_change
     changes = np.maximum(reach_of(given), steepest(given))
     fits = known & (np.maximum(changes, np.maximum(most_1, most_2)) < LARGEST_CHANGE)
-    # Products of three would not be finite.
+    # Products of three numbers could be infinite.
     a = either_jet(fits, given, NO_JET)
     bend, tilt = bend_at_most(a), np.abs(a.slope)
     square = a.slope * a.slope
@@ -329,7 +329,7 @@ def composed(given: Jet, outer: Outer, known: Bools) -> Jet:
 
 
 def turned_jet(a: Jet, value: F32, first: F32) -> Jet:
-    """sin(a), or cos(a), from both."""
+    """sin(a) or cos(a), given its value and its derivative."""
     off = np.full(a.value.shape, TURN_ERROR)
     change = np.minimum(reach_of(a), _TWO) + off
     outer = Outer(value, first, -_HALF * value, off, off, change, _HALF * change)
@@ -347,14 +347,14 @@ def cosine_jet(a: Jet) -> Jet:
 
 
 def exponential_jet(a: Jet) -> Jet:
-    """e^a; it rises towards the end of the range of a, where its derivatives are largest."""
+    """e^a; its derivatives are largest at the upper end of the range of a."""
     value = exponential_of(a.value)
     end = a.value + reach_of(a)
     largest = exponential_of(end)
     off = np.maximum(GROWTH_ERROR * value, FAINTEST)
     change = (largest - value) + (np.float32(64) * GROWTH_ERROR) * largest
     change = np.maximum(change, FAINTEST)
-    # Were all of the second derivative half of the first, compilers would factor sums of both.
+    # The second change must not be plain half of the first, or compilers factor sums of both.
     half = np.maximum(_HALF * change, FAINTEST)
     outer = Outer(value, value, _HALF * value, off, off, change, half)
     return composed(a, outer, end < _HALF * LARGEST_EXPONENT)
@@ -410,10 +410,10 @@ def reciprocal_jet(a: Jet) -> Jet:
 
 
 def root_jet(a: Jet, beyond: np.float32) -> Jet:
-    """The square root of a; where a may be negative it is in the state ``beyond``.
+    """The square root of a; where a may be negative, the jet is in the state ``beyond``.
 
     With roots r of v and q of l, 1/q - 1/r = (v - l)/(q r (q + r)), and 1/q³ - 1/r³ is at most 3/q²
-    of that. Where l is not positive, all that is known is the range.
+    of that. If l is not positive, only the range is known.
     """
     change = reach_of(a)
     is_smooth = a.value - change > SMALLEST_ARGUMENT
@@ -486,7 +486,7 @@ def least_jet(a: Jet, b: Jet) -> Jet:
 
 
 def judged_jet(jet: Jet) -> Judged:
-    """What holds of F in a cell.
+    """The properties of F in a cell.
 
     F is at least value + slope s + (bend - bend_error) s², less the other errors.
     """
@@ -506,6 +506,9 @@ def judged_jet(jet: Jet) -> Judged:
     varies = ((size_1 + size_2) + jet.bend_error) + jet.slope_error
     return Judged(
         passed=np.where(dips, above, (least - size_1) + low > 0),
+        ahead=np.where(
+            dips & (jet.slope > 0), above, np.minimum((least - jet.slope) + low, least) > 0
+        ),
         single=is_smooth & below & (runs | bends),
         vague=is_smooth & (varies < jet.value_error),
         within=last < 0,

@@ -14,12 +14,12 @@ from halfstep.twin.normal import NO_VECTOR, Vector, either
 from halfstep.twin.region import NOTHING_MET, either_met, position_before
 from halfstep.twin.sight import Met, Sight
 
-# Of one of the modules of keys.
+# The key in the type of the chosen module of keys.
 NearestKey = Any
 
 
 class Keys(Protocol):
-    """How depths are compared."""
+    """The comparison of depths."""
 
     NO_KEY: NearestKey
 
@@ -36,29 +36,29 @@ class Keys(Protocol):
 
 
 class Nearest(NamedTuple):
-    """The nearest visible point so far; what no fact asks for stays as it is in `nothing`.
+    """The nearest visible point so far; members that no fact asks for stay as in `nothing`.
 
-    What a region shows of itself is looked up at the end: until then its point has the number of
-    the region's first surface.
+    The surface and the appearance of a region's point are looked up at the end. Until then the
+    point has the number of the region's first surface.
     """
 
     key: NearestKey  # its depth
-    surface: U32  # its number in the scene, from 1; 0 is none
-    leaves: Key  # depth where the ray leaves the solid
-    low: Key  # the least depth of what is certain
-    doubt: Key  # where begins what is not certain
-    bound: F32  # how far the root may be from the position, in u
+    surface: U32  # number of the surface in the scene, from 1; 0 for no hit
+    leaves: Key  # depth of the exit from the solid
+    low: Key  # the least depth that a certain point may have
+    doubt: Key  # the depth from which on nothing is certain
+    bound: F32  # bound of the distance of the root from the position, in u
     slope: Vector  # along the normal
     color: Vector  # of the material
     specular: F32  # weight of its highlight
     shininess: U32  # exponent of its highlight
     depth: F32  # along the view axis
-    met: Met  # of a region, nothing where a solid is none
-    overlap: Key  # depth where two cells of a region are
-    gap: Key  # depth where none is between two
-    position: I32  # on its ray, of the solid that shows it
-    turned: U32  # which side of that is seen, as of `other_side`
-    dark: U32  # bits of lights that do not reach it
+    met: Met  # the point of a region; none if the solid is no region
+    overlap: Key  # depth of a point in two cells of a region
+    gap: Key  # depth of a point in no cell, between two cells
+    position: I32  # position of the point on its ray
+    turned: U32  # which side of the surface is seen, as `other_side` has it
+    dark: U32  # bits of the lights that do not reach the point
 
 
 def nothing(keys: Keys) -> Nearest:
@@ -96,7 +96,7 @@ def keep(
     keys: Keys,
     facts: Collection[str],
 ) -> Nearest:
-    """The sight if it is nearer than the nearest point so far, else that."""
+    """The nearer of a sight and the nearest point so far."""
     steps, shift = int(solid["steps"]), int(solid["key_shift"])
     key = keys.key_at(sight.position, solid)
     surface = solid["surface"] + sight.surface.astype(np.uint32)
@@ -141,7 +141,7 @@ def keep(
 
 
 def sooner_key(old: Key, q: I32, region: np.void, solid: np.void) -> Key:
-    """The key of a grid point of a region, if that is on the rays and sooner than the old one."""
+    """The lesser of the old key and that of a grid point of a region, if it is on the ray."""
     steps, shift = int(solid["steps"]), int(solid["key_shift"])
     start = Key(*(np.asarray(solid[name]) for name in ("key_high", "key_low")))
     position = position_before(np.maximum(q, np.int32(1)), steps)

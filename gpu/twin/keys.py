@@ -8,7 +8,7 @@ from halfstep.twin.lanes import I32, U32, Bools
 from halfstep.twin.nearest import FAR, Key, before, depth_key, either_key
 
 NearestKey = Key
-# Behind all points.
+# The key behind all points.
 NO_KEY = FAR
 
 
@@ -19,7 +19,7 @@ def key_at(position: I32, solid: np.void) -> NearestKey:
 
 
 def is_nearer(key: NearestKey, surface: U32, other: NearestKey, other_surface: U32) -> Bools:
-    """Whether a point is nearer than another; at equal depth the earlier surface of the file."""
+    """Whether a point is nearer than another; at equal depth, whether its surface is earlier."""
     return before(key, surface, other, other_surface)
 
 

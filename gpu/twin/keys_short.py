@@ -1,4 +1,4 @@
-"""Twin of ``keys_short.wgsl``: depths as keys of one word, where that holds them whole."""
+"""Twin of ``keys_short.wgsl``: depths as keys of one word, if one word holds them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from halfstep.twin.lanes import I32, U32, Bools
 
 NearestKey = U32
-# Behind all points.
+# The key behind all points.
 NO_KEY = np.array(0xFFFFFFFF, np.uint32)
 
 
@@ -18,7 +18,7 @@ def key_at(position: I32, solid: np.void) -> NearestKey:
 
 
 def is_nearer(key: NearestKey, surface: U32, other: NearestKey, other_surface: U32) -> Bools:
-    """Whether a point is nearer than another; at equal depth the earlier surface of the file."""
+    """Whether a point is nearer than another; at equal depth, whether its surface is earlier."""
     return (key < other) | ((key == other) & (surface < other_surface))
 
 

@@ -8,5 +8,5 @@ from halfstep.twin.piece import Line
 
 
 def line_of(lines: Sequence[Line], j: int) -> Line:
-    """A half-space, counted from 0."""
+    """Half-space number j, from 0."""
     return lines[j]

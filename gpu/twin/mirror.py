@@ -6,27 +6,39 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.twin.lanes import F32, Bools, Form
+from halfstep.contract.layout import Shade
+from halfstep.twin.lanes import F32, U32, Bools, Form
 from halfstep.twin.normal import Vector, dot_product, normalized, scaled
 from halfstep.twin.piece import Line, Piece
 from halfstep.twin.place import Point, point_from
+from halfstep.twin.root import Root
 
 ONE, TWO = np.float32(1), np.float32(2)
+# What no square of a difference is below: devices may flush subnormal numbers.
+LEAST_SQUARE = np.float32(1e-30)
+# And what its root is not below.
+LEAST_TURN = np.float32(1e-15)
+# What is left of a sum of three squares, or products, if their rounding is taken from it.
+EXACT = np.float32(1 - 2.0**-20)
+# What rounding adds to the square of the least distance from a ray, for the square of the way.
+BLUR = np.float32(2.0**-36)
+# Above all numbers of bodies.
+NO_BODY = np.uint32(0xFFFFFFFF)
 
 
 class Glance(NamedTuple):
-    """A ray from a mirror about a solid."""
+    """A ray from a mirror, relative to a solid."""
 
-    base: Vector  # the point nearest to the middle, counted from there
+    base: Vector  # the point nearest to the middle, from the middle
     along: Vector  # unit
     start: F32  # u of the mirror
-    near: Bools  # it may meet the solid
+    near: Bools  # it may hit the solid
 
 
 def mirrored(direction: Vector, normal: Vector) -> Vector:
-    """The direction that a mirror turns another one into.
+    """The direction of a ray after a mirror.
 
-    Its normal is a unit vector.
+    ``normal`` is the unit normal of the mirror.
     """
     d = normalized(direction)
     twice = TWO * dot_product(d, normal)
@@ -34,18 +46,54 @@ def mirrored(direction: Vector, normal: Vector) -> Vector:
 
 
 def further(start: Vector, along: Vector, u: F32) -> Vector:
-    """The point of a ray so far on."""
+    """The point of a ray at u."""
     return Vector(*(a + u * b for a, b in zip(start, along, strict=True)))
+
+
+def may_meet(ball: np.void, from_middle: Vector, along: Vector, distance: F32) -> Bools:
+    """Whether a ray may meet what is in a ball, nearer than so far away."""
+    start, square = dot_product(from_middle, along), dot_product(from_middle, from_middle)
+    beside = square * EXACT - start * start <= ball["radius"] * ball["radius"]
+    return beside & (start < ball["radius"]) & (-(start * EXACT) - ball["radius"] <= distance)
 
 
 def glance_at(body: np.void, point: Point, along: Vector) -> Glance:
     """The ray from a point of the grid about a solid."""
-    from_center = point_from(point, *body["center"])
-    d = scaled(Vector(*(part.astype(np.float32) for part in from_center)), body["unit"])
+    d = from_middle_of(body, point)
     start = dot_product(d, along)
     base = further(d, along, -start)
-    near = (dot_product(base, base) <= ONE) & (start < ONE)
+    room = body["bound"] * body["bound"] + BLUR * (start * start)
+    near = (dot_product(base, base) <= room) & (start < body["bound"])
     return Glance(base, along, start, near)
+
+
+def from_middle_of(body: np.void, point: Point) -> Vector:
+    """A point of the grid in the coordinates of a solid."""
+    from_center = point_from(point, *body["center"])
+    return scaled(Vector(*(part.astype(np.float32) for part in from_center)), body["unit"])
+
+
+def is_left(flags: int, on_curve: Bools, turned: U32) -> Bools:
+    """Whether a ray that is mirrored by a solid does not meet it again.
+
+    From a flat face, or a convex solid, it goes away, if that is seen from outside.
+    """
+    away = ~on_curve | bool(flags & Shade.CONVEX)
+    return bool(flags & Shade.FLAT) | (away & (turned == 0))
+
+
+def place_of_root(root: Root) -> F32:
+    """The u of the root that a ray shows, with a division and a square root.
+
+    Which of two solids is nearer needs no halving of the other one's.
+    """
+    square = root.g * root.g - np.float32(4) * (root.a * root.c)
+    turn = np.sqrt(np.maximum(square, LEAST_SQUARE))
+    behind = root.g > 0
+    over = np.where(behind, -(root.g + turn), root.c + root.c)
+    under = np.where(behind, root.a + root.a, turn - root.g)
+    v = over / np.maximum(under, LEAST_TURN)
+    return np.asarray(np.where(root.flipped, -v, v))
 
 
 def bent(m: F32, a: Vector) -> Vector:
@@ -87,7 +135,7 @@ def face_of(face: np.void, glance: Glance) -> Line:
 
 
 def piece_of(glance: Glance) -> Piece:
-    """From where the ray begins to where the solid surely has ended."""
+    """The piece of the ray from its start to surely behind the solid."""
     one = np.ones_like(glance.start)
     none = np.zeros(one.shape, np.int32)
     return Piece(glance.start, -one, none, -one, one, none)
@@ -95,10 +143,10 @@ def piece_of(glance: Glance) -> Piece:
 
 def point_on(body: np.void, spot: Vector) -> Point:
     """The point of the grid that is at a place, in radii from the middle."""
-    center = body["center"]
+    center, radius = body["center"], ONE / body["unit"]
     return Point(
         *(
-            np.int32(c) + np.rint(part * body["radius"]).astype(np.int32)
+            np.int32(c) + np.rint(part * radius).astype(np.int32)
             for c, part in zip(center, spot, strict=True)
         )
     )

@@ -1,4 +1,4 @@
-"""Twin of ``nearest.wgsl``: depths as exact integers, and which point is nearer."""
+"""Twin of ``nearest.wgsl``: depths as exact integers, and their comparison."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from halfstep.twin.lanes import I32, U32, Bools
 
 
 class Key(NamedTuple):
-    """A t as a 64-bit fraction of 2^key_bits in two words."""
+    """A depth key, t 2^key_bits, in two words."""
 
     high: U32
     low: U32
 
 
-# Behind all points.
+# The key behind all points.
 FAR = Key(*(np.array(0xFFFFFFFF, np.uint32) for _ in range(2)))
 
 
@@ -26,7 +26,7 @@ def depth_key(position: I32, steps: int, start: Key, shift: int) -> Key:
 
 
 def count_key(count: U32, start: Key, shift: int) -> Key:
-    """Key of so many last steps from ``start`` on."""
+    """Key of a count of last steps from ``start`` on."""
     wide = count.astype(np.uint64) << np.uint64(shift)
     wide = wide + (
         (np.asarray(start.high, np.uint64) << np.uint64(32)) | np.asarray(start.low, np.uint64)
@@ -35,7 +35,7 @@ def count_key(count: U32, start: Key, shift: int) -> Key:
 
 
 def before(key: Key, surface: U32, other: Key, other_surface: U32) -> Bools:
-    """Whether a point is nearer than another; at equal depth the earlier surface of the file."""
+    """Whether a point is nearer than another; at equal depth, whether its surface is earlier."""
     same_high = key.high == other.high
     same = same_high & (key.low == other.low)
     return (

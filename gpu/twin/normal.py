@@ -8,8 +8,8 @@ import numpy as np
 
 from halfstep.twin.lanes import F32, Bools
 
-# A vector whose square is below this is none: in a greater square, subnormal terms, which devices
-# may flush, change no bit.
+# A vector whose square is below this counts as 0. In a greater square, subnormal terms, which
+# devices may flush to 0, change no bit.
 VANISHING = np.float32(2.0**-100)
 
 
@@ -50,7 +50,7 @@ def turned(some: Bools, a: Vector) -> Vector:
 
 
 def normalized(a: Vector) -> Vector:
-    """Unit vector along one that does not vanish."""
+    """The unit vector along a vector that does not vanish."""
     length: F32 = np.sqrt(dot_product(a, a))
     return scaled(a, np.float32(1) / length)
 

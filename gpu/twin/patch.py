@@ -12,16 +12,16 @@ from halfstep.twin.values import Value, Values, one_of, product
 
 
 class Patch(NamedTuple):
-    """The plane c + b u turned so that the ray passes it from + to -, and whether it is met."""
+    """The plane c + b u, turned so that the ray passes it from + to -; and whether it is hit."""
 
-    hit: Bools  # the ray meets it in bounds
+    hit: Bools  # the ray hits it inside its bounds
     away: Bools  # it was turned
     c: Values
     b: Values
 
 
 def facing(line: Line, near_u: Value, far_u: Value) -> Patch:
-    """The plane turned towards the viewer; met if it changes sign between the base planes."""
+    """The plane turned towards the eye; hit if it changes sign between the base planes."""
     away = line.b > 0
     c = np.where(away, -line.c, line.c)
     b = np.where(away, -line.b, line.b)
@@ -31,6 +31,6 @@ def facing(line: Line, near_u: Value, far_u: Value) -> Patch:
 
 
 def bound(plane: Patch, line: Line) -> Patch:
-    """The patch inside the half-space at its own root: the extra step (14), without a division."""
+    """The patch, hit only if its root is in the half-space: step (14), without a division."""
     met = product(line.c, plane.b) >= product(plane.c, line.b)
     return plane._replace(hit=plane.hit & met)

@@ -17,7 +17,7 @@ from halfstep.twin.values import Value, Values, one_of, product
 
 
 class Line(NamedTuple):
-    """A half-space along the ray: inside where c + b u <= 0."""
+    """A half-space along the ray; a point is inside if c + b u <= 0."""
 
     c: Values
     b: Values
@@ -67,6 +67,6 @@ def remains(piece: Piece) -> Bools:
 
 
 def from_the_eye(piece: Piece, near_u: Value) -> Piece:
-    """The piece entered at its start whatever rounding says: the eye is inside all half-spaces."""
+    """The piece that starts at the eye, which is inside all half-spaces despite rounding."""
     start = whole_interval(piece.id_in, near_u, near_u)
     return piece._replace(c_in=start.c_in, b_in=start.b_in, id_in=start.id_in)

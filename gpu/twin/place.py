@@ -18,7 +18,7 @@ class Point(NamedTuple):
 
 
 class Beam(NamedTuple):
-    """The same along rays to a light: v towards it, a and b where the ray meets v = 0."""
+    """Points along rays to a light: v towards the light, a and b where the ray crosses v = 0."""
 
     a: I32
     b: I32
@@ -45,13 +45,13 @@ def point_from(point: Point, from_x: int, from_y: int, from_z: int) -> Point:
 
 
 def sheared(shear: int, along: I32) -> I32:
-    """The way across that a ray goes while it goes so far along."""
+    """The distance that a ray goes across while it goes ``along``."""
     wide = along.astype(np.int64) * np.int64(shear) + np.int64(1 << 29)
     return (wide >> np.int64(30)).astype(np.int32)
 
 
 def beam_of(point: Point, axis: int, sign: int, shear_x: int, shear_y: int) -> Beam:
-    """Points along the rays to a light; the axis is that of the world most along them."""
+    """Points along the rays to a light; ``axis`` is the axis of the world closest to the rays."""
     v = point[axis] * np.int32(sign)
     following, last = point[(axis + 1) % 3], point[(axis + 2) % 3]
     return Beam(following - sheared(shear_x, v), last - sheared(shear_y, v), v)

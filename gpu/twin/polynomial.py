@@ -8,19 +8,19 @@ import numpy as np
 
 from halfstep.twin.lanes import F32, I32
 
-# A rounding, 2^-24, with room for those of the bounds themselves.
+# A rounding, 2^-24, with room for the rounding of the bounds themselves.
 ROUNDING = np.float32(2.0**-24 * (1 + 2.0**-6))
 
 
 class Offset(NamedTuple):
-    """Pixels from the middle of a solid's rectangle."""
+    """The offset of a pixel from the middle of a solid's rectangle."""
 
     x: F32
     y: F32
 
 
 def offset(x: I32, y: I32) -> Offset:
-    """The offset in the arithmetic of the coefficients; exact below 2^24."""
+    """The offset in the type of the coefficients; exact below 2^24."""
     return Offset(x.astype(np.float32), y.astype(np.float32))
 
 
@@ -37,9 +37,9 @@ def linear(k: F32, at: Offset) -> F32:
 
 
 def quadratic_error(k: F32, at: Offset) -> F32:
-    """Bound of the error of ``quadratic``: every term passes so many roundings.
+    """Bound of the error of ``quadratic``, from the roundings that each term passes.
 
-    Counted are that of the coefficient and those of the operations on its way to the value.
+    These are the rounding of the coefficient and of each operation on the way to the value.
     """
     x, y = np.abs(at.x), np.abs(at.y)
     constant = 3 * abs(k[0]) + y * (5 * abs(k[2]) + y * (6 * abs(k[5])))

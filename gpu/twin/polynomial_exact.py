@@ -1,7 +1,7 @@
 """Twin of ``polynomial_exact.wgsl``: values of polynomials at a pixel offset, in 64-bit integers.
 
 The host scales the coefficients so that the sum of the magnitudes of all terms stays below 2^60
-and a little, for rounding them: nothing overflows.
+and a little more, for the rounding of the coefficients. So nothing overflows.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import numpy as np
 
 from halfstep.twin.lanes import F32, I32, I64
 
-# The rounding of a coefficient, in units, with room for that of the bounds themselves.
+# The rounding of a coefficient, in units, with room for the rounding of the bounds themselves.
 HALF_UNIT = np.float32(0.5 * (1 + 2.0**-6))
 
 
 class Offset(NamedTuple):
-    """Pixels from the middle of a solid's rectangle."""
+    """The offset of a pixel from the middle of a solid's rectangle."""
 
     x: I64
     y: I64
 
 
 def offset(x: I32, y: I32) -> Offset:
-    """The offset in the arithmetic of the coefficients."""
+    """The offset in the type of the coefficients."""
     return Offset(x.astype(np.int64), y.astype(np.int64))
 
 

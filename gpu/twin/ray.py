@@ -9,9 +9,9 @@ from halfstep.twin.normal import Vector
 
 
 def ray_direction(frame: np.void, i: F32, j: F32) -> Vector:
-    """World direction through pixels (i, j), relative to the eye at depth 1; ``frame``: FRAME.
+    """World point on the rays of pixels (i, j) at depth 1, relative to the eye.
 
-    Or where parallel rays start.
+    For parallel rays it is the point where they start. ``frame`` is a record FRAME.
     """
     first, right, down = frame["first_ray"], frame["right"], frame["down"]
     return Vector(*((first[axis] + i * right[axis]) + j * down[axis] for axis in range(3)))

@@ -1,4 +1,4 @@
-"""What both twins of rays to lights share; each of the WGSL files has its own."""
+"""The ray of both twins of rays to lights; each of the two WGSL files declares its own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from halfstep.twin.values import Values
 
 
 class Ray(NamedTuple):
-    """A ray to a light about an occluder: what forms are polynomials in, and its two ends."""
+    """A ray to a light, relative to an occluder: the variables of forms, and its two ends."""
 
     x: Values
     y: Values
@@ -19,4 +19,4 @@ class Ray(NamedTuple):
     b_in: Values
     c_out: Values
     b_out: Values
-    near: Bools  # it may meet the occluder
+    near: Bools  # it may hit the occluder

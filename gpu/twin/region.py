@@ -1,4 +1,4 @@
-"""Twin of ``region.wgsl``: where a region's pixels are, and what its points show."""
+"""Twin of ``region.wgsl``: the pixels of a region, and the points that it shows."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def either_met(some: Bools, chosen: Met, other: Met) -> Met:
 
 
 def shows_surface(met: Met, number: int) -> Bools:
-    """Whether a surface of the region is what is met."""
+    """Whether the point lies on a surface of the region."""
     return np.asarray((met.side >> np.int32(1)) == number)
 
 
@@ -42,7 +42,7 @@ def plane_normal(plane: np.void) -> Vector:
 def outward(gradient: Vector, met: Met) -> Vector:
     """The gradient of a surface, or its opposite, so that it points out of the region.
 
-    It points into the region where its side is F > 0.
+    The gradient points into the region if the region's side is F > 0.
     """
     back = Vector(-gradient.x, -gradient.y, -gradient.z)
     return either((met.side & np.int32(1)) == 1, back, gradient)

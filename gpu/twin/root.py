@@ -1,4 +1,4 @@
-"""Twin of ``root.wgsl``: the joint logic, which crossing of which surface a ray shows.
+"""Twin of ``root.wgsl``: the joint logic, which tells the root that a ray shows.
 
 The answer is a convex quadratic (or a line) whose first crossing from + to - is the root that is
 seen, so that one sequence of halvings finds it.  Signs of F and F' at the ends of the piece are
@@ -18,7 +18,7 @@ from halfstep.twin.values import Products, Values, product, reduced
 
 
 class Root(NamedTuple):
-    """The first + to - crossing of a v² + g v + c, v = -u if flipped: what the halvings find."""
+    """The first + to - crossing of a v² + g v + c, v = -u if flipped. The halvings find it."""
 
     hit: Bools
     surface: I32  # 0 is F, half-spaces count from 1
@@ -35,22 +35,22 @@ def end_value(form: Form, c: Values, b: Values) -> Products:
 
 
 def outside_at_entry(form: Form, piece: Piece) -> Bools:
-    """F > 0 where the piece begins."""
+    """Whether F > 0 where the piece begins."""
     return end_value(form, piece.c_in, piece.b_in) > 0
 
 
 def outside_at_exit(form: Form, piece: Piece) -> Bools:
-    """F > 0 where the piece ends."""
+    """Whether F > 0 where the piece ends."""
     return end_value(form, piece.c_out, piece.b_out) > 0
 
 
 def has_root(form: Form) -> Bools:
-    """F has a root somewhere on the line."""
+    """Whether F has a root somewhere on the line."""
     return product(form.g, form.g) >= product(form.a + form.a, form.c + form.c)
 
 
 def turns_within(form: Form, piece: Piece) -> Bools:
-    """For a > 0: F has both its roots between ends where it is positive, even if they coincide."""
+    """For a > 0: whether F has two roots, maybe equal, between ends where it is positive."""
     bend = form.a + form.a
     falls = product(bend, piece.c_in) < product(form.g, piece.b_in)
     rises = product(form.g, piece.b_out) > product(bend, piece.c_out)
@@ -58,7 +58,7 @@ def turns_within(form: Form, piece: Piece) -> Bools:
 
 
 def quadric_entry(form: Form, piece: Piece, outside: Bools) -> Root:
-    """Where a ray that starts outside the solid enters it, (18); ``outside``: F > 0 at entry."""
+    """The entry of a ray that starts outside the solid, (18); ``outside``: F > 0 at entry."""
     crosses = outside & (~outside_at_exit(form, piece) | turns_within(form, piece))
     on_plane = ~outside & (piece.id_in > 0)
     flipped = crosses & (form.a < 0)
@@ -73,7 +73,7 @@ def quadric_entry(form: Form, piece: Piece, outside: Bools) -> Root:
 
 
 def quadric_exit(form: Form, piece: Piece, inside: Bools) -> Root:
-    """Where a ray that is in the solid leaves it, (19); ``inside``: F <= 0 at entry."""
+    """The exit of a ray that is in the solid, (19); ``inside``: F <= 0 at entry."""
     within = inside & turns_within(Form(-form.a, -form.g, -form.c), piece)
     crosses = outside_at_exit(form, piece) | within
     on_plane = ~crosses & (piece.id_out > 0)
@@ -89,21 +89,21 @@ def quadric_exit(form: Form, piece: Piece, inside: Bools) -> Root:
 
 
 def ellipsoid_entry(form: Form) -> Root:
-    """Where a ray enters an uncut ellipsoid from outside: only the discriminant decides."""
+    """The entry of a ray into an uncut ellipsoid from outside: only the discriminant decides."""
     shape = np.shape(form.a)
     never = np.zeros(shape, bool)
     return Root(has_root(form), np.zeros(shape, np.int32), form.a, form.g, form.c, never)
 
 
 def ellipsoid_exit(form: Form) -> Root:
-    """Where a ray leaves an uncut ellipsoid it entered from outside."""
+    """The exit of a ray from an uncut ellipsoid that it entered from outside."""
     shape = np.shape(form.a)
     always = np.ones(shape, bool)
     return Root(has_root(form), np.zeros(shape, np.int32), form.a, -form.g, form.c, always)
 
 
 def polyhedron_entry(piece: Piece) -> Root:
-    """Where a ray that starts outside a polyhedron enters it: the plane entered last."""
+    """The entry of a ray that starts outside a polyhedron: the plane entered last."""
     return Root(
         remains(piece) & (piece.id_in > 0),
         piece.id_in,
@@ -115,7 +115,7 @@ def polyhedron_entry(piece: Piece) -> Root:
 
 
 def polyhedron_exit(piece: Piece) -> Root:
-    """Where a ray leaves a polyhedron: the plane left first."""
+    """The exit of a ray from a polyhedron: the plane left first."""
     return Root(
         remains(piece) & (piece.id_out > 0),
         piece.id_out,
@@ -127,7 +127,7 @@ def polyhedron_exit(piece: Piece) -> Root:
 
 
 def patch_entry(plane: Patch) -> Root:
-    """Where a ray meets a patch that it passes from + to -."""
+    """The root where a ray hits a patch."""
     none = np.zeros(plane.c.shape, np.int32)
     never = np.zeros(none.shape, bool)
     return Root(plane.hit, none, np.zeros_like(plane.c), plane.b, plane.c, never)

@@ -10,8 +10,8 @@ import numpy as np
 from halfstep.twin.lanes import F32, U32
 from halfstep.twin.normal import Vector, dot_product, normalized, or_else, scaled
 
-# Light and cosines below this are as good as none. A sum above it has the same bits with its
-# subnormal terms, which devices may flush, and without them.
+# Light and cosines below this count as 0. A sum above it has the same bits with and without its
+# subnormal terms, which devices may flush to 0.
 FAINT = np.float32(1e-18)
 # Bits of the largest exponent, 1024.
 SHININESS_BITS = 11
@@ -22,7 +22,7 @@ class Light(NamedTuple):
 
     vector: F32  # (4,), direction towards it (w = 0) or w times its position from the eye
     color: F32  # (4,), linear RGB
-    has_shadow: bool = False  # the first of a frame do
+    has_shadow: bool = False  # lights with shadows come first
 
 
 class Finish(NamedTuple):
@@ -45,7 +45,7 @@ def power(base: F32, exponent: U32) -> F32:
 
 
 def seen(light: F32) -> F32:
-    """``light``, or none where it is faint. In an image both are black."""
+    """``light``, or 0 where it is faint. In an image both are black."""
     return np.where(light > FAINT, light, np.float32(0))
 
 
@@ -60,8 +60,9 @@ def shade(
 ) -> Vector:
     """Linear colour of a point, seen along a direction; both are relative to the eye.
 
-    The normal is turned towards the viewer, so that the inside of an opened solid is lit too.  Of
-    the first lights, which have shadows, ``dark`` has a bit where they do not reach the point.
+    The normal is turned towards the eye, so that the inside of an opened solid is lit too.
+    ``dark`` has a bit for each of the first lights, which have shadows; it is set if the light does
+    not reach the point.
     """
     away = dot_product(normal, direction) > FAINT
     sign = np.where(away, np.float32(-1), np.float32(1))

@@ -17,12 +17,12 @@ from halfstep.twin.values import Values, product
 
 
 def beams_of(ray: Ray) -> ModuleType:
-    """The rays to lights of the number format of one."""
+    """The rays to lights of the number format of a ray."""
     return beams_of_values(ray.x)
 
 
 def beams_of_values(values: Values) -> ModuleType:
-    """The same of values."""
+    """The rays to lights of the number format of values."""
     return beam_fixed if values.dtype.kind == "i" else beam
 
 
@@ -37,7 +37,7 @@ def curve_along(occluder: np.void, ray: Ray) -> Form:
 
 
 def far_curve(occluder: np.void, ray: Ray) -> Form:
-    """The same to a light far away, where z and t are the radius."""
+    """F along the ray to a far light, where z and t are the radius."""
     beams = beams_of(ray)
     return Form(
         np.full_like(ray.x, occluder["a"][0]),
@@ -53,7 +53,7 @@ def slab_along(slab: np.void, ray: Ray) -> Line:
 
 
 def far_slab(slab: np.void, ray: Ray) -> Line:
-    """The same to a light far away."""
+    """The first half-space of a slab along the ray to a far light."""
     first: Any = beams_of(ray).first_order
     return Line(first(slab["c"], ray, ray.t), np.full_like(ray.x, slab["b"][0]))
 
@@ -66,29 +66,30 @@ def second_along(slab: np.void, line: Line, ray: Ray) -> Line:
 
 
 def first_number(slab: np.void) -> np.uint32:
-    """The surface of the first after that of F."""
+    """The surface number of the first half-space, counted from that of F."""
     return np.uint32(int(slab["numbers"]) & ((1 << SLAB_BITS) - 1))
 
 
 def second_number(slab: np.void) -> np.uint32:
-    """The same of the second, 0 where there is none."""
+    """The surface number of the second half-space; 0 if there is none."""
     return np.uint32((int(slab["numbers"]) >> SLAB_BITS) & ((1 << SLAB_BITS) - 1))
 
 
 def first_is_lit(slab: np.void) -> bool:
-    """The light is outside of it."""
+    """Whether the light is outside of the first half-space."""
     return bool(int(slab["numbers"]) & SLAB_LIT)
 
 
 def second_is_lit(slab: np.void) -> bool:
-    """The light is outside of it."""
+    """Whether the light is outside of the second half-space."""
     return bool(int(slab["numbers"]) & SLAB_LIT << 1)
 
 
 def between(piece: Piece, line: Line, other: Line, both: bool) -> Piece:
-    """The part of a piece inside a half-space, and, if there is one, inside the opposite one.
+    """The part of a piece inside a half-space and, if there is one, inside the opposite half-space.
 
-    A ray enters one of them and leaves the other.  One along them passes both, but hardly.
+    A ray enters one of them and leaves the other.  A ray parallel to them is inside both or
+    outside one.
     """
     enters = line.b < 0
     slope = np.maximum(np.abs(line.b), beams_of_values(line.b).LEAST_SLOPE)
@@ -110,44 +111,44 @@ def whole_ray(ray: Ray) -> Piece:
 
 
 def is_met(form: Form, piece: Piece) -> Bools:
-    """F <= 0 somewhere on the piece."""
+    """Whether F <= 0 somewhere on the piece."""
     inside = ~outside_at_entry(form, piece) | ~outside_at_exit(form, piece)
     return remains(piece) & (inside | turns_within(form, piece))
 
 
 def rest_of(form: Form, ray: Ray, at_lamp: bool) -> Line:
-    """What is left of F where the ray begins on it, divided by the distance from there."""
+    """The rest of F if the ray begins on F: F divided by the distance from there."""
     times: Any = beams_of(ray).times
     near = times(form.c, -ray.b_in)
     return Line(near if at_lamp else times(form.a, ray.c_in) + form.g, form.a)
 
 
 def starts_beyond(line: Line, piece: Piece) -> Bools:
-    """The line is positive where the piece begins."""
+    """Whether the line is positive where the piece begins."""
     return product(piece.c_in, line.b) > product(line.c, piece.b_in)
 
 
 def ends_beyond(line: Line, piece: Piece) -> Bools:
-    """And where it ends."""
+    """Whether the line is positive where the piece ends."""
     return product(line.c, piece.b_out) > product(piece.c_out, line.b)
 
 
 def is_met_again(rest: Line, piece: Piece) -> Bools:
-    """A ray that begins on F, outside, meets it again on the piece."""
+    """Whether a ray that begins on F, outside, hits F again on the piece."""
     return (rest.b < 0) & remains(clip(piece, rest, 0))
 
 
 def comes_out(form: Form, rest: Line, piece: Piece, on_curve: Bools) -> Bools:
-    """F > 0 somewhere on the piece; in some pixels it begins on F."""
+    """Whether F > 0 somewhere on the piece; in the pixels ``on_curve`` the piece begins on F."""
     turns = turns_within(Form(-form.a, -form.g, -form.c), piece)
     outside = outside_at_entry(form, piece) | outside_at_exit(form, piece) | turns
     return np.where(on_curve, starts_beyond(rest, piece) | ends_beyond(rest, piece), outside)
 
 
 def own_shadow(faces: Bools, turned: U32, again: Bools, enclosed: Bools, casts: bool) -> Bools:
-    """Whether points of a solid are dark on its own account: turned away, or behind the solid.
+    """Whether a solid hides the light from its own points, turned away from it or behind the solid.
 
-    In pixels that see it from inside (1, or 2 where a base plane opens it), ``enclosed`` says that
+    In pixels that see it from inside (1, or 2 if a base plane opens it), ``enclosed`` tells whether
     it hides the light.
     """
     is_turned = turned != 0

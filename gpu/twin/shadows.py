@@ -1,6 +1,7 @@
 """Twin of ``shadows.wgsl``: the lights that do not reach the nearest points.
 
-All occluders are tried: what is left out of a list hides nothing, and their order does not matter.
+The twin tries all occluders. The shader leaves out those that hide nothing, and tries the others in
+another order, which does not matter.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from halfstep.contract.shadows import PackedShadows
 from halfstep.twin.hide import hide
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools
+from halfstep.twin.mirror import NO_BODY, is_left
 from halfstep.twin.place import (
     NO_POINT,
     Point,
@@ -29,30 +31,35 @@ class Mirror(NamedTuple):
 
     point: Point
     reflection: F32
+    gone: U32  # number of the body that rays from there have left for good
 
 
 def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any) -> Mirror:
-    """Where the nearest points are, and how much they mirror.
+    """Where the nearest points are, how much they mirror, and whether rays from there leave.
 
     Args:
-        locations: of solids.
-        nearest: the points as they are seen.
+        locations: locations of the solids.
+        nearest: the visible points.
         i: columns of the picture.
         j: rows.
         beams: the module of rays of the number format.
     """
     points = Point(*(np.zeros(nearest.surface.shape, np.int32) for _ in NO_POINT))
     weight = np.zeros(nearest.surface.shape, np.float32)
+    gone = np.full(nearest.surface.shape, NO_BODY)
     for location in locations:
         mine = is_own(nearest.surface, location["surface"], location["count"])
         if mine.any():
-            # Elsewhere the point may lie beyond what an integer holds.
+            # In other pixels the point may be too large for an integer.
             x, y = i[mine] - location["center_x"], j[mine] - location["center_y"]
             found = beams.point_at(location, x, y, nearest.position[mine])
             for whole, part in zip(points, found, strict=True):
                 whole[mine] = part
             weight[mine] = location["reflection"]
-    return Mirror(points, weight)
+            on_curve = nearest.surface[mine] == location["surface"]
+            left = is_left(int(location["flags"]), on_curve, nearest.turned[mine])
+            gone[mine] = np.where(left, location["body"], NO_BODY)
+    return Mirror(points, weight, gone)
 
 
 def find_shadows(
@@ -63,14 +70,14 @@ def find_shadows(
     facts: Collection[str],
     veils: Callable[[int], Bools] | None = None,
 ) -> U32:
-    """The bits of lights that are hidden from the points, or that they are turned away from.
+    """The bits of lights that are hidden from the points, or that the points are turned away from.
 
     Args:
-        shadows: what hides them.
-        nearest: the points as they are seen.
-        points: the same on the grid.
+        shadows: the lights and their occluders.
+        nearest: the visible points.
+        points: their positions on the grid.
         beams: the module of rays of the number format.
-        facts: of the frame.
+        facts: the facts of the frame.
         veils: the pixels from which copies of groups hide a light, by its number.
     """
     some = nearest.surface > 0

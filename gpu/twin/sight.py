@@ -1,4 +1,4 @@
-"""Twin of ``sight.wgsl``, and what an invocation holds of the solid that it has tried."""
+"""Twin of ``sight.wgsl``, and other results of trying a solid."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from halfstep.twin.normal import Vector
 
 
 class Sight(NamedTuple):
-    """What a ray sees of one solid; the exit is the point itself where none is asked for."""
+    """The point of one solid that a ray sees, and the exit; without a need both are the same."""
 
     hit: Bools
     surface: I32  # 0 is F, half-spaces count from 1
@@ -20,9 +20,9 @@ class Sight(NamedTuple):
 
 
 class Met(NamedTuple):
-    """Which record of a region shows a point, `NO_REGION` where none does.
+    """A point of a region: the region's record, or `NO_REGION`.
 
-    The side is that of the surface there, the cell its place among those that the record lists.
+    With it, the side of the surface there, and the index of the cell in the record's list.
     """
 
     region: U32
@@ -31,18 +31,18 @@ class Met(NamedTuple):
 
 
 class Claims(NamedTuple):
-    """Grid points where two cells of a region are, and where none is between two."""
+    """Grid points in two cells of a region, and grid points in no cell, between two cells."""
 
     overlap: I32
     gap: I32
 
 
 class Seen(NamedTuple):
-    """What a visit finds of a solid; slope and certificate are empty where no fact asks."""
+    """The results of a visit; slope and certificate are empty if no fact asks for them."""
 
     sight: Sight
     slope: Vector  # along the normal of the solid at the sight
-    certificate: Certificate  # what is certain of the solid
-    met: Met | None = None  # of a region
-    claims: Claims | None = None  # of a region
-    turned: U32 | None = None  # which side is seen, as of `other_side`; None is the outer one
+    certificate: Certificate  # the certificate of the solid
+    met: Met | None = None  # the point of a region
+    claims: Claims | None = None  # overlaps and gaps of a region
+    turned: U32 | None = None  # the side that is seen, as `other_side` has it; None is the outer

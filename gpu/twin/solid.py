@@ -1,4 +1,4 @@
-"""Twin of ``solid.wgsl``: what holds of a solid and its half-spaces along rays."""
+"""Twin of ``solid.wgsl``: properties of a solid and its half-spaces along rays."""
 
 from __future__ import annotations
 
@@ -12,45 +12,45 @@ from halfstep.twin.root import outside_at_entry
 
 
 def eye_inside(solid: np.void) -> bool:
-    """Rays start at the eye, which the solid contains."""
+    """Whether rays start at the eye and the solid contains it."""
     return bool(int(solid["flags"]) & Flag.EYE_INSIDE)
 
 
 def near_cut(solid: np.void) -> bool:
-    """The near base plane, not the eye, cuts the solid."""
+    """Whether the near base plane, not the eye, cuts the solid."""
     return bool(int(solid["flags"]) & Flag.NEAR_CUT)
 
 
 def starts_at_eye(solid: np.void) -> bool:
-    """Rays start at the eye."""
+    """Whether rays start at the eye."""
     return bool(int(solid["flags"]) & Flag.STARTS_AT_EYE)
 
 
 def eye_outside(solid: np.void) -> bool:
-    """F > 0 at the eye."""
+    """Whether F > 0 at the eye."""
     return bool(int(solid["flags"]) & Flag.EYE_OUTSIDE_QUADRIC)
 
 
 def eye_sure(solid: np.void) -> bool:
-    """Rounding did not decide what the host says of the eye."""
+    """Whether the flags about the eye hold for exact numbers, too."""
     return bool(int(solid["flags"]) & Flag.EYE_SURE)
 
 
 def starts_outside(solid: np.void, form: Form, piece: Piece) -> Bools:
-    """F > 0 where the piece begins. At the eye the host knows it, elsewhere F decides."""
+    """Whether F > 0 where the piece begins. The host tells it at the eye; elsewhere F decides."""
     from_eye = (piece.id_in == 0) & starts_at_eye(solid)
     return np.where(from_eye, eye_outside(solid), outside_at_entry(form, piece))
 
 
 def starts_inside(solid: np.void, piece: Piece) -> Bools:
-    """The ray starts inside all half-spaces: at the eye, or at a near base plane that cuts."""
+    """Whether the ray starts inside all half-spaces, at the eye or at a near base plane."""
     return eye_inside(solid) | (near_cut(solid) & (piece.id_in == 0))
 
 
 def other_side(solid: np.void, inside: Bools) -> U32:
-    """Which side of a solid is seen.
+    """The side of a solid that is seen.
 
-    0 is that from outside, 1 from inside, 2 from inside where the near base plane opens it.
+    0 is the outer side, 1 the inner side, 2 the inner side if the near base plane opens the solid.
     """
     return np.where(inside, np.uint32(2 if near_cut(solid) else 1), np.uint32(0))
 

@@ -1,17 +1,17 @@
 """Twin of ``taylor.wgsl``: a polynomial along rays, of any degree.
 
-Derivation of ``rounding``.  Let ε = 2^-24, d the degree, and A_j the sum of |term| |x|^a |y|^b of
-those with u^j.  A coefficient on the ray passes at most 2 d + 3 roundings: its own, and two
-for each power of y and of x.  About the middle m of a cell, every product with m is rounded, and
-so is every sum: a term of u^i reaches the coefficient of s^j after at most 2 i - j + 1 roundings,
-and j more for the power of h.  Sums of all coefficients pass d + 3 more.  Where |m| + h <= U these
-are roundings of terms that add up to no more than the sum of A_j U^j, so F is off by at most
+Derivation of ``rounding``.  Let ε = 2^-24, d the degree, and A_j the sum of |term| |x|^a |y|^b over
+the terms with u^j.  A coefficient on the ray passes at most 2 d + 3 roundings: its own, and two for
+each power of y and of x.  About the middle m of a cell, every product with m and every sum is
+rounded.  So a term of u^i reaches the coefficient of s^j after at most 2 i - j + 1 roundings, and j
+more for the power of h.  Sums of all coefficients pass d + 3 more.  If |m| + h <= U, the rounded
+terms add up to at most the sum of A_j U^j, so the error of F is at most
 
     E = ε (5 d + 7) Σ A_j U^j
 
-and what the set-up lacks; Horner's rule at a place passes less.  The record has that factor of the
-sum, a little larger, for the degree of its own solid.  A shader is written for the highest degree
-of its scene, and terms of 0 are not rounded.
+plus the error of the set-up.  Horner's rule at one u passes fewer roundings.  The record has the
+factor of the sum, a little larger, for the degree of its own solid.  A shader is written for the
+highest degree in its scene; terms of 0 are not rounded.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Powers = list[F32]
 class Curve(NamedTuple):
     """F on the rays of pixels."""
 
-    powers: Powers  # of u less the middle
+    powers: Powers  # coefficients of powers of u - middle
     sizes: Powers  # of their terms
     middle: np.float32
-    rounding: np.float32  # error of F, of the sum of the sizes
-    host_error: np.float32  # error of F besides
+    rounding: np.float32  # error of F, as a part of the sum of the sizes
+    host_error: np.float32  # error of F from the set-up
 
 
 class Slopes(NamedTuple):
@@ -45,7 +45,7 @@ class Slopes(NamedTuple):
 
 
 def _degree(k: F32) -> int:
-    """Of a polynomial with the terms ``k``."""
+    """The degree of a polynomial with the terms ``k``."""
     degree = 0
     while (degree + 1) * ((degree + 1) * (degree + 2) // 2) < len(k):
         degree += 1
@@ -69,12 +69,12 @@ def on_rays(k: F32, x: F32, y: F32) -> Powers:
 
 
 def sizes_on_rays(k: F32, x: F32, y: F32) -> Powers:
-    """Sums of the magnitudes of what ``on_rays`` sums."""
+    """Sums of the magnitudes of the terms that ``on_rays`` sums."""
     return on_rays(np.abs(k), np.abs(x), np.abs(y))
 
 
 def slopes_on_rays(k: F32, x: F32, y: F32, u: F32) -> Slopes:
-    """Derivatives of the polynomial at the places ``u``."""
+    """Derivatives of the polynomial at ``u``."""
     degree = _degree(k)
     row_terms = (degree + 1) * (degree + 2) // 2
     value = in_x = in_y = in_u = np.zeros_like(u)
@@ -98,7 +98,7 @@ def slopes_on_rays(k: F32, x: F32, y: F32, u: F32) -> Slopes:
 
 
 def value_at(p: Powers, u: F32) -> F32:
-    """F at the places ``u``."""
+    """F at ``u``."""
     value = p[-1]
     for power in p[-2::-1]:
         value = value * u + power
@@ -106,7 +106,7 @@ def value_at(p: Powers, u: F32) -> F32:
 
 
 def slope_at_most(sizes: Powers, u: F32) -> F32:
-    """No slope of F is larger up to the places ``u`` >= 0."""
+    """The largest slope of F for |u| up to ``u`` >= 0."""
     degree = len(sizes) - 1
     slope = np.float32(degree) * sizes[degree]
     for j in range(degree - 1, 0, -1):
@@ -129,12 +129,12 @@ def about(p: Powers, m: F32, h: F32) -> Powers:
 
 
 def curve_value(curve: Curve, u: F32) -> F32:
-    """F at the places ``u`` of the interval."""
+    """F at ``u`` in the interval."""
     return value_at(curve.powers, u - curve.middle)
 
 
 def curve_error(curve: Curve, reach: F32) -> F32:
-    """How far F may be off in places no further from the middle than ``reach``."""
+    """The largest error of F at distances from the middle up to ``reach``."""
     return curve.rounding * value_at(curve.sizes, reach) + curve.host_error
 
 
@@ -144,7 +144,7 @@ def opposite(some: Bools, curve: Curve) -> Curve:
 
 
 def cap_or(some: Bools, powers: Powers, c: F32, b: F32, a: F32) -> Powers:
-    """The powers in some pixels, in the others those of c + b u + a u²."""
+    """``powers`` in some pixels, in the others those of c + b u + a u²."""
     return [
         np.where(some, powers[0], c),
         np.where(some, powers[1], b),

@@ -1,6 +1,6 @@
-"""Values in whichever number format they are: a shader is composed for one, NumPy asks the array.
+"""Functions of values in either number format. The type of an array tells its format.
 
-Values are float32 or int32, products of two of them float32 or int64.
+Values are float32 or int32, and products of two values float32 or int64.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ def reduced(wide: Products) -> Values:
 
 
 def steps_from_middle(position: I32, steps: int, like: Values | Value) -> Values:
-    """u of a number of last steps, in the format of ``like``."""
+    """The u at a number of last steps from the middle, in the format of ``like``."""
     result: Values = arithmetic_of(like).steps_from_middle(position, steps)
     return result
 
 
 def one_of(values: Values | Value) -> Value:
-    """u = 1 in the format of ``values``."""
+    """The value of u = 1 in the format of ``values``."""
     one: Value = arithmetic_of(values).ONE
     return one
 
 
 def halved(step: Value) -> Value:
-    """Half of a power of two."""
+    """Half of a step, which is a power of two."""
     return step >> np.int32(1) if isinstance(step, np.int32) else step * np.float32(0.5)
 
 

@@ -1,8 +1,8 @@
-"""Twin of ``veil.wgsl``: surfaces of a copy of a group along rays to a light, ahead of a point.
+"""Twin of ``veil.wgsl``: the surfaces of a copy of a group along rays to a light, ahead of a point.
 
-About the copy, v from -1 to 1 is a grid of 2^n cells, on which all its surfaces are crossed. Of a
-point on a surface that root is known: F is (v' - v) times the rest, so beyond the point the sign of
-F is that of the rest, which is linear; of a plane it is constant.
+The interval of v from -1 to 1 about the copy is a grid of 2^n cells, on which the crossings of all
+its surfaces are found. If the point lies on a surface, one root is known: F is (v' - v) times the
+rest. So beyond the point F has the sign of the rest, which is linear, or constant for a plane.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from halfstep.twin.piece import Line, Piece
 from halfstep.twin.rays import Ray
 from halfstep.twin.shadow import starts_beyond
 
-# A root so far away that it is behind all places.
+# A root behind all positions of a ray.
 BEHIND_ALL = np.float32(2.0**90)
-# No point is further beside its surface, along a ray to a light, in radii.
+# The largest distance of a point from its surface, along a ray to a light, in radii.
 MOST_BESIDE = np.float32(2.0**-9)
 
 
@@ -38,9 +38,9 @@ def veil_line(flat: np.void, ray: Ray) -> Line:
 
 
 def brought_near(ray: Ray, at_lamp: bool) -> Ray:
-    """Where a lamp is near, a ray to it from within some radii of the lamp on.
+    """The ray; if a lamp is near, only the part within some radii of the lamp, where the copy is.
 
-    The copy is nearer. The scale is a power of two.
+    The ray is scaled by a power of two.
     """
     if not at_lamp:
         return ray
@@ -51,7 +51,7 @@ def brought_near(ray: Ray, at_lamp: bool) -> Ray:
 
 
 def is_behind(veil: np.void, ray: Ray) -> Bools:
-    """Whether rays are among those of a veil."""
+    """Whether rays belong to the bundle of a veil."""
     low, high = veil["low"], veil["high"]
     after = (ray.x >= ray.t * low[0]) & (ray.y >= ray.t * low[1])
     before = (ray.x <= ray.t * high[0]) & (ray.y <= ray.t * high[1])
@@ -59,9 +59,9 @@ def is_behind(veil: np.void, ray: Ray) -> Bools:
 
 
 def point_ahead(v: I32, level: int) -> I32:
-    """The first grid point ahead of a place along the ray, in units of the grid of the world.
+    """The first grid point ahead of a position along the ray, in units of the grid of the world.
 
-    The interval is 2^(``level`` + 1) of them.
+    The interval has 2^(``level`` + 1) units.
     """
     radius = np.int64(1 << level)
     from_start = np.minimum(v.astype(np.int64), radius) + radius
@@ -72,12 +72,12 @@ def point_ahead(v: I32, level: int) -> I32:
 
 
 def line_ahead(line: Line, on_line: Bools) -> Line:
-    """What is left of a line where the ray begins on it."""
+    """A line, or the rest of it if the ray begins on it."""
     return Line(np.where(on_line, line.b, line.c), np.where(on_line, np.zeros_like(line.b), line.b))
 
 
 def form_ahead(form: Form, rest: Line, on_curve: Bools) -> Form:
-    """What is left of F where the ray begins on it."""
+    """F, or the rest of it if the ray begins on F."""
     return Form(
         np.where(on_curve, np.zeros_like(form.a), form.a),
         np.where(on_curve, rest.b, form.g),
@@ -86,7 +86,7 @@ def form_ahead(form: Form, rest: Line, on_curve: Bools) -> Form:
 
 
 def cell_with(u: F32) -> I32:
-    """The position of the middle of a cell."""
+    """The position in the middle of the cell with u."""
     cells = np.float32(1 << (VEIL_STEPS - 1))
     most = np.float32(2) * cells - np.float32(1)
     cell = np.floor(np.minimum(np.maximum(u * cells + cells, np.float32(0)), most))
@@ -95,15 +95,15 @@ def cell_with(u: F32) -> I32:
 
 
 def flat_crossed(line: Line) -> Crossing:
-    """Where a plane is crossed."""
+    """The crossing of a plane."""
     u = -line.c / np.where(line.b == 0, np.float32(1), line.b)
     return line_crossing(line, cell_with(u.astype(np.float32)), VEIL_STEPS, EYE_UNKNOWN)
 
 
 def curve_crossed(form: Form) -> Crossing:
-    """Where a quadric is crossed.
+    """The crossing of a quadric, by a division and a square root.
 
-    As of a shadow only the order of all crossings counts, by division and a square root.
+    A shadow depends only on the order of all crossings.
     """
     bowl = convex(form)
     square = bowl.g * bowl.g - (np.float32(4) * bowl.a) * bowl.c
@@ -118,10 +118,10 @@ def curve_crossed(form: Form) -> Crossing:
 
 
 def points_to_surface(value: F32, slope: F32) -> I32:
-    """How many grid points further a ray is on the surface where it begins.
+    """The number of grid points from the start of a ray to the surface on which it begins.
 
-    A point is as far beside its surface as its place is off, and of others that touch there it may
-    be on the wrong side.
+    The point lies beside its surface by the error of its position. So it may be on the wrong side
+    of other surfaces that touch there.
     """
     way = -value / np.where(slope == 0, np.float32(1), slope)
     way = np.minimum(np.maximum(way, np.float32(0)), MOST_BESIDE)
@@ -134,9 +134,9 @@ def value_at_start(form: Form, ray: Ray) -> F32:
 
 
 def is_faced(rest: Line, side: I32, piece: Piece) -> Bools:
-    """Whether a ray leaves a region through the surface where it begins.
+    """Whether a ray leaves a region through the surface on which it begins.
 
-    The ``rest`` of that surface is left, and its ``side`` is met.
+    ``rest`` is the rest of that surface, and ``side`` the side of it that is seen.
     """
     back = (side & np.int32(1)) == 1
     turned = Line(np.where(back, -rest.c, rest.c), np.where(back, -rest.b, rest.b))

@@ -1,6 +1,6 @@
 """Twin of ``veils.wgsl``: the pixels from which copies of groups hide a light.
 
-All veils of a light are tried, each on the pixels that are behind it.
+The twin tries all veils of a light, each on the pixels whose rays belong to its bundle.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from halfstep.twin.walks import look
 def holds_ahead(
     crossings: Sequence[Crossing], path: Path, want: bool, begin: I32, last: np.int32
 ) -> Bools:
-    """Whether a region holds, or does not, as wanted, at a grid point from one on to another."""
+    """Whether a region holds, or does not, as ``want`` says, at some point from begin to last."""
     q, found = begin, np.zeros(begin.shape, bool)
     any_cell = np.full(begin.shape, ANY_CELL)
     while True:
@@ -66,15 +66,15 @@ def draw_veil(
     begin: I32,
     nearest: Nearest,
 ) -> Bools:
-    """The pixels from which a copy hides the light, of such as are behind the veil.
+    """The pixels from which a copy hides the light, among those behind the veil.
 
     Args:
-        veil: what rays that are close together meet of the copy.
-        veils: all that copies hide.
-        words: of programs.
-        ray: from each point to the light.
+        veil: the part of the copy that the bundle of rays may hit.
+        veils: all veils.
+        words: the words of programs.
+        ray: the ray from each point to the light.
         begin: the first grid point ahead of each point.
-        nearest: the points; only those that regions show have a ``met`` that counts.
+        nearest: the points; ``met`` counts only for points of regions.
     """
     copy = veils.copies[int(veil["copy"])]
     flags = int(copy["flags"])
@@ -125,16 +125,16 @@ def try_veils(
     beams: Any,
     facts: Collection[str],
 ) -> Bools:
-    """The pixels from which copies of groups hide a light, of which the number is given.
+    """The pixels from which copies of groups hide a light.
 
     Args:
-        number: of the light, among those with shadows.
-        veils: what copies hide.
-        words: of programs.
-        nearest: the points as they are seen.
-        points: the same on the grid.
+        number: number of the light, among those with shadows.
+        veils: all veils.
+        words: the words of programs.
+        nearest: the visible points.
+        points: their positions on the grid.
         beams: the module of rays of the number format.
-        facts: of the frame.
+        facts: the facts of the frame.
     """
     shape = nearest.surface.shape
     dark = np.zeros(shape, bool)
@@ -155,7 +155,7 @@ def try_veils(
 def _rays(
     copy: np.void, points: Point, shape: tuple[int, ...], beams: Any, facts: Collection[str]
 ) -> tuple[Ray, I32]:
-    """Rays from points to a light about a copy, and the first grid points ahead."""
+    """Rays from points to a light, relative to a copy, and the first grid points ahead."""
     at_lamp = bool(int(copy["flags"]) & Shade.AT_LAMP)
     axes = (copy[name] for name in ("sign", "shear_x", "shear_y"))
     beam = beam_of(point_from(points, *copy["center"]), int(copy["axis"]), *axes)
@@ -166,7 +166,7 @@ def _rays(
 
 
 def _some(nearest: Nearest, here: Bools) -> Nearest:
-    """What shadows ask of some of the points, in a row."""
+    """The points ``here`` in a row, with the members that shadows read."""
 
     def part(values: Array) -> Array:
         return np.broadcast_to(values, here.shape)[here][None]

@@ -60,7 +60,7 @@ def visit_article(
         found = article_quadric(form, outside, lines, near_u, far_u, eye_inside(solid), steps)
     sight = Sight(found.hit, found.surface, found.position, found.left, found.exit_position)
 
-    # The method knows only now which surface is seen.
+    # Only now is it known which surface is seen.
     slope = NO_VECTOR
     if "normal" in facts and "patch" in facts:
         slope = turned(line_of(lines, 0).b > 0, normal_of(own[0]))
@@ -73,7 +73,7 @@ def visit_article(
     certificate = NO_CERTIFICATE
     if "error" in facts:
         certificate = _certificate(solid, own, at, chosen, facts)
-        # In one cell the way in and the way out through a surface may stand for each other.
+        # In one cell, the entry and the exit through a surface may be confused.
         same = certificate.inside == found.inside
         certificate = certificate._replace(sure=certificate.sure & same)
     side = other_side(solid, found.inside)
@@ -89,7 +89,7 @@ def _certificate(
     chosen: Chosen,
     facts: Collection[str],
 ) -> Certificate:
-    """What is certain of a solid that has the ``half_spaces``."""
+    """The certificate of a solid with ``half_spaces``."""
     near_u, far_u = solid["near_u"], solid["far_u"]
     lines = []
     for half_space in half_spaces:

@@ -1,9 +1,10 @@
 """Twin of ``visit_polynomial.wgsl``: a solid that a polynomial or a formula bounds.
 
-What is certain.  The piece of a ray begins and ends where half-spaces do, so each end is known to a
-slack.  F is of one sign there if it exceeds its error by more than it can change within the slack.
-If it is of one sign at the beginning, what is seen is the half-space there or the first root behind
-it.  A root counts where it surely lies before the end; a miss where F is surely positive there.
+What is certain.  The piece of a ray begins and ends at half-spaces, so each end is known to a
+slack.  The sign of F at an end is certain if F exceeds its error by more than it can change within
+the slack.  If the sign at the beginning is certain, the ray shows the half-space there, or the
+first root behind it.  A root is certain if it surely lies before the end, a miss if F is surely
+positive at the end.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from halfstep.contract.expressions import PackedExpressions
 from halfstep.contract.polynomials import PackedPolynomials
+from halfstep.contract.powers import MADE, MADE_OF_FORMULA
 from halfstep.twin.algebraic import (
     BEYOND,
     Chord,
@@ -26,7 +28,7 @@ from halfstep.twin.algebraic import (
     outline_of,
     world_slope,
 )
-from halfstep.twin.cells import Cell, bound_in, cells_from, walked
+from halfstep.twin.cells import Cell, bound_in, cells_about, cells_from, walked
 from halfstep.twin.certify import (
     NO_CERTIFICATE,
     UNBOUNDED,
@@ -77,7 +79,9 @@ from halfstep.twin.taylor import (
 
 
 class _Polynomial:
-    """F on rays where it is a polynomial; F is turned where -F is asked for."""
+    """A polynomial F on rays; in the pixels ``turned`` the answers are for -F."""
+
+    made = MADE
 
     def __init__(self, form: np.void, right: F32, down: F32) -> None:
         self._form, self._right, self._down = form, right, down
@@ -115,7 +119,7 @@ class _Polynomial:
         )
 
     def _is_above(self, turned: Bools, u: F32, slack: F32, other_end: F32) -> Bools:
-        """Whether it is surely above 0 at an end of the piece, known to a slack."""
+        """Whether F is surely above 0 at an end of the piece, known to a slack."""
         curve = self._curve
         off, other = np.abs(u - curve.middle), np.abs(other_end - curve.middle)
         slope = slope_at_most(curve.sizes, np.maximum(off, other))
@@ -123,14 +127,16 @@ class _Polynomial:
         return value > curve_error(curve, off) + slack * slope
 
     def slope(self, u: F32) -> Vector:
-        """The gradient, but for its length."""
+        """The gradient up to its length."""
         form, right, down = self._form, self._right, self._down
         v = u - self._curve.middle
         return world_slope(form, right, down, v, slopes_on_rays(form["terms"], right, down, v))
 
 
 class _Formula:
-    """The same where it is a formula."""
+    """A formula F on rays; in the pixels ``turned`` the answers are for -F."""
+
+    made = MADE_OF_FORMULA
 
     def __init__(self, formula: Formula, right: F32, down: F32) -> None:
         self._formula, self._trace = formula, trace_of(formula.form, right, down)
@@ -225,7 +231,7 @@ def visit_polynomial(
     within = (outline.left <= x) & (x <= outline.right)
     within = within & ((outline.top <= y) & (y <= outline.bottom))
     some = some & within
-    cell = cells_from(np.zeros_like(like), some & ~on_entry, steps)
+    cell = cells_about(start, some & ~on_entry, of_f.made, steps)
     cell = of_f.walked(inside, start, stop, cell, steps, last_step)
     on_exit = inside & ~cell.met & (id_out > 0) & (not is_sheet)
     c_cap = np.where(on_entry, piece.c_in, -piece.c_out)

@@ -18,8 +18,7 @@ from halfstep.twin.certify_region import (
 )
 from halfstep.twin.chosen import Chosen
 from halfstep.twin.cross import crossed, doubted, line_crossed
-from halfstep.twin.cross_higher import higher_surfaces, keeps_side, kept_ends
-from halfstep.twin.higher import all_crossed, higher_curve, is_about
+from halfstep.twin.cross_higher import higher_crossed, higher_surfaces, keeps_side, kept_ends
 from halfstep.twin.lanes import I32
 from halfstep.twin.normal import NO_VECTOR
 from halfstep.twin.region import is_within, position_before, shows_surface
@@ -49,7 +48,7 @@ def visit_region(
     chosen: Chosen,
     facts: Collection[str],
 ) -> Seen:
-    """What rays see of a copy of a group, of which ``region``, a record, lists what counts."""
+    """What rays see of a copy of a group; ``region`` is the record of its excerpt."""
     steps = int(solid["steps"])
     at = chosen.offset(x, y)
     counts = [int(region[f"{of}_count"]) for of in ("flat", "curved")]
@@ -71,10 +70,10 @@ def visit_region(
     higher = higher_surfaces(region, solid, regions)
     column, row = x + solid["center_x"], y + solid["center_y"]
     trails = [
-        all_crossed(
-            higher_curve(one.form, column - one.higher["center_x"], row - one.higher["center_y"]),
-            one.higher,
-            is_about(one.form, column - one.higher["center_x"], row - one.higher["center_y"]),
+        higher_crossed(
+            one,
+            column - one.higher["center_x"],
+            row - one.higher["center_y"],
             steps,
             solid["last_step"],
             2 * regions.pairs,
@@ -137,11 +136,11 @@ def visit_region(
                 np.where(inside, places[Walk.PERHAPS_OUT].q, into.cell),
                 np.where(inside, places[Walk.SURELY_OUT].q, into.point),
             )
-        # Where the near base plane cuts, rays start somewhere in these cells.
+        # If the near base plane cuts the region, rays start somewhere in these cells.
         start = place_at(first_of(Walk.PERHAPS_IN, region), shape).q
         near = Between(start, place_at(int(region["start_end"]) + 1, shape).q)
         certain = np.ones(shape, bool)
-        # What is not sure at the eye does not matter to rays that start beyond it.
+        # Doubts about the eye do not matter to rays that start beyond it.
         is_away = not starts_at_eye(solid) or int(region["first"]) > 0
         begun = np.full(shape, eye_sure(solid) or is_away)
         for place, slot in enumerate(np.concatenate(listed).tolist()):
@@ -178,12 +177,12 @@ def visit_region(
     return Seen(sight, NO_VECTOR, certificate, met, Claims(overlap, gap), turned)
 
 
-# Walks that begin where another one ends.
+# Walks that begin where another walk ends.
 _AFTER = {Walk.BEYOND: Walk.ENTRY, Walk.NONE: Walk.ANY, Walk.AGAIN: Walk.NONE}
 
 
 def _walks(facts: Collection[str]) -> list[Walk]:
-    """The walks that are asked for, in order."""
+    """The walks that the facts ask for, in order."""
     last = Walk.BEYOND if "leaving" in facts else Walk.ENTRY
     found = list(Walk)[: last + 1]
     if "overlap" in facts:

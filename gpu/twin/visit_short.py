@@ -84,7 +84,7 @@ def visit_short(
                 cell = np.where((whole >= 0) & (cell == ANY_CELL), np.int32(which), cell)
                 inner = inner._replace(until=np.full(shape, LEAST))
             which += bool(word & CELL_ENDS)
-        # What is behind the last grid point is not seen.
+        # Points behind the last grid point are not seen.
         goes = (total.until < 0) & (q <= region["last"]) & within
         if not goes.any():
             break

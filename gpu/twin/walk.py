@@ -1,14 +1,14 @@
-"""Twin of ``walk.wgsl``: a region's formula asked at grid points, and the leaps between them.
+"""Twin of ``walk.wgsl``: the formula of a region at grid points, and the leaps between them.
 
-At a grid point q a literal knows whether it holds and until which grid point it surely goes on so:
-e is that point where it holds and its one's complement, which is negative, where it does not. The
-order of e makes OR the greater of two, AND the lesser, NOT the complement: the sign of the result
-says whether the formula holds, and the rest until where that surely lasts. A walk leaps there until
-it finds what it wants. No leap passes a change of the formula, and each ends where a surface is
-crossed.
+At a grid point q a literal tells whether it holds, and up to which grid point this surely lasts.
+Both are one number e: that grid point if the literal holds, else its one's complement, which is
+negative. In the order of e, OR is the greater of two, AND the lesser, NOT the complement. The sign
+of the result tells whether the formula holds, and its bits up to where this surely lasts. A walk
+leaps there, again and again, until it finds the answer it wants. No leap passes a change of the
+formula, and each ends at the crossing of a surface.
 
 A program is the formula in the order of its text. All levels take the greater: an AND is the
-complement of the OR of complements, so closing a level complements, and literals on odd levels are
+complement of the OR of complements. So closing a level complements, and literals on odd levels are
 complemented once more.
 """
 
@@ -23,18 +23,18 @@ from halfstep.contract.program import LEAF, PLACE, TURN
 from halfstep.twin.crossings import Crossing, ends_of, is_outside
 from halfstep.twin.lanes import I32, Bools
 
-# The ends of a crossing of which e is less than all others.
+# The ends of a crossing whose e is less than all others.
 NOTHING_CROSSED = np.int32(2**31 - 1)
-# Less than all e.
+# A number less than all e.
 LEAST = np.int32(-(2**31))
 # No cell in particular.
 ANY_CELL = np.int32(-1)
 
 
 class Held(NamedTuple):
-    """Until where a truth lasts, as e, and the side of the surface that ends it.
+    """An e, and the side of the surface that ends it.
 
-    That is twice its number in the group, and one more if the truth is F > 0.
+    The side is twice the surface's number in the group, and one more if F > 0 holds until there.
     """
 
     until: I32
@@ -42,9 +42,9 @@ class Held(NamedTuple):
 
 
 class Look(NamedTuple):
-    """A formula at grid points, and which of its cells is the first that holds there.
+    """A formula at grid points, and the index of the first cell that holds there.
 
-    It is -1 where none does.
+    The index is -1 if no cell holds.
     """
 
     held: Held
@@ -52,22 +52,22 @@ class Look(NamedTuple):
 
 
 class Path(NamedTuple):
-    """What a walk reads: a program, crossings, and a grid point behind all others."""
+    """The input of a walk: a program, crossings, and a grid point behind all others."""
 
     words: NDArray[np.uint32]
-    negative: int  # where the crossings for literals F <= 0 begin
-    positive: int  # and those for literals F > 0
+    negative: int  # first crossing for literals F <= 0
+    positive: int  # first crossing for literals F > 0
     never: np.int32
     over_cells: bool  # q are cells, not grid points
-    wider: bool  # a literal holds in a cell if anywhere in it, else if all over it
-    with_hidden: bool  # cells count that are not shown
-    twice: bool  # it holds where two cells do
+    wider: bool  # a literal holds in a cell if it holds somewhere in it, else if everywhere
+    with_hidden: bool  # cells that are not shown count, too
+    twice: bool  # the region holds only where two cells do
 
 
 class Place(NamedTuple):
-    """Where a walk is: a grid point, and the cell there.
+    """The position of a walk: a grid point, and the cell there.
 
-    The side is that of the surface that was crossed last.
+    The side is that of the last surface it crossed.
     """
 
     q: I32
@@ -76,7 +76,7 @@ class Place(NamedTuple):
 
 
 def until_at(low: I32, high: I32, q: I32, never: np.int32) -> I32:
-    """e of what holds at the grid points ``low`` <= q < ``high``."""
+    """e of a condition that holds at the grid points ``low`` <= q < ``high``."""
     within = np.where(q < high, high, ~never)
     return np.where(q < low, ~low, within)
 
@@ -89,20 +89,20 @@ def literal_at(crossing: Crossing, q: I32, never: np.int32, turn: bool) -> I32:
 
 
 def reads(word: int, place: int) -> bool:
-    """Whether a word has a literal of a surface that counts, by its place."""
+    """Whether a word has a literal of a surface, given by its index in the list."""
     return bool(word & LEAF) and word & PLACE == place
 
 
 def turn_of(word: int, outside: Bools) -> I32:
-    """All bits where e of a word's literal is the complement of that of a crossing's ends.
+    """All bits if e of a word's literal is the complement of the e of the crossing's ends.
 
-    Else none. ``outside``: F <= 0 is outside of the ends.
+    Else no bits. ``outside``: F <= 0 outside of the ends.
     """
     return np.where(outside != bool(word & TURN), np.int32(-1), np.int32(0))
 
 
 def later(first: Held, second: Held) -> Held:
-    """The one with the greater e; of equal ones the first."""
+    """The state with the greater e; the first if they are equal."""
     greater = second.until > first.until
     return Held(
         np.where(greater, second.until, first.until),
@@ -111,5 +111,5 @@ def later(first: Held, second: Held) -> Held:
 
 
 def either_held(first: Bools, yes: Held, no: Held) -> Held:
-    """One of two."""
+    """``yes`` or ``no``."""
     return Held(np.where(first, yes.until, no.until), np.where(first, yes.side, no.side))

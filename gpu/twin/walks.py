@@ -1,4 +1,4 @@
-"""Twin of ``walks.wgsl``: what walks read, how they leap, what each wants and where it begins."""
+"""Twin of ``walks.wgsl``: the walks through a region: their input, leaps, aims and starts."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
     """A region at grid points.
 
     Args:
-        crossings: of its surfaces, perhaps more than one of each.
-        path: what is read of them.
+        crossings: the crossings of its surfaces; one surface may have several.
+        path: the program, and which crossings it reads.
         q: grid points.
         only: the cell that counts in each pixel, or ``ANY_CELL``.
     """
@@ -70,7 +70,7 @@ def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
             counts &= path.with_hidden or not word & HIDDEN
             holds = counts & (inner.until >= 0) & (cell == ANY_CELL)
             cell = np.where(holds, number, cell)
-            # The second greatest of all e says where two cells hold.
+            # The second greatest of all e tells where two cells hold.
             both = np.maximum(twice, np.minimum(total.until, inner.until))
             twice = np.where(counts, both, twice)
             total = either_held(counts, later(total, inner), total)
@@ -82,8 +82,8 @@ def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
 def walk(crossings: Sequence[Crossing], path: Path, want: bool, begin: Place, only: I32) -> Place:
     """The first grid point from ``begin`` on where the region holds, or does not, as wanted.
 
-    It is ``path.never`` or more where there is none. Where a walk goes nowhere, its place keeps its
-    side.
+    It is ``path.never`` or more if there is none. A walk that goes nowhere keeps the side of its
+    place.
     """
     place = begin
     while True:
@@ -103,9 +103,9 @@ def walk(crossings: Sequence[Crossing], path: Path, want: bool, begin: Place, on
 class Walk(IntEnum):
     """The walks, in order.
 
-    Where rays get into the region; where out of the cell they got into; where into two cells; where
-    into any, shown or not, then out of all, then into one again; and for certificates where they
-    get in and out perhaps and surely.
+    They find where a ray enters the region; where it leaves the entered cell; where it enters two
+    cells at once; where it enters any cell, shown or not, then leaves all cells, then enters a cell
+    again; and for certificates, where it perhaps and surely enters and leaves.
     """
 
     ENTRY = 0
@@ -137,9 +137,9 @@ def first_of(walk: Walk, region: np.void) -> int:
 
 
 class Crossed(IntEnum):
-    """A region's crossings: of F itself, and for certificates of F + E and F - E.
+    """Kinds of crossings of a region: those of F, and for certificates those of F + E and F - E.
 
-    So many times the number of surfaces come before them.
+    The value times the number of surfaces is the number of crossings before those of a kind.
     """
 
     CROSSED = 0
@@ -157,7 +157,7 @@ _READ = {
 
 
 def path_of(walk: Walk, words: NDArray[np.uint32], surfaces: int, steps: int) -> Path:
-    """What a walk reads."""
+    """The input of a walk."""
     negative, positive = _READ[walk]
     over_cells = is_over_cells(walk)
     never = np.int32((1 << steps) + (0 if over_cells else 1))
@@ -175,13 +175,13 @@ def path_of(walk: Walk, words: NDArray[np.uint32], surfaces: int, steps: int) ->
 
 
 def place_at(q: int, shape: tuple[int, ...]) -> Place:
-    """A place where no surface was crossed."""
+    """The position of a walk before it crosses a surface."""
     nothing = np.zeros(shape, np.int32)
     return Place(nothing + np.int32(q), nothing, nothing + ANY_CELL)
 
 
 class Known(NamedTuple):
-    """The form of a surface with its errors, and what is known of it at the eye."""
+    """The form of a surface with its errors, and what the host knows of it at the eye."""
 
     form: Form
     errors: FormErrors
@@ -189,7 +189,7 @@ class Known(NamedTuple):
 
 
 def known_plane(plane: np.void, at: Offset, chosen: Chosen) -> Known:
-    """That of a plane: A = 0."""
+    """The form of a plane, with A = 0."""
     line = chosen.forms.line_at(plane["c"], plane["b"], at)
     errors = chosen.forms.line_errors(plane["c"], plane["b"], at, plane["host_error"])
     form = Form(np.zeros_like(line.c), line.b, line.c)
@@ -197,7 +197,7 @@ def known_plane(plane: np.void, at: Offset, chosen: Chosen) -> Known:
 
 
 def known_quadric(quadric: np.void, at: Offset, chosen: Chosen) -> Known:
-    """That of a quadric."""
+    """The form of a quadric."""
     given = quadric["a"], quadric["g"], quadric["c"]
     errors = chosen.forms.form_errors(*given, at, quadric["host_error"])
     return Known(chosen.forms.form_at(*given, at), errors, int(quadric["eye"]))

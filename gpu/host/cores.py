@@ -1,0 +1,212 @@
+"""Cores of programs: boxes all over which some shown cell holds, so that nothing is seen behind.
+
+A surface that keeps its sign all over a core is one of its bounds. What holds there may be told by
+others, too: where one cell ends at a surface and the next one begins, one of both holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.arrays import Floats, Ints
+from halfstep.host.formulas import Formula
+from halfstep.scene.region import Intersection, Literal
+
+# Boxes that are tried, in parts of the program's own: a box, those that cylinders hold, and that of
+# a ball.
+SHARES = (
+    (0.97, 0.97, 0.97),
+    (0.68, 0.68, 0.97),
+    (0.68, 0.97, 0.68),
+    (0.97, 0.68, 0.68),
+    (0.55, 0.55, 0.55),
+)
+# Formulas that are asked for one box, and surfaces that a program has at most.
+MOST_ASKED, MOST_BOUNDS = 64, 64
+# Planes nearer than this part of half a box may be in any order.
+APART = 2.0**-10
+
+
+class Core(NamedTuple):
+    """A box in the coordinates of a program."""
+
+    box: Floats  # (2, 3)
+    surfaces: Ints  # (D,), its bounds
+    is_positive: tuple[bool, ...]  # whether F > 0 is what each has all over it
+    gaps: Floats  # (3,), along each axis the least between planes of which one must be before
+
+
+def core_of(formula: Formula, matrices: Floats, lower: int, box: Floats) -> Core | None:
+    """A large core of a program, None where none is found.
+
+    Args:
+        formula: of the program.
+        matrices: (4, 4, S), its surfaces.
+        lower: how many of them are of second order at most; these come first.
+        box: (2, 3), that holds its cells.
+    """
+    if not np.isfinite(box).all() or lower > MOST_BOUNDS:
+        return None
+    trial = _Trial(formula, matrices, lower, box)
+    middle, half = box.mean(axis=0), np.ptp(box, axis=0) / 2
+    for share in SHARES:
+        reach = half * share
+        inner = np.array([middle - reach, middle + reach])
+        signs = trial.signs(inner)
+        if trial.holds(signs, inner):
+            decided = [ix for ix, sign in enumerate(signs) if sign and trial.matters[ix]]
+            return Core(
+                box=inner,
+                surfaces=np.array(decided, np.int64),
+                is_positive=tuple(signs[ix] > 0 for ix in decided),
+                gaps=trial.gaps,
+            )
+    return None
+
+
+class Cores(NamedTuple):
+    """The cores of G programs, and the D bounds of all."""
+
+    boxes: Floats  # (2, 3, G), of no size where there is none
+    gaps: Floats  # (3, G)
+    start: Ints  # (G,), of each program's bounds
+    counts: Ints  # (G,), 0 where there is no core
+    surfaces: Ints  # (D,), within their programs
+    signs: NDArray[np.int8]  # (D,), 1 where F > 0 is what a bound has, else -1
+
+    @classmethod
+    def of(cls, found: Sequence[Core | None]) -> Cores:
+        """Those that were found of programs."""
+        counts = np.array([0 if core is None else len(core.surfaces) for core in found])
+        boxes, gaps = np.zeros((2, 3, len(found))), np.full((3, len(found)), np.inf)
+        signs: list[int] = []
+        surfaces: list[int] = []
+        for ix, core in enumerate(found):
+            if core is not None:
+                boxes[..., ix], gaps[:, ix] = core.box, core.gaps
+                surfaces += core.surfaces.tolist()
+                signs += [1 if positive else -1 for positive in core.is_positive]
+        return cls(
+            boxes=boxes,
+            gaps=gaps,
+            start=np.cumsum(counts) - counts,
+            counts=counts,
+            surfaces=np.array(surfaces, np.int64),
+            signs=np.array(signs, np.int8),
+        )
+
+
+class _Trial:
+    """A program that is asked where it holds."""
+
+    def __init__(self, formula: Formula, matrices: Floats, lower: int, box: Floats) -> None:
+        self._nodes = formula.nodes
+        self._roots = [
+            root for root, hides in zip(formula.roots, formula.hidden, strict=True) if not hides
+        ]
+        self._matrices = np.moveaxis(matrices[..., :lower], -1, 0)
+        self._surfaces = matrices.shape[-1]
+        self._apart = APART * np.ptp(box, axis=0) / 2
+        self._places = [_across(matrix) for matrix in self._matrices]
+        self.matters = self._used()
+        self.gaps = np.full(3, np.inf)
+        self._asked = 0
+
+    def _used(self) -> list[bool]:
+        """Whether a shown cell is of each surface."""
+        used, left = [False] * self._surfaces, [*self._roots]
+        while left:
+            node = self._nodes[left.pop()]
+            left += node.members
+            if node.kind is Literal:
+                used[node.surface] = True
+        return used
+
+    def signs(self, box: Floats) -> list[int]:
+        """Of each surface: 1 where F > 0 all over a box, -1 where F <= 0, else 0."""
+        half = np.ptp(box, axis=0) / 2
+        point = np.append(box.mean(axis=0), 1.0)
+        slopes = self._matrices[:, :3] @ point
+        value = slopes @ point[:3] + self._matrices[:, 3] @ point
+        reach = 2 * np.abs(slopes) @ half
+        reach += half @ np.abs(self._matrices[:, :3, :3]) @ half
+        found = (value > reach).astype(int) - (value < -reach)
+        return [*found.tolist(), *[0] * (self._surfaces - len(found))]
+
+    def holds(self, signs: Sequence[int], box: Floats) -> bool:
+        """Whether some shown cell holds all over a box, with what is known of surfaces there."""
+        self._asked = 0
+        self.gaps = np.full(3, np.inf)
+        return self._holds([*signs], box)
+
+    def _holds(self, signs: list[int], box: Floats) -> bool:
+        self._asked += 1
+        truth = self._truths(signs)
+        best = max(truth[root] for root in self._roots)
+        if best != 0:
+            return best > 0
+        surface = self._undecided(signs, truth)
+        if surface < 0 or self._asked > MOST_ASKED:
+            return False
+        for sign in (1, -1):
+            known = [*signs]
+            known[surface] = sign
+            if not self._holds(*self._cut(known, box, surface)):
+                return False
+        return True
+
+    def _truths(self, signs: Sequence[int]) -> list[int]:
+        """Of each node: 1 where it holds, -1 where its complement does, 0 where neither is sure."""
+        found: list[int] = []
+        for node in self._nodes:
+            if node.kind is Literal:
+                sign = signs[node.surface]
+                found.append(sign if node.positive else -sign)
+            elif node.kind is Intersection:
+                found.append(min([1, *(found[member] for member in node.members)]))
+            else:
+                found.append(max([-1, *(found[member] for member in node.members)]))
+        return found
+
+    def _undecided(self, signs: Sequence[int], truth: Sequence[int]) -> int:
+        """A surface of which a cell depends that may hold, -1 where there is none."""
+        left = [root for root in self._roots if truth[root] == 0]
+        while left:
+            node = self._nodes[left.pop()]
+            if node.kind is not Literal:
+                left += [member for member in node.members if truth[member] == 0]
+            elif node.surface < len(self._matrices) and signs[node.surface] == 0:
+                return node.surface
+        return -1
+
+    def _cut(self, signs: list[int], box: Floats, surface: int) -> tuple[list[int], Floats]:
+        """What is known in the part of a box where a surface has the sign that it has now."""
+        axis, place, rises = self._places[surface]
+        if axis < 0:
+            return signs, box
+        low, high = box[:, axis]
+        cut = box.copy()
+        above = (signs[surface] > 0) == rises
+        cut[0 if above else 1, axis] = min(max(place, low), high)
+        for other, (own, own_place, own_rises) in enumerate(self._places):
+            if own != axis or signs[other] or not self.matters[other]:
+                continue
+            gap = max(cut[0, axis] - own_place, own_place - cut[1, axis])
+            if gap > self._apart[axis]:
+                self.gaps[axis] = min(self.gaps[axis], gap)
+                before = own_place < cut[0, axis]
+                signs[other] = 1 if before == own_rises else -1
+        return signs, cut
+
+
+def _across(matrix: Floats) -> tuple[int, float, bool]:
+    """The axis that a plane is across, or -1; where it is; whether F grows along the axis."""
+    linear = 2 * matrix[:3, 3]
+    axis = int(np.argmax(np.abs(linear)))
+    if matrix[:3, :3].any() or np.count_nonzero(linear) != 1:
+        return -1, 0.0, False
+    return axis, float(-matrix[3, 3] / linear[axis]), bool(linear[axis] > 0)

@@ -1,0 +1,222 @@
+"""Copies of groups in tiles that need not try them: they are not there, or hidden by other copies.
+
+The box of a copy bounds where the rays of a tile may meet it. Where its core (see `cores`) is met
+all over a few pixels, nothing behind is seen.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.contract.arrays import Array, Bools, Ints
+from halfstep.contract.classes import Class
+from halfstep.contract.keys import joined_key
+from halfstep.contract.layout import TILE
+from halfstep.host.copies import Copies
+from halfstep.host.forms import rays_of
+from halfstep.host.pack import Packed
+from halfstep.host.reach import squares_of
+from halfstep.host.signs import signs_at
+
+# Nothing is known of the ends of a box nearer than this, in u and next to the largest coordinate.
+ROOM, SLACK = 2.0**-7, 2.0**-16
+# Copies that are looked at together: more make NumPy wait for memory.
+CHUNK = 1 << 13
+# Pixels that a core hides are squares of this side.
+SIDE = 4
+ACROSS = TILE // SIDE
+# So many copies of a tile are looked at first for what they hide, then more and more.
+FIRST_LOOKED = 4
+# Devices know where planes are to much less than this part of the largest coordinate of a ray.
+UNCERTAIN = 2.0**-13
+
+
+class Stretch(NamedTuple):
+    """Grid points (P,) of rays between which copies may be met."""
+
+    first: Ints
+    last: Ints
+
+
+class Hiding:
+    """What is hidden in one frame."""
+
+    def __init__(self, packed: Packed, copies: Copies) -> None:
+        self._packed, self._copies = packed, copies
+        setup, regions = packed.setup, copies.regions
+        row, copy = copies.row, copies.copy
+        rotation = regions.world_from_local.take(copy, axis=-1)
+        origin = regions.origin.take(copy, axis=-1)
+        rays = rays_of(setup.view, setup.center[row].T, origin, rotation)
+        middle, half = setup.depth_middle[row], setup.depth_half[row]
+        ends = np.empty((3, 2, 3, len(row)))  # [1, x, y][u = -1, u = 1][axis]
+        for end, depth in enumerate((middle - half, middle + half)):
+            ends[0, end] = rays[0] + depth * rays[1]
+            ends[1:, end] = rays[2:] if setup.view.parallel else depth * rays[2:]
+        self._ends = ends
+        offsets = setup.offsets[row].T
+        reach = np.abs(ends[0]) + np.abs(ends[1]) * offsets[0] + np.abs(ends[2]) * offsets[1]
+        self._largest = reach.max(axis=0)  # (3, R)
+        self._program = regions.of[copy]
+        self._boxes = np.stack([program.box for program in regions.programs], axis=-1)
+        self._first_surface = np.searchsorted(copies.owner, np.arange(len(row)))
+        self._points = np.exp2(packed.steps.count[row])
+
+    def stretch(self, copy: Ints, x: Ints, y: Ints, first: Ints, last: Ints) -> Stretch:
+        """Where rays of tiles (P,) may meet a copy each, within a stretch; its last point is before
+        the first one where none does.
+        """
+        parts = [
+            self._stretch(*(each[begin : begin + CHUNK] for each in (copy, x, y, first, last)))
+            for begin in range(0, max(len(copy), 1), CHUNK)
+        ]
+        return Stretch(*map(np.concatenate, zip(*parts, strict=True)))
+
+    def _stretch(self, copy: Ints, x: Ints, y: Ints, first: Ints, last: Ints) -> Stretch:
+        setup = self._packed.setup
+        squares = squares_of(setup, self._copies.row[copy], x * TILE, y * TILE, TILE)
+        box = self._boxes.take(self._program[copy], axis=-1)
+        one, by_x, by_y = self._ends.take(copy, axis=-1)
+        middle = one + by_x * squares.x + by_y * squares.y
+        spread = np.abs(by_x) * squares.half_width + np.abs(by_y) * squares.half_height
+        largest = self._largest.take(copy, axis=-1)
+        spread += SLACK * largest
+        # Faces further off than any ray comes do not matter.
+        outmost = 4 * (largest + spread.max(axis=0))
+        low, high = np.full(len(copy), -1.0), np.ones(len(copy))
+        for face, outward in zip(np.clip(box, -outmost, outmost), (-1.0, 1.0), strict=True):
+            # The least of all rays is concave in u, so it is above the chord between its ends.
+            begin, end = outward * (middle - face) - spread
+            slope = np.where(begin == end, 1.0, begin - end)
+            crossing = (begin + end) / slope
+            comes = np.where(begin > 0, np.where(end > 0, np.inf, crossing), -1.0)
+            goes = np.where(end > 0, np.where(begin > 0, -np.inf, crossing), 1.0)
+            low, high = np.maximum(low, comes.max(axis=0)), np.minimum(high, goes.min(axis=0))
+        points = self._points[copy]
+        met = low - ROOM <= high + ROOM
+        low, high = np.where(met, low, 1.0), np.where(met, high, 1.0)
+        begin = np.floor((low - ROOM + 1) / 2 * points).astype(np.int64)
+        end = np.ceil((high + ROOM + 1) / 2 * points).astype(np.int64)
+        begin, end = np.maximum(first, begin), np.minimum(last, end)
+        return Stretch(begin, np.where(met, end, begin - 1))
+
+    def seen(self, tile: Ints, copy: Ints, x: Ints, y: Ints, first: Ints) -> Bools:
+        """Whether copies (P,) that rays of tiles may meet from a grid point on are not hidden.
+
+        Args:
+            tile: (P,), numbers from 0 on.
+            copy: (P,), in each.
+            x: (P,), which tile from the left.
+            y: (P,), and from the top of the picture.
+            first: (P,), grid points.
+        """
+        near = self._keys(copy, first)
+        order = np.lexsort([near, tile])
+        counts = np.bincount(tile)
+        place = np.empty(len(tile), np.int64)
+        place[order] = np.arange(len(tile)) - np.repeat(np.cumsum(counts) - counts, counts)
+        hidden_from = np.full((len(counts), ACROSS * ACROSS), np.iinfo(np.uint64).max)
+        corners = np.arange(ACROSS * ACROSS) % ACROSS, np.arange(ACROSS * ACROSS) // ACROSS
+        left, top = (each * SIDE for each in corners)
+        rectangle = self._packed.setup.rectangle[self._copies.row[copy]]
+        seen = np.ones(len(tile), bool)
+
+        def looked(own: Ints) -> Bools:
+            """Whether pixels of each square are in the copy's rectangle and may show it."""
+            i0, i1, j0, j1 = rectangle[own].T[:, :, None]
+            i, j = x[own, None] * TILE + left, y[own, None] * TILE + top
+            there = (i <= i1) & (i + SIDE > i0) & (j <= j1) & (j + SIDE > j0)
+            return np.asarray(there & (hidden_from[tile[own]] >= near[own, None]))
+
+        begin, end, longest = 0, FIRST_LOOKED, int(counts.max(initial=0))
+        while begin < longest - 1:
+            own = np.flatnonzero((place >= begin) & (place < end))
+            shows = looked(own)
+            seen[own] = shows.any(axis=1)
+            which, square = np.nonzero(shows)
+            which = own[which]
+            corner = x[which] * TILE + left[square], y[which] * TILE + top[square]
+            keys, hides = self._hides(copy[which], *corner)
+            np.minimum.at(hidden_from, (tile[which[hides]], square[hides]), keys)
+            begin, end = end, 3 * end
+        own = np.flatnonzero(seen)
+        seen[own] = looked(own).any(axis=1)
+        return seen
+
+    def _keys(self, copy: Ints, point: Ints) -> Array:
+        """Depth keys of grid points of copies."""
+        packed = self._packed
+        rows = np.empty(packed.setup.count, np.int64)
+        rows[packed.order] = np.arange(len(packed.order))
+        solids = packed.solids[["key_high", "key_low", "key_shift"]][rows[self._copies.row[copy]]]
+        start = joined_key(solids["key_high"], solids["key_low"])
+        return np.asarray(start + (2 * point.astype(np.uint64) << solids["key_shift"]))
+
+    def _hides(self, copy: Ints, left: Ints, top: Ints) -> tuple[Array, Ints]:
+        """The copies that hide all in squares of pixels (P,), and from which key on they do."""
+        setup = self._packed.setup
+        i0, i1, j0, j1 = setup.rectangle[self._copies.row[copy]].T
+        right = np.minimum(left + SIDE, setup.view.width) - 1
+        bottom = np.minimum(top + SIDE, setup.view.height) - 1
+        whole = (left >= i0) & (right <= i1) & (top >= j0) & (bottom <= j1)
+        asked = np.flatnonzero(whole & self._may_hide[copy])
+        points, hides = [], []
+        for begin in range(0, len(asked), CHUNK):
+            part = asked[begin : begin + CHUNK]
+            point, is_sure = self._cored(copy[part], left[part], top[part])
+            points.append(point[is_sure])
+            hides.append(part[is_sure])
+        if not hides:
+            return np.zeros(0, np.uint64), asked
+        which = np.concatenate(hides)
+        return self._keys(copy[which], np.concatenate(points)), which
+
+    def _cored(self, copy: Ints, left: Ints, top: Ints) -> tuple[Ints, Bools]:
+        """Grid points in the cores of copies, and whether all rays of squares (P,) are there."""
+        setup, copies, cores = self._packed.setup, self._copies, self._copies.regions.cores
+        squares = squares_of(setup, copies.row[copy], left, top, SIDE)
+        # Where the ray in the middle is in the core.
+        box = cores.boxes.take(self._program[copy], axis=-1)
+        one, by_x, by_y = self._ends.take(copy, axis=-1)
+        begin, end = one + by_x * squares.x + by_y * squares.y
+        run = np.where(begin == end, SLACK, end - begin)
+        enters, leaves = np.sort((box - begin) / run, axis=0)
+        enter, leave = np.maximum(enters.max(axis=0), 0.0), np.minimum(leaves.min(axis=0), 1.0)
+        points = self._points[copy]
+        point = np.rint((enter + leave) / 2 * points).astype(np.int64)
+        first, last = self._sure.take(copy, axis=-1)
+        hides = (leave > enter) & (point >= first) & (point <= last)
+
+        asked = np.flatnonzero(hides)
+        program = self._program[copy[asked]]
+        counts = cores.counts[program]
+        of = np.repeat(np.arange(len(asked)), counts)
+        bound = cores.start[program][of] + np.arange(len(of))
+        bound -= np.repeat(np.cumsum(counts) - counts, counts)
+        which = asked[of]
+        u = 2 * point[which] / points[which] - 1
+        surface = self._first_surface[copy[which]] + cores.surfaces[bound]
+        kept = signs_at(copies, surface, squares.at(which), u) == cores.signs[bound]
+        hides[asked] = np.bincount(of, ~kept, len(asked)) == 0
+        return point, hides
+
+    @functools.cached_property
+    def _sure(self) -> Ints:
+        """Grid points (2, R) between which it is sure that rays are between the base planes."""
+        records = self._packed.regions.records
+        first = np.maximum(records["first"], records["start_end"] + 2)
+        last = np.minimum(records["last"], records["last_sure"])
+        return np.stack([first, last]).astype(np.int64)
+
+    @functools.cached_property
+    def _may_hide(self) -> Bools:
+        """Which copies (R,) have a core, from outside of which all rays start."""
+        packed, copies = self._packed, self._copies
+        cores, row = copies.regions.cores, copies.row
+        plain = np.zeros(packed.setup.count, bool)
+        plain[packed.order] = packed.classes == Class.REGION
+        sure = self._largest * UNCERTAIN < cores.gaps.take(self._program, axis=-1)
+        return np.asarray(plain[row] & (cores.counts[self._program] > 0) & sure.all(axis=0))

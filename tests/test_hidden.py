@@ -1,0 +1,175 @@
+"""Copies that are hidden in tiles, or not there: frames are the same bits without them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import halfstep
+from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.host.excerpts import lists_of
+from halfstep.host.hidden import Hiding, Stretch
+from halfstep.host.prepare import Solids, prepare
+from halfstep.host.regions import Program
+from halfstep.scene import Scene
+
+Table = dict[str, Any]
+OUTPUTS = ("image", "solid", "cell", "place", "depth")
+IMAGE = frozenset({"image"})
+CAMERAS: dict[str, Table] = {
+    "above": {"center": [9, -21, 15], "look_at": [0, 0, -0.5], "fov_degrees": 26},
+    "across": {"center": [30, -40, 3], "look_at": [0, 0, 0], "orthographic_height": 8},
+    "within": {"center": [0.5, 0.5, 0.3], "look_at": [3, 5, -0.5], "fov_degrees": 60},
+}
+PIN: list[Table] = [
+    {"id": 1, "kind": "cylinder", "radius": 0.4},
+    {"id": 2, "kind": "cylinder", "radius": 0.46},
+    *({"id": 3 + k, "kind": "plane", "origin": [0, 0, 2 * k - 2]} for k in range(3)),
+]
+CELLS = {
+    "solid": ["-1 3 -4", "-1 4 -5", "1 -2 3 -5"],
+    "hollow": ["1 -2 3 -5"],
+    "layered": ["-2 3 -4", "-2 4 -5"],
+    "apart": ["-2 3 -4"],
+}
+
+
+def pins(cells: str, camera: str = "above", side: int = 9, **accuracy: Any) -> Scene:
+    """Pins side by side."""
+    colors = [[0.8, 0.3, 0.2], [0.2, 0.7, 0.3], [0.3, 0.3, 0.8]]
+    listed = [{"region": one, "color": c} for one, c in zip(CELLS[cells], colors, strict=False)]
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": CAMERAS[camera],
+            "image": {"width": 208, "height": 160},
+            "accuracy": accuracy,
+            "group": [{"name": "pin", "surface": PIN, "cell": listed}],
+            "lattice": [
+                {"kind": "rectangular", "pitch": [1, 1], "group": "pin", "shape": [side, side]}
+            ],
+        }
+    )
+
+
+def program_of(scene: Scene) -> Program:
+    """The program of its pins."""
+    regions = Solids.of(scene).geometry.regions
+    assert regions is not None
+    (program,) = regions.programs
+    return program
+
+
+def core_box(scene: Scene) -> Floats:
+    """Of its pins, (2, 3)."""
+    regions = Solids.of(scene).geometry.regions
+    assert regions is not None
+    return np.asarray(regions.cores.boxes[..., 0] + program_of(scene).middle[:, None].T)
+
+
+@pytest.mark.parametrize("cells", CELLS)
+def test_a_core_is_in_cells_that_are_shown(cells: str, rng: np.random.Generator) -> None:
+    low, high = core_box(pins(cells))
+    x, y, z = (low + rng.random((10_000, 3)) * (high - low)).T
+    radius = np.hypot(x, y)
+    holds = {
+        "solid": (radius <= 0.46) & (np.abs(z) <= 2),
+        "hollow": (radius > 0.4) & (radius <= 0.46) & (np.abs(z) <= 2),
+        "layered": (radius <= 0.46) & (np.abs(z) <= 2),
+        "apart": (radius <= 0.46) & (np.abs(z + 1) <= 1),
+    }[cells]
+    size = np.prod(high - low)
+    if cells == "hollow":
+        assert size == 0
+    else:
+        assert holds.all()
+        # What a square has of a circle is 2 / pi.
+        length = 2 if cells == "apart" else 4
+        assert size > 0.85 * 2 / math.pi * math.pi * 0.46**2 * length
+
+
+def test_planes_of_which_one_must_be_before_another_are_told() -> None:
+    regions = Solids.of(pins("layered")).geometry.regions
+    assert regions is not None
+    # Whichever side of the middle plane a point is on, one cell holds: no others are compared.
+    assert np.isinf(regions.cores.gaps).all()
+
+
+def counted(scene: Scene) -> tuple[int, int]:
+    """Members of the tiles' lists of a frame, and those of one that leaves nothing out."""
+    packed = prepare(scene)
+    height = packed.setup.view.height
+    some = len(lists_of(packed, 0, height, IMAGE).members)
+    with pytest.MonkeyPatch.context() as patch:
+        nothing_hidden(patch)
+        return some, len(lists_of(packed, 0, height, IMAGE).members)
+
+
+def nothing_hidden(patch: pytest.MonkeyPatch) -> None:
+    """Tiles try all copies."""
+
+    def whole(self: Hiding, copy: Ints, x: Ints, y: Ints, first: Ints, last: Ints) -> Stretch:
+        del self, copy, x, y
+        return Stretch(first, last)
+
+    def all_seen(self: Hiding, tile: Ints, *others: Ints) -> Bools:
+        del self, others
+        return np.ones(len(tile), bool)
+
+    patch.setattr(Hiding, "stretch", whole)
+    patch.setattr(Hiding, "seen", all_seen)
+
+
+def same(scene: Scene, backend: str = "gpu") -> bool:
+    """Whether a frame is the same bits as one that leaves nothing out."""
+    some = halfstep.render(scene, backend=backend, outputs=OUTPUTS)
+    assert (some.solid >= 0).sum() > 4000
+    with pytest.MonkeyPatch.context() as patch:
+        nothing_hidden(patch)
+        every = halfstep.render(scene, backend=backend, outputs=OUTPUTS)
+    return all(
+        np.array_equal(getattr(some, name), getattr(every, name), equal_nan=name == "depth")
+        for name in OUTPUTS
+    )
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("cells", CELLS)
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_frames_are_those_that_leave_nothing_out(cells: str, camera: str) -> None:
+    scene = pins(cells, camera)
+    some, every = counted(scene)
+    if cells != "hollow":
+        assert some < 0.8 * every
+    assert same(scene)
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+def test_a_device_leaves_out_what_the_twin_does(number_format: str) -> None:
+    scene = pins("solid", number_format=number_format)
+    frames = [halfstep.render(scene, backend=each, outputs=OUTPUTS) for each in ("numpy", "gpu")]
+    for name in OUTPUTS:
+        assert np.array_equal(*(getattr(frame, name) for frame in frames), equal_nan=True)
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("slip", ["unasked", "nearer", "shorter"])
+def test_slips_are_seen(slip: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if slip == "unasked":
+        # All of a box is taken for a core, whatever holds there.
+        monkeypatch.setattr("halfstep.host.cores._Trial._holds", lambda *_: True)
+    if slip == "nearer":
+        cored = Hiding._cored
+        monkeypatch.setattr(Hiding, "_cored", lambda *given: nearer(*cored(*given)))
+    if slip == "shorter":
+        monkeypatch.setattr("halfstep.host.hidden.ROOM", -0.3)
+    assert not same(pins("solid"))
+
+
+def nearer(point: Ints, hides: Bools) -> tuple[Ints, Bools]:
+    """What hides, too near."""
+    return point // 4, hides
