@@ -66,7 +66,7 @@ def _changed(pattern: str, new: Callable[[re.Match[str], random.Random], str]) -
 
 
 def _prefixed(text: str, _rng: random.Random) -> str:
-    return re.sub(r"<(/?)([a-z])", r"<\1m:\2", text).replace("<m:", "<m:", 1)
+    return re.sub(r"<(/?)([a-z])", r"<\1m:\2", text)
 
 
 def _without_tail(text: str, rng: random.Random) -> str:
