@@ -25,6 +25,9 @@ class Oracle:
 
     def __init__(self, path: Path, size: float) -> None:
         root = ElementTree.parse(path).getroot()
+        for element in root.iter():
+            # OpenMC knows no namespaces.
+            element.tag = element.tag.rpartition("}")[2]
         geometry = root if root.tag == "geometry" else root.find("geometry")
         assert geometry is not None
         self._near = NEAR * size

@@ -124,6 +124,7 @@ def difference(children: list[Inside], **_: Any) -> Inside:
 def multmatrix(children: list[Inside], matrix: Any, **_: Any) -> Inside:
     """The children where a matrix takes them."""
     whole = np.array(matrix, float)
+    whole /= whole[3, 3]
     if abs(np.linalg.det(whole[:3, :3])) < 1e-12:
         return union([])
     back, inside = np.linalg.inv(whole), union(children)
@@ -277,20 +278,20 @@ def rays(camera: Any, size: tuple[int, int]) -> tuple[Floats, Floats]:
     return eye, ways.reshape(-1, 3)
 
 
-def judged(path: Path) -> tuple[int, int, int]:
+def judged(path: Path, backend: str = "auto", size: tuple[int, int] = SIZE) -> tuple[int, int, int]:
     """Rays of a file that are judged, hits among them, and those that are wrong."""
     scene = load(path)
-    inside = Reader(path.read_text(encoding="utf-8")).whole()
-    frame = halfstep.render(scene, size=SIZE, steps=20, outputs=("depth", "error"))
+    inside = Reader(path.read_text(encoding="utf-8-sig")).whole()
+    frame = halfstep.render(scene, size=size, steps=20, backend=backend, outputs=("depth", "error"))
     depth, error = frame.depth.ravel(), frame.error.ravel()
     hit, known = (frame.solid >= 0).ravel(), np.isfinite(frame.error).ravel()
-    eye, ways = rays(scene.camera, SIZE)
+    eye, ways = rays(scene.camera, size)
     assert scene.volume is not None
     volume = np.array([scene.volume.min, scene.volume.max])
-    size = float(np.ptp(volume, axis=0).max())
-    near = NEAR * size
+    whole = float(np.ptp(volume, axis=0).max())
+    near = NEAR * whole
     middle = float(np.linalg.norm(volume.mean(axis=0) - eye))
-    low, high = max(middle - size, 1e-6 * size), middle + size
+    low, high = max(middle - whole, 1e-6 * whole), middle + whole
     lengths = np.linalg.norm(ways, axis=1)
     wrong = np.zeros(len(ways), bool)
     seen = np.zeros(len(ways), bool)
