@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from halfstep.contract.mirrors import PackedMirrors
 from halfstep.host.prepare import prepare
 from halfstep.run.twin import Band
 from halfstep.scene import Scene, with_overrides
@@ -44,9 +45,10 @@ def caught(scene: Scene, **options: Any) -> list[tuple[Any, Any]]:
     packed = prepare(scene)
     found: list[Any] = []
 
-    def recorded(*arguments: Any) -> bounce.Spotted:
-        found.append(original(*arguments))
-        return found[-1]
+    def recorded(mirrors: PackedMirrors, rays: bounce.Rays) -> bounce.Spotted:
+        spotted = original(mirrors, rays)
+        found.append(spotted)
+        return spotted
 
     original, bounce.find_bodies = bounce.find_bodies, recorded
     try:

@@ -153,7 +153,8 @@ def test_a_device_leaves_out_what_the_twin_does(number_format: str) -> None:
     scene = pins("solid", number_format=number_format)
     frames = [halfstep.render(scene, backend=each, outputs=OUTPUTS) for each in ("numpy", "gpu")]
     for name in OUTPUTS:
-        assert np.array_equal(*(getattr(frame, name) for frame in frames), equal_nan=True)
+        one, other = (getattr(frame, name) for frame in frames)
+        assert np.array_equal(one, other, equal_nan=True)
 
 
 @pytest.mark.usefixtures("adapter")

@@ -104,7 +104,8 @@ def text(scene: Scene, aspect: float) -> str:
         f" look_at {vector(camera.look_at)} }}",
     ]
     for light in scene.lights:
-        place, far = light.position, ""
+        place: tuple[float, ...] | None = light.position
+        far = ""
         if light.direction is not None:
             place, far = tuple(1e6 * part for part in light.direction), " parallel point_at 0"
         lines.append(

@@ -206,6 +206,7 @@ class Hiding:
     @functools.cached_property
     def _sure(self) -> Ints:
         """Grid points (2, R) between which it is sure that rays are between the base planes."""
+        assert self._packed.regions is not None
         records = self._packed.regions.records
         first = np.maximum(records["first"], records["start_end"] + 2)
         last = np.minimum(records["last"], records["last_sure"])

@@ -276,16 +276,16 @@ class Device(Turns):
             keyed = first_row, rows, outputs | {"key"}
             return _joined([self.render_band(scene, half, *keyed) for half in halves], outputs)
         if rounds.exceed(needs, packed, lists, self.loop_rounds):
-            first = rounds.fits(needs, packed, lists, self.loop_rounds)
-            if not first.any():
+            fits = rounds.fits(needs, packed, lists, self.loop_rounds)
+            if not fits.any():
                 raise DeviceError(
                     f"adapter {self.adapter.summary}: the driver ends loops after "
                     f"{self.loop_rounds:,} rounds, and one solid with these lights takes more"
                 )
             keyed = first_row, rows, outputs | {"key"}
-            parts = split.parted(lists, first)
+            both = split.parted(lists, fits)
             return _joined(
-                [self._render_lists(scene, packed, part, *keyed) for part in parts], outputs
+                [self._render_lists(scene, packed, part, *keyed) for part in both], outputs
             )
         layout = FrameBuffer(written, packed.setup.view.width, rows)
         with device_errors(self.adapter):
@@ -489,8 +489,9 @@ def _joined(
     joined = split.nearest(first, second)
     if "key" not in outputs:
         del joined["key"]
-    known = first_ms is not None and second_ms is not None
-    return joined, first_ms + second_ms if known else None
+    if first_ms is None or second_ms is None:
+        return joined, None
+    return joined, first_ms + second_ms
 
 
 def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
