@@ -225,7 +225,7 @@ def test_no_built_in_leaves_the_device_a_choice(combined: set[str]) -> None:
         "round",
         "select",
     }
-    moved = {f"subgroup{name}" for name in ("Any", "Ballot", "Broadcast", "Max", "Min")}
+    moved = {f"subgroup{name}" for name in ("Ballot", "Broadcast", "Max", "Min")}
     moved |= {"textureLoad"}
     # Correctly rounded where bits are promised, as the canary sees.
     rounded = {"sqrt"}

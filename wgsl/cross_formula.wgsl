@@ -12,7 +12,7 @@ struct Stretch {
 }
 
 // The part of a piece where a coordinate is between two numbers, and a little more.
-fn within(track: Track, host_error: f32, low: f32, high: f32, old: Stretch) -> Stretch {
+fn narrowed_to(track: Track, host_error: f32, low: f32, high: f32, old: Stretch) -> Stretch {
   let sizes = EPSILON * (5.0 * track.level_size + 6.0 * track.along_size);
   let off = max(sizes + host_error, f4(FAINTEST));
   let steep = abs(track.along) > off;
@@ -28,9 +28,9 @@ fn within(track: Track, host_error: f32, low: f32, high: f32, old: Stretch) -> S
 fn stretch_of(form: Expression, trace: Trace, higher: Higher) -> Stretch {
   let whole = Stretch(f4(higher.start), f4(higher.stop));
   let error = form.host_error;
-  let of_x = within(trace.x, error, higher.low[0], higher.high[0], whole);
-  let of_y = within(trace.y, error, higher.low[1], higher.high[1], of_x);
-  let of_z = within(trace.z, error, higher.low[2], higher.high[2], of_y);
+  let of_x = narrowed_to(trace.x, error, higher.low[0], higher.high[0], whole);
+  let of_y = narrowed_to(trace.y, error, higher.low[1], higher.high[1], of_x);
+  let of_z = narrowed_to(trace.z, error, higher.low[2], higher.high[2], of_y);
   // Where rays miss the bounds, places may be far away.
   return Stretch(min(of_z.start, f4(higher.stop)), max(of_z.stop, f4(higher.start)));
 }

@@ -45,7 +45,7 @@ class Stretch(NamedTuple):
     stop: F32
 
 
-def within(
+def narrowed_to(
     track: Track, host_error: np.float32, low: np.float32, high: np.float32, old: Stretch
 ) -> Stretch:
     """The part of a piece where a coordinate is between two numbers, and a little more."""
@@ -66,7 +66,7 @@ def stretch_of(form: np.void, trace: Trace, higher: np.void) -> Stretch:
     stretch = Stretch(np.full(shape, higher["start"]), np.full(shape, higher["stop"]))
     for axis, track in enumerate(trace):
         low, high = higher["low"][axis], higher["high"][axis]
-        stretch = within(track, form["host_error"], low, high, stretch)
+        stretch = narrowed_to(track, form["host_error"], low, high, stretch)
     # Where rays miss the bounds, places may be far away.
     start = np.minimum(stretch.start, higher["stop"])
     return Stretch(start, np.maximum(stretch.stop, higher["start"]))
