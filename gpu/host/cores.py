@@ -1,7 +1,7 @@
-"""Cores of programs: boxes all over which some shown cell holds, so that nothing is seen behind.
+"""Cores of programs: boxes that visible cells fill, so that nothing behind them is seen.
 
-A surface that keeps its sign all over a core is one of its bounds. What holds there may be told by
-others, too: where one cell ends at a surface and the next one begins, one of both holds.
+A surface that keeps its sign all over a core is one of its bounds. Several cells may fill a core
+together: where one ends at a surface and the next one begins, one of the two holds.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from halfstep.contract.arrays import Floats, Ints
 from halfstep.host.formulas import Formula
 from halfstep.scene.region import Intersection, Literal
 
-# Boxes that are tried, in parts of the program's own: a box, those that cylinders hold, and that of
-# a ball.
+# The boxes that are tried, in parts of the program's box: of a box, of cylinders, and of a ball.
 SHARES = (
     (0.97, 0.97, 0.97),
     (0.68, 0.68, 0.97),
@@ -25,9 +24,9 @@ SHARES = (
     (0.97, 0.68, 0.68),
     (0.55, 0.55, 0.55),
 )
-# Formulas that are asked for one box, and surfaces that a program has at most.
+# Limits of the cases that are tried for one box, and of the surfaces of a program.
 MOST_ASKED, MOST_BOUNDS = 64, 64
-# Planes nearer than this part of half a box may be in any order.
+# Planes nearer to each other than this part of half a box may be in any order.
 APART = 2.0**-10
 
 
@@ -37,17 +36,17 @@ class Core(NamedTuple):
     box: Floats  # (2, 3)
     surfaces: Ints  # (D,), its bounds
     is_positive: tuple[bool, ...]  # whether F > 0 is what each has all over it
-    gaps: Floats  # (3,), along each axis the least between planes of which one must be before
+    gaps: Floats  # (3,), for each axis the least gap between planes whose order was used
 
 
 def core_of(formula: Formula, matrices: Floats, lower: int, box: Floats) -> Core | None:
-    """A large core of a program, None where none is found.
+    """A large core of a program; None if none is found.
 
     Args:
-        formula: of the program.
+        formula: the program's formula.
         matrices: (4, 4, S), its surfaces.
-        lower: how many of them are of second order at most; these come first.
-        box: (2, 3), that holds its cells.
+        lower: number of surfaces of second order or below, which come first.
+        box: (2, 3), a box around its cells.
     """
     if not np.isfinite(box).all() or lower > MOST_BOUNDS:
         return None
@@ -71,16 +70,16 @@ def core_of(formula: Formula, matrices: Floats, lower: int, box: Floats) -> Core
 class Cores(NamedTuple):
     """The cores of G programs, and the D bounds of all."""
 
-    boxes: Floats  # (2, 3, G), of no size where there is none
+    boxes: Floats  # (2, 3, G), of size 0 if there is no core
     gaps: Floats  # (3, G)
-    start: Ints  # (G,), of each program's bounds
-    counts: Ints  # (G,), 0 where there is no core
-    surfaces: Ints  # (D,), within their programs
-    signs: NDArray[np.int8]  # (D,), 1 where F > 0 is what a bound has, else -1
+    start: Ints  # (G,), first bound of each program
+    counts: Ints  # (G,), number of bounds, 0 if there is no core
+    surfaces: Ints  # (D,), index of each bound's surface within its program
+    signs: NDArray[np.int8]  # (D,), 1 if a bound has F > 0, else -1
 
     @classmethod
     def of(cls, found: Sequence[Core | None]) -> Cores:
-        """Those that were found of programs."""
+        """The cores of all programs as arrays."""
         counts = np.array([0 if core is None else len(core.surfaces) for core in found])
         boxes, gaps = np.zeros((2, 3, len(found))), np.full((3, len(found)), np.inf)
         signs: list[int] = []
@@ -101,7 +100,7 @@ class Cores(NamedTuple):
 
 
 class _Trial:
-    """A program that is asked where it holds."""
+    """A search for boxes that the visible cells of a program fill."""
 
     def __init__(self, formula: Formula, matrices: Floats, lower: int, box: Floats) -> None:
         self._nodes = formula.nodes
@@ -117,7 +116,7 @@ class _Trial:
         self._asked = 0
 
     def _used(self) -> list[bool]:
-        """Whether a shown cell is of each surface."""
+        """Whether each surface is in the formula of a visible cell."""
         used, left = [False] * self._surfaces, [*self._roots]
         while left:
             node = self._nodes[left.pop()]
@@ -127,7 +126,7 @@ class _Trial:
         return used
 
     def signs(self, box: Floats) -> list[int]:
-        """Of each surface: 1 where F > 0 all over a box, -1 where F <= 0, else 0."""
+        """For each surface 1 if F > 0 all over a box, -1 if F <= 0, else 0."""
         half = np.ptp(box, axis=0) / 2
         point = np.append(box.mean(axis=0), 1.0)
         slopes = self._matrices[:, :3] @ point
@@ -138,7 +137,7 @@ class _Trial:
         return [*found.tolist(), *[0] * (self._surfaces - len(found))]
 
     def holds(self, signs: Sequence[int], box: Floats) -> bool:
-        """Whether some shown cell holds all over a box, with what is known of surfaces there."""
+        """Whether visible cells fill a box, given the known signs of surfaces there."""
         self._asked = 0
         self.gaps = np.full(3, np.inf)
         return self._holds([*signs], box)
@@ -160,7 +159,7 @@ class _Trial:
         return True
 
     def _truths(self, signs: Sequence[int]) -> list[int]:
-        """Of each node: 1 where it holds, -1 where its complement does, 0 where neither is sure."""
+        """For each node 1 if it holds, -1 if its complement holds, 0 if neither is sure."""
         found: list[int] = []
         for node in self._nodes:
             if node.kind is Literal:
@@ -173,7 +172,7 @@ class _Trial:
         return found
 
     def _undecided(self, signs: Sequence[int], truth: Sequence[int]) -> int:
-        """A surface of which a cell depends that may hold, -1 where there is none."""
+        """A surface that decides whether a cell holds; -1 if there is none."""
         left = [root for root in self._roots if truth[root] == 0]
         while left:
             node = self._nodes[left.pop()]
@@ -184,7 +183,7 @@ class _Trial:
         return -1
 
     def _cut(self, signs: list[int], box: Floats, surface: int) -> tuple[list[int], Floats]:
-        """What is known in the part of a box where a surface has the sign that it has now."""
+        """The part of a box where a surface has its present sign, and all signs known there."""
         axis, place, rises = self._places[surface]
         if axis < 0:
             return signs, box
@@ -204,7 +203,7 @@ class _Trial:
 
 
 def _across(matrix: Floats) -> tuple[int, float, bool]:
-    """The axis that a plane is across, or -1; where it is; whether F grows along the axis."""
+    """The axis normal to a plane, or -1; its coordinate there; whether F grows along the axis."""
     linear = 2 * matrix[:3, 3]
     axis = int(np.argmax(np.abs(linear)))
     if matrix[:3, :3].any() or np.count_nonzero(linear) != 1:

@@ -1,7 +1,7 @@
-"""Copies of groups in tiles that need not try them: they are not there, or hidden by other copies.
+"""Which copies of groups a tile can leave out, because they are not there or are hidden.
 
-The box of a copy bounds where the rays of a tile may meet it. Where its core (see `cores`) is met
-all over a few pixels, nothing behind is seen.
+The box of a copy bounds the part of a tile's rays that may meet the copy. Where all rays of a few
+pixels meet the core of a copy (see `cores`), nothing behind the core is seen.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from halfstep.host.pack import Packed
 from halfstep.host.reach import squares_of
 from halfstep.host.signs import signs_at
 
-# Nothing is known of the ends of a box nearer than this, in u and next to the largest coordinate.
+# The ends of a box are moved apart by this, in u, and by this part of the largest coordinate.
 ROOM, SLACK = 2.0**-7, 2.0**-16
-# Copies that are looked at together: more make NumPy wait for memory.
+# Number of copies that are computed at once; with more, NumPy waits for memory.
 CHUNK = 1 << 13
 # Pixels that a core hides are squares of this side.
 SIDE = 4
 ACROSS = TILE // SIDE
-# So many copies of a tile are looked at first for what they hide, then more and more.
+# Number of copies of a tile that are tried first as hiding others; each later round tries more.
 FIRST_LOOKED = 4
-# Devices know where planes are to much less than this part of the largest coordinate of a ray.
+# Devices place planes with an error far below this part of the largest coordinate of a ray.
 UNCERTAIN = 2.0**-13
 
 
 class Stretch(NamedTuple):
-    """Grid points (P,) of rays between which copies may be met."""
+    """Grid points (P,) between which rays may meet copies."""
 
     first: Ints
     last: Ints
 
 
 class Hiding:
-    """What is hidden in one frame."""
+    """Finds the hidden copies of one frame."""
 
     def __init__(self, packed: Packed, copies: Copies) -> None:
         self._packed, self._copies = packed, copies
@@ -66,8 +66,9 @@ class Hiding:
         self._points = np.exp2(packed.steps.count[row])
 
     def stretch(self, copy: Ints, x: Ints, y: Ints, first: Ints, last: Ints) -> Stretch:
-        """Where rays of tiles (P,) may meet a copy each, within a stretch; its last point is before
-        the first one where none does.
+        """The parts of stretches in which rays of tiles (P,) may meet a copy each.
+
+        If no ray meets the copy, the last point is before the first one.
         """
         parts = [
             self._stretch(*(each[begin : begin + CHUNK] for each in (copy, x, y, first, last)))
@@ -84,7 +85,7 @@ class Hiding:
         spread = np.abs(by_x) * squares.half_width + np.abs(by_y) * squares.half_height
         largest = self._largest.take(copy, axis=-1)
         spread += SLACK * largest
-        # Faces further off than any ray comes do not matter.
+        # Faces further away than any ray reaches do not matter.
         outmost = 4 * (largest + spread.max(axis=0))
         low, high = np.full(len(copy), -1.0), np.ones(len(copy))
         for face, outward in zip(np.clip(box, -outmost, outmost), (-1.0, 1.0), strict=True):
@@ -104,14 +105,14 @@ class Hiding:
         return Stretch(begin, np.where(met, end, begin - 1))
 
     def seen(self, tile: Ints, copy: Ints, x: Ints, y: Ints, first: Ints) -> Bools:
-        """Whether copies (P,) that rays of tiles may meet from a grid point on are not hidden.
+        """Whether tiles see copies (P,), each of which rays may meet from a grid point on.
 
         Args:
-            tile: (P,), numbers from 0 on.
-            copy: (P,), in each.
-            x: (P,), which tile from the left.
+            tile: (P,), number of the tile, from 0.
+            copy: (P,), the copy.
+            x: (P,), number of the tile from the left.
             y: (P,), and from the top of the picture.
-            first: (P,), grid points.
+            first: (P,), the grid points.
         """
         near = self._keys(copy, first)
         order = np.lexsort([near, tile])
@@ -125,7 +126,7 @@ class Hiding:
         seen = np.ones(len(tile), bool)
 
         def looked(own: Ints) -> Bools:
-            """Whether pixels of each square are in the copy's rectangle and may show it."""
+            """Whether each square has pixels in the copy's rectangle that may show it."""
             i0, i1, j0, j1 = rectangle[own].T[:, :, None]
             i, j = x[own, None] * TILE + left, y[own, None] * TILE + top
             there = (i <= i1) & (i + SIDE > i0) & (j <= j1) & (j + SIDE > j0)
@@ -156,7 +157,7 @@ class Hiding:
         return np.asarray(start + (2 * point.astype(np.uint64) << solids["key_shift"]))
 
     def _hides(self, copy: Ints, left: Ints, top: Ints) -> tuple[Array, Ints]:
-        """The copies that hide all in squares of pixels (P,), and from which key on they do."""
+        """The keys from which copies hide all of squares (P,), and the indices of these."""
         setup = self._packed.setup
         i0, i1, j0, j1 = setup.rectangle[self._copies.row[copy]].T
         right = np.minimum(left + SIDE, setup.view.width) - 1
@@ -175,10 +176,10 @@ class Hiding:
         return self._keys(copy[which], np.concatenate(points)), which
 
     def _cored(self, copy: Ints, left: Ints, top: Ints) -> tuple[Ints, Bools]:
-        """Grid points in the cores of copies, and whether all rays of squares (P,) are there."""
+        """Grid points in cores, and whether all rays of squares (P,) are in the core there."""
         setup, copies, cores = self._packed.setup, self._copies, self._copies.regions.cores
         squares = squares_of(setup, copies.row[copy], left, top, SIDE)
-        # Where the ray in the middle is in the core.
+        # The part of the middle ray that is in the core.
         box = cores.boxes.take(self._program[copy], axis=-1)
         one, by_x, by_y = self._ends.take(copy, axis=-1)
         begin, end = one + by_x * squares.x + by_y * squares.y
@@ -205,7 +206,7 @@ class Hiding:
 
     @functools.cached_property
     def _sure(self) -> Ints:
-        """Grid points (2, R) between which it is sure that rays are between the base planes."""
+        """Grid points (2, R) between which rays are surely between the base planes."""
         assert self._packed.regions is not None
         records = self._packed.regions.records
         first = np.maximum(records["first"], records["start_end"] + 2)
@@ -214,7 +215,7 @@ class Hiding:
 
     @functools.cached_property
     def _may_hide(self) -> Bools:
-        """Which copies (R,) have a core, from outside of which all rays start."""
+        """Whether copies (R,) have a core, and all rays start outside of it."""
         packed, copies = self._packed, self._copies
         cores, row = copies.regions.cores, copies.row
         plain = np.zeros(packed.setup.count, bool)

@@ -310,7 +310,7 @@ class Regions:
 
     @functools.cached_property
     def cores(self) -> Cores:
-        """Of each program a box that shown cells fill."""
+        """For each program a box that its visible cells fill."""
         return Cores.of(
             [core_of(one.formula, one.matrices, one.lower, one.box) for one in self.programs]
         )
