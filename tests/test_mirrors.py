@@ -196,7 +196,6 @@ FAULTS = [
     ("nearest_0.turned = spotted_0.turned;", ""),
     ("weight_0 = passed_on;", ""),
     ("if !anywhere(left)", "if anywhere(left)"),
-    ("& glance_0.near & (gone_0 != u4(number))", ""),
     ("slope_0 = either(spotted_0.surface == u4(body.surface + k + 1u), normal, slope_0);", ""),
 ]
 
@@ -217,6 +216,7 @@ def closed() -> Scene:
         {
             **tables,
             "camera": {"center": [0.5, -4, 1.5], "look_at": [0, 0, 0], "fov_degrees": 70},
+            "light": [*tables["light"], {"position": [-2, -3, 3], "shadows": True}],
             "solid": [*balls, *({**each, "material": "chrome"} for each in mirrors)],
         }
     )

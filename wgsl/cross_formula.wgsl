@@ -1,6 +1,6 @@
 // A formula that bounds a region -> where it is crossed: the search of `higher`, by jets.
 //
-// It is made where rays are within the bounds of the formula alone: beyond them F may have no value.
+// It searches only within the bounds of the formula: beyond them F may have no value.
 
 // Ends of pieces are known to this much.
 const END_SLACK: f32 = 0x1p-20f;

@@ -25,12 +25,12 @@ fn higher_in(region: Region, solid: Solid, place: u32) -> Higher {
 // Where one of them is crossed on the rays of pixels, x and y from its own middle.
 fn higher_crossed(higher: Higher, x: i4, y: i32, steps: u32, last_step: f32) -> Trail {
   var trail: Trail;
-  for (var once = 0u; once < select(1u, 0u, higher.is_formula == 1u); once++) {  //? higher_polynomial
+  for (var once = higher.is_formula; once < 1u; once++) {  //? higher_polynomial
     let form = polynomial_at(higher.form);
     let curve = higher_curve(form, x, y);
     trail = all_crossed(curve, higher, is_about(form, x, y), steps, last_step);
   }
-  for (var once = 0u; once < select(0u, 1u, higher.is_formula == 1u); once++) {  //? higher_formula
+  for (var once = 0u; once < higher.is_formula; once++) {  //? higher_formula
     let form = expression_at(higher.form);
     trail = formula_crossed(form, higher, x, y, steps, last_step);
   }
@@ -40,14 +40,14 @@ fn higher_crossed(higher: Higher, x: i4, y: i32, steps: u32, last_step: f32) -> 
 // Its normal where u is the place on the rays of pixels, towards F > 0, of any length.
 fn higher_slope(higher: Higher, x: i4, y: i32, u: f4) -> Vector {
   var slope = NO_VECTOR;
-  for (var once = 0u; once < select(1u, 0u, higher.is_formula == 1u); once++) {  //? higher_polynomial
+  for (var once = higher.is_formula; once < 1u; once++) {  //? higher_polynomial
     let form = polynomial_at(higher.form);
     let right = f4(x) * form.scale;
     let down = f32(y) * form.scale;
     let v = u - form.middle;
     slope = world_slope(form, right, down, v, slopes_on_rays(form.terms, right, down, v));
   }
-  for (var once = 0u; once < select(0u, 1u, higher.is_formula == 1u); once++) {  //? higher_formula
+  for (var once = 0u; once < higher.is_formula; once++) {  //? higher_formula
     let form = expression_at(higher.form);
     let trace = trace_of(form, f4(x) * form.scale, f32(y) * form.scale);
     slope = slope_of_formula(form, trace, u);

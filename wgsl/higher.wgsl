@@ -184,7 +184,7 @@ fn tried_search(old: Quest, span: Span, judged: Judged, stop: f4, steps: u32) ->
 }
 
 // A search that has found a root in its cell, which goes on behind it. Halvings of the cell end in
-// `leaf`; so many leaves about it, `held`, have the root, as of `room_about`. `following` is the leaf
+// `leaf`; the root is in the `held` leaves about it, as of `room_about`. `following` is the leaf
 // behind the cell.
 fn rooted_search(
   old: Quest,

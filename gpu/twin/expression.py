@@ -262,12 +262,14 @@ def slope_of_formula(formula: Formula, trace: Trace, u: F32) -> Vector:
     """The gradient of F in world axes at ``u``, up to its length."""
     axes = formula.form["axes"]
     one, zero = np.ones_like(u), np.zeros_like(u)
-    grade = formula_grade(
-        formula,
-        Grade(trace.x.level + u * trace.x.along, one, zero, zero),
-        Grade(trace.y.level + u * trace.y.along, zero, one, zero),
-        Grade(trace.z.level + u * trace.z.along, zero, zero, one),
-    )
+    # A product that overflows is cut off at the largest that may be.
+    with np.errstate(over="ignore"):
+        grade = formula_grade(
+            formula,
+            Grade(trace.x.level + u * trace.x.along, one, zero, zero),
+            Grade(trace.y.level + u * trace.y.along, zero, one, zero),
+            Grade(trace.z.level + u * trace.z.along, zero, zero, one),
+        )
     # A zero may have any sign: compilers leave out products with zeros.
     own = [np.where(part == 0, zero, part) for part in (grade.x, grade.y, grade.z)]
     largest = np.maximum(np.maximum(np.abs(own[0]), np.abs(own[1])), np.abs(own[2]))
