@@ -58,6 +58,30 @@ def test_the_device_agrees(checker: Checker, scene: str, method: str) -> None:
     assert all(census.rows >= 100 for census in report.stages.values())
 
 
+def test_a_material_without_a_highlight_has_no_exponent(checker: Checker) -> None:
+    """A shader computes powers up to the largest exponent of the highlights that there are."""
+    sphere = {"kind": "sphere", "radius": 1}
+    scene = Scene.from_dict(
+        {
+            "format": 1,
+            "image": {"width": SIZE[0], "height": SIZE[1]},
+            "camera": {"center": [0, -9, 3], "look_at": [0, 0, 0], "fov_degrees": 30},
+            "material": [
+                {"name": "matt", "color": [1, 1, 1]},
+                {"name": "dull", "color": [1, 1, 1], "specular": 0.3, "shininess": 20},
+            ],
+            "solid": [
+                {**sphere, "origin": [x, 0, 0], "material": name}
+                for x, name in ((-1, "matt"), (1, "dull"))
+            ],
+        }
+    )
+    assert prepare(scene).shininess_bits == 5
+    report = checker.check(scene)
+    assert report.agrees, str(report)
+    assert report.stages["shade.power"].rows > 100
+
+
 def test_more_than_16_halvings_are_checked(checker: Checker) -> None:
     report = checker.check(small("figure", steps=20))
     assert report.agrees, str(report)

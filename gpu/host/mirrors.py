@@ -71,8 +71,9 @@ class MirrorTables:
             body["center"], body["unit"], body["bound"] = ball.center, 1 / level, half / level
             own = _fill(body, geometry, world, ix)
             body["face_start"], body["face_count"] = sum(len(each) for each in faces), len(own)
-            for name in ("color", "specular", "shininess", "reflection"):
+            for name in ("color", "specular", "reflection"):
                 body[name] = getattr(materials[ix], name)
+            body["shininess"] = materials[ix].exponent
             self.body[ix], self.flags[ix] = record["body"], body["flags"]
             faces.append(own)
         self._faces = np.zeros(sum(len(each) for each in faces), layout.FACE.dtype())

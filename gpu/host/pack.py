@@ -159,7 +159,7 @@ def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
         ),
         color=np.array([material.color for material in materials], np.float32).reshape(-1, 3),
         specular=np.array([material.specular for material in materials], np.float32),
-        shininess=np.array([material.shininess for material in materials], np.uint32),
+        shininess=np.array([material.exponent for material in materials], np.uint32),
         normal=_clear(normals / np.where(length > 0, length, 1.0)).astype(np.float32),
         outside_class=_outside_classes(geometry),
         appearances=None if regions is None else appearances(scene, regions),
@@ -334,11 +334,9 @@ def _half_spaces(tables: Surfaces, setup: Setup, number_format: Format, offsets:
 
 def _largest_exponent(tables: Surfaces) -> int:
     """The largest exponent of all highlights, 0 if no material shines."""
-    looks = tables.appearances
-    largest = tables.shininess[tables.specular > 0].max(initial=0)
-    if looks is not None:
-        shining = looks.records["specular"] > 0
-        largest = max(largest, looks.records["shininess"][shining].max(initial=0))
+    largest = tables.shininess.max(initial=0)
+    if tables.appearances is not None:
+        largest = max(largest, tables.appearances.records["shininess"].max(initial=0))
     return int(largest)
 
 

@@ -208,3 +208,8 @@ class Material(Table):
     specular: Fraction = 0.0
     reflection: Fraction = 0.0
     shininess: Annotated[int, Field(ge=1, le=1024)] = 40
+
+    @property
+    def exponent(self) -> int:
+        """The exponent of its highlight; 0 if it has no highlight."""
+        return self.shininess if self.specular > 0 else 0
