@@ -37,6 +37,12 @@ CELLS = {
 }
 
 
+@pytest.fixture(autouse=True)
+def _few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few copies hide each other, too."""
+    monkeypatch.setattr("halfstep.host.excerpts.MOST_TRIED", 0)
+
+
 def pins(cells: str, camera: str = "above", side: int = 9, **accuracy: Any) -> Scene:
     """Pins side by side."""
     colors = [[0.8, 0.3, 0.2], [0.2, 0.7, 0.3], [0.3, 0.3, 0.8]]

@@ -37,6 +37,8 @@ from halfstep.host.tiles import Classes, tile_lists
 LEAST_TESTS = 64
 # The largest blocks: about this many lie across a copy. A block is halved twice at once.
 FIRST_BLOCKS, HALVED = 4, 2
+# Copies of a tile hide each other only if there are more: finding it costs more than fewer do.
+MOST_TRIED = 64
 # A copy has excerpts in any case if its group has more surfaces than this.
 MOST_WHOLE = 16
 # Outputs that depend on surfaces behind the first point of a cell.
@@ -94,8 +96,11 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
         hiding = Hiding(packed, copies)
         blocks = _Blocks(*blocks[:3], *hiding.stretch(*blocks))
         met = np.flatnonzero(blocks.first <= blocks.last)
-        some = met[hiding.seen(tile[entry[met]], *blocks.take(met)[:4])]
-        blocks, entry = blocks.take(some), entry[some]
+        own = tile[entry[met]]
+        stays = np.bincount(own)[own] <= MOST_TRIED if len(own) else np.zeros(0, bool)
+        asked = np.flatnonzero(~stays)
+        stays[asked] = hiding.seen(own[asked], *blocks.take(met[asked])[:4])
+        blocks, entry = blocks.take(met[stays]), entry[met[stays]]
 
     written = _Written(packed, copies)
     found = _found(packed, copies, blocks, written, leaving)
