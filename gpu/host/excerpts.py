@@ -37,7 +37,8 @@ from halfstep.host.tiles import Classes, tile_lists
 LEAST_TESTS = 64
 # The largest blocks: about this many lie across a copy. A block is halved twice at once.
 FIRST_BLOCKS, HALVED = 4, 2
-# Copies of a tile hide each other only if there are more: finding it costs more than fewer do.
+# Tiles with more copies than this leave out hidden ones. With fewer, finding them costs the host
+# more than they cost the device.
 MOST_TRIED = 64
 # A copy has excerpts in any case if its group has more surfaces than this.
 MOST_WHOLE = 16
@@ -93,14 +94,8 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     leaving = not outputs.isdisjoint(LOOKING_BEHIND)
     # What is hidden or not there may still tell how sure others are.
     if not leaving and "error" not in outputs:
-        hiding = Hiding(packed, copies)
-        blocks = _Blocks(*blocks[:3], *hiding.stretch(*blocks))
-        met = np.flatnonzero(blocks.first <= blocks.last)
-        own = tile[entry[met]]
-        stays = np.bincount(own)[own] <= MOST_TRIED if len(own) else np.zeros(0, bool)
-        asked = np.flatnonzero(~stays)
-        stays[asked] = hiding.seen(own[asked], *blocks.take(met[asked])[:4])
-        blocks, entry = blocks.take(met[stays]), entry[met[stays]]
+        blocks, places = _seen(packed, copies, tile[entry], blocks)
+        entry = entry[places]
 
     written = _Written(packed, copies)
     found = _found(packed, copies, blocks, written, leaving)
@@ -128,6 +123,25 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
     known = known if Class.REGION_KNOWN in classes else None
     return Lists(classes, starts, members[kept][order], regions, known)
+
+
+def _seen(packed: Packed, copies: Copies, tile: Ints, blocks: _Blocks) -> tuple[_Blocks, Ints]:
+    """The tiles of copies that may be seen, with shorter stretches of rays, and their indices.
+
+    Args:
+        packed: the frame.
+        copies: its copies.
+        tile: (P,), number of each tile.
+        blocks: (P,), the tile and a copy.
+    """
+    hiding = Hiding(packed, copies)
+    blocks = _Blocks(*blocks[:3], *hiding.stretch(*blocks))
+    met = np.flatnonzero(blocks.first <= blocks.last)
+    blocks, tile = blocks.take(met), tile[met]
+    stays = np.bincount(tile)[tile] <= MOST_TRIED
+    many = np.flatnonzero(~stays)
+    stays[many] = hiding.seen(tile[many], *blocks.take(many)[:4])
+    return blocks.take(np.flatnonzero(stays)), met[stays]
 
 
 def _known(program: Program | None) -> Known | None:

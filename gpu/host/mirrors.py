@@ -1,9 +1,9 @@
 """Bodies: solids in the form for rays from mirrors, float64, once for a scene.
 
-A ray from a mirror comes from anywhere, so no base plane is made for it.  About each solid there is
-a ball, whose middle is on the grid of the world.  F and half-spaces are given in coordinates from
-that middle along the axes of the world, in a radius that is a power of two.  Around balls that are
-near each other there are larger ones: what a ray does not meet leaves out all that is within.
+A ray from a mirror can come from anywhere, so it has no base plane. Each solid lies in a ball. The
+ball's center is a point of the world's grid. F and the half-spaces are functions of the vector from
+that center, along the world's axes, divided by a power of two that is at least the ball's radius.
+Balls that are near each other lie in a larger ball. A ray that misses a ball misses all within.
 """
 
 from __future__ import annotations
@@ -25,14 +25,17 @@ from halfstep.scene import Scene
 
 # A ball is larger than its solid by this factor, against rounding.
 ROOM = 1 + 2.0**-9
-# And a ball that is tested before, or is around others, by so much, and by units of the grid, of
-# which rounding to float32 takes some.
+# The ball that rays are tested with is larger by this factor, and then by so many units of the
+# grid, because its center is rounded to float32.
 MORE_ROOM, MORE_UNITS = 1 + 2.0**-7, 128
-# Less than this, of the greatest, is no curvature of F by which it bounds a ball; and less than
-# this is as good as none.
-SLENDER, CONVEX = 1e-6, 1e-12
-# Bodies of a group that has no groups within, and how large one of these is at most, of the group.
-FEW, LARGE = 4, 0.3
+# A quadric bounds a ball if its least curvature is above this part of its greatest.
+SLENDER = 1e-6
+# A quadric is convex if no curvature is below minus this part of its largest coefficient.
+CONVEX = 1e-12
+# Up to so many balls are not grouped further.
+FEW = 4
+# A ball whose radius is above this part of its group's is tried before the group.
+LARGE = 0.3
 
 
 def has_mirrors(scene: Scene) -> bool:
@@ -44,7 +47,7 @@ def has_mirrors(scene: Scene) -> bool:
 class MirrorTables:
     """Records of what a scene's mirrors may show, which do not depend on the camera.
 
-    Of each solid: the share of what it mirrors, its number among the bodies from 1, and its flags.
+    For each solid: its reflection, the number of its body from 1, and its flags.
     """
 
     def __init__(self, scene: Scene, geometry: Geometry, world: World) -> None:
@@ -59,6 +62,7 @@ class MirrorTables:
         self._balls = np.zeros(len(balls), layout.BALL.dtype())
         self._bodies = np.zeros(len(shown), layout.BODY.dtype())
         faces: list[Floats] = []
+        face_start = 0
         for record, ball in zip(self._balls, balls, strict=True):
             record["center"], record["next"] = ball.center, ball.next
             record["radius"] = ball.radius * MORE_ROOM + MORE_UNITS
@@ -70,14 +74,15 @@ class MirrorTables:
             level = 2.0 ** math.ceil(math.log2(half))
             body["center"], body["unit"], body["bound"] = ball.center, 1 / level, half / level
             own = _fill(body, geometry, world, ix)
-            body["face_start"], body["face_count"] = sum(len(each) for each in faces), len(own)
+            body["face_start"], body["face_count"] = face_start, len(own)
+            face_start += len(own)
             for name in ("color", "specular", "reflection"):
                 body[name] = getattr(materials[ix], name)
             body["shininess"] = materials[ix].exponent
             self.body[ix], self.flags[ix] = record["body"], body["flags"]
             faces.append(own)
-        self._faces = np.zeros(sum(len(each) for each in faces), layout.FACE.dtype())
-        if len(self._faces):
+        self._faces = np.zeros(face_start, layout.FACE.dtype())
+        if face_start:
             rows = np.concatenate(faces)
             self._faces["normal"], self._faces["beyond"] = rows[:, :3], rows[:, 3]
 
@@ -91,11 +96,11 @@ class MirrorTables:
 
 
 class _Ball(NamedTuple):
-    """A ball around a body, or around the balls that follow up to another one."""
+    """A ball around a body, or around all the balls between it and ``next``."""
 
     center: Floats  # (3,), on the grid
-    radius: float  # in its units
-    next: int
+    radius: float  # in units of the grid
+    next: int  # number of the ball to try after a miss
     chosen: int | None  # the body
 
 
@@ -104,20 +109,20 @@ def _radii(geometry: Geometry, world: World, shown: Ints) -> Floats:
     boxes = world.boxes[..., shown]
     radii = np.linalg.norm(boxes[1] - boxes[0], axis=0) / 2
     middle = boxes.mean(axis=0)
-    for row, ix in enumerate(shown.tolist()):
-        quadric = geometry.quadric[..., ix]
-        bends, _ = np.linalg.eigh(quadric[:3, :3])
-        if geometry.has_quadric[ix] and bends[0] > SLENDER * bends[2]:
-            center = -np.linalg.solve(quadric[:3, :3], quadric[:3, 3])
-            level = max(-(quadric[3, 3] + quadric[3, :3] @ center), 0.0)
-            away = geometry.world_from_local[..., ix] @ center + geometry.origin[:, ix]
-            reach = np.linalg.norm(away - middle[:, row]) + math.sqrt(level / bends[0])
-            radii[row] = min(radii[row], reach)
+    curvatures = np.linalg.eigvalsh(geometry.quadric[:3, :3, shown].transpose(2, 0, 1))  # (V, 3)
+    is_round = geometry.has_quadric[shown] & (curvatures[:, 0] > SLENDER * curvatures[:, 2])
+    for row in np.flatnonzero(is_round).tolist():
+        quadric, ix = geometry.quadric[..., shown[row]], shown[row]
+        center = -np.linalg.solve(quadric[:3, :3], quadric[:3, 3])
+        level = max(-(quadric[3, 3] + quadric[3, :3] @ center), 0.0)
+        away = geometry.world_from_local[..., ix] @ center + geometry.origin[:, ix]
+        reach = np.linalg.norm(away - middle[:, row]) + math.sqrt(level / curvatures[row, 0])
+        radii[row] = min(radii[row], reach)
     return np.asarray(radii / world.grid.unit)
 
 
 def _balls(center: Floats, radius: Floats, rows: Ints, first: int = 0) -> Iterator[_Ball]:
-    """Balls of bodies and around groups of them, each group before its members.
+    """The balls of bodies and of groups of bodies, each group before its members.
 
     Args:
         center: of the bodies (V, 3).
@@ -153,7 +158,7 @@ def _balls(center: Floats, radius: Floats, rows: Ints, first: int = 0) -> Iterat
 
 
 def _fill(body: np.void, geometry: Geometry, world: World, ix: int) -> Floats:
-    """Write what a record says of a solid; its half-spaces (M, 4), of unit normals."""
+    """Fill the record of a solid. Returns its half-spaces (M, 4), with unit normals."""
     grid, back = world.grid, geometry.world_from_local[..., ix].T
     to_local = np.eye(4)
     to_local[:3, :3] = back * (grid.unit / float(body["unit"]))

@@ -53,7 +53,8 @@ SIGN = 2.0**-20
 PADDING = 2.0**-20
 # Limit of the distinct surfaces of a group.
 MOST_SURFACES = 4096
-# Copies of a group, if they are so many that it pays to make ready what is theirs alone.
+# A group with at least so many copies is computed a surface at a time, and shaders may know its
+# program.
 MANY = 64
 # Stands for the material of a copy of a group.
 NO_MATERIAL = Material(name="none", color=(0.0, 0.0, 0.0))

@@ -76,7 +76,7 @@ def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> I
         asked = CLOCKS * pairs + roots * (steps + 2 * BOUNDS + 4)
         # A formula asks for both sides of a bound in turn, and for each axis. If there are several
         # programs, each of these rounds asks every program.
-        asked *= 1 + 2 * len(needs.programs) if needs.other else 1
+        asked *= 1 + 2 * len(needs.programs) if needs.higher_formulas else 1
         rounds += higher * (asked + 6 * pairs + 16)
         looks += higher * 2 * pairs
     rounds += _walks(needs, inside) * (looks * (groups + 2) + 1) + 1

@@ -62,8 +62,7 @@ REGION_RECORDS = {
 def in_textures(needs: Needs) -> tuple[str, ...]:
     """The arrays of records that are textures, not buffers.
 
-    llvmpipe loads from a buffer for one invocation after another, but texels of all at once: of
-    eight invocations 32 words in a third of the time of 16.
+    llvmpipe loads from a buffer for one invocation after another, but texels for all at once.
     """
     if needs.broadcast == 1:
         return ()
@@ -259,7 +258,7 @@ def _anywhere(needs: Needs) -> str:
 
     Such invocations must branch together.
     """
-    # A ballot: lavapipe of Mesa 22.3 takes some 300 ns for subgroupAny, and 20 for this.
+    # A ballot, because lavapipe of Mesa 22.3 takes much longer for subgroupAny.
     found = "any(holds)" if needs.broadcast == 1 else "subgroupBallot(any(holds)).x != 0u"
     return (
         "// Whether something holds in any pixel of the invocations that fetch together.\n"

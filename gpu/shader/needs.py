@@ -55,8 +55,8 @@ class Needs:
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest degree of a polynomial in the scene
     pairs: int = 0  # the most pairs of ends of a surface of a region of an order above two
-    curved: bool = False  # one of these is a polynomial
-    other: bool = False  # one of these is another formula
+    higher_polynomials: bool = False  # one of these is a polynomial
+    higher_formulas: bool = False  # one of these is another formula
     programs: tuple[Program, ...] = ()  # the scene's formulas that are not polynomials
     numbers: int = 0  # the constants that a formula's record has room for
     balls: bool = False  # a bounding ball cuts a solid with a polynomial or a formula
@@ -103,8 +103,8 @@ class Needs:
         if self.has_regions:
             wanted |= {"regions", "hidden"} if self.hidden else {"regions"}
             wanted |= {"higher"} if self.pairs else set()
-            wanted |= {"higher_polynomial"} if self.curved else set()
-            wanted |= {"higher_formula"} if self.other else set()
+            wanted |= {"higher_polynomial"} if self.higher_polynomials else set()
+            wanted |= {"higher_formula"} if self.higher_formulas else set()
             wanted |= {"surfaces_5"} if self.surfaces > 4 else set()
             wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
         if "places" in wanted or wanted >= {"regions", "normal"}:
