@@ -1,4 +1,4 @@
-"""Algebraic surfaces, each twice: as a scene has it, and retyped for the oracle.
+"""Algebraic surfaces, each as a scene's text and as a Python function for the oracle.
 
 Most are those of the galleries of H. Hauser and of the program SURFER, from their equations; Barth,
 Chmutov, Clebsch, Kummer, Cayley and Dupin from the literature. Each is seen in a box of half the
@@ -21,7 +21,7 @@ Number = Any
 
 @dataclass(frozen=True)
 class AlgebraicSurface:
-    """A formula, and the same as a function."""
+    """A formula as text and as a function."""
 
     formula: str
     function: Callable[[Number, Number, Number], Number]

@@ -1,15 +1,15 @@
 """Judges the claims of a frame about one solid with a formula, by intervals along every ray.
 
-Rays are those of `tests.polynomial_oracle`, with 400 bits, rounded to float64; the formula is
-retyped in `tests.formula_surfaces`.  A claim about a certain pixel is true
+Rays are those of `tests.polynomial_oracle`, rounded to float64. `tests.formula_surfaces` has each
+formula as a Python function. A frame claims something of a pixel if ``error`` is finite there:
 
-* for a hit of F at s, if F has one sign from the point where the ray enters the bounds to
-  s - error, and the other sign at s + error;
-* for a hit of a bound, if F <= 0 there and s is within error of the bound;
-* for a miss, if F > 0 all along the ray.
+* A hit of F at s claims that F has one sign from the point where the ray enters the bounds to
+  s - error, and the other sign at s + error.
+* A hit of a bound claims that F <= 0 there, and that the bound is within error of s.
+* A miss claims that F > 0 all along the ray.
 
-F has one sign on an interval if its range says so, or if it does at both ends and F is monotone
-between them; else the interval is halved. What is left after DEPTH halvings is not judged.
+F has one sign on an interval if its range has one sign, or if both ends have the same sign and F is
+monotone between them. Otherwise the interval is halved. After DEPTH halvings it is not judged.
 """
 
 from __future__ import annotations

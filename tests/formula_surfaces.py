@@ -1,6 +1,6 @@
-"""Surfaces of formulas that are no polynomials, each twice: as a scene has it, and retyped.
+"""Surfaces of formulas that are no polynomials, each as a scene's text and as a Python function.
 
-The second is a function of intervals with derivatives (`tests.intervals`).
+The function takes intervals with derivatives (`tests.intervals`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from tests import intervals as iv
 
 @dataclass(frozen=True)
 class FormulaSurface:
-    """A formula, and the same as a function; the ball or box that bounds it is ``reach`` wide."""
+    """A formula as text and as a function. Its ball or box is ``reach`` wide."""
 
     formula: str
     function: Callable[..., Any]

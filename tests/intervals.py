@@ -1,6 +1,7 @@
-"""Interval arithmetic on arrays with first derivatives, for oracles: float64, ends moved outward.
+"""Interval arithmetic in float64 on arrays, with first derivatives, for oracles.
 
-It shares no code with the renderer. Every end is moved by more than its operation is rounded.
+It shares no code with the renderer. Every operation moves its ends outward by more than they are
+rounded.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ OUTWARD = 2.0**-49
 
 @dataclass(frozen=True)
 class Interval:
-    """Ends of intervals."""
+    """Intervals, given by their ends."""
 
     low: Any
     high: Any
@@ -57,7 +58,7 @@ class Interval:
         return interval(other) / self
 
     def of(self, function: Callable[[Any], Any]) -> Interval:
-        """A function that rises."""
+        """The range of a function that rises."""
         return _out(function(self.low), function(self.high))
 
 
@@ -74,18 +75,18 @@ def _out(low: Any, high: Any) -> Interval:
 
 
 def hull(a: Interval, b: Interval) -> Interval:
-    """What holds both."""
+    """The least interval that contains both."""
     return Interval(np.minimum(a.low, b.low), np.maximum(a.high, b.high))
 
 
 def where(some: Any, a: Interval, b: Interval) -> Interval:
-    """One of two."""
+    """The first interval where a condition holds, else the second."""
     return Interval(np.where(some, a.low, b.low), np.where(some, a.high, b.high))
 
 
 @dataclass(frozen=True)
 class Dual:
-    """A value and its derivative, along all of an interval."""
+    """Ranges of a function and of its derivative over an interval."""
 
     value: Interval
     slope: Interval
@@ -137,7 +138,7 @@ def square(a: Interval) -> Interval:
 
 
 def sqrt(a: Dual) -> Dual:
-    """The square root of what is not negative."""
+    """The square root of the part that is not negative."""
     root = Interval(np.maximum(a.value.low, 0.0), np.maximum(a.value.high, 0.0)).of(np.sqrt)
     root = Interval(np.maximum(root.low, 0.0), root.high)
     return Dual(root, a.slope / (2.0 * root))
@@ -158,7 +159,7 @@ def _turned(a: Interval, function: Any, top: float) -> Interval:
 
 
 def interval_of(value: Any) -> Interval:
-    """One point."""
+    """The interval that is one point."""
     return Interval(value, value)
 
 

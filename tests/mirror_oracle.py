@@ -1,7 +1,8 @@
-"""What mirrors show, in extended precision: where reflected rays change sides of solids, sorted.
+"""What mirrors show, in extended precision.
 
-It knows no grid, no bodies and no base points. Of the surface that a ray begins on, the root there
-is known, and left out.
+Along a reflected ray the roots of all surfaces are sorted, and the ray is inside a solid between
+some of them. There is no grid, no body and no base point here. A reflected ray begins at a root of
+its mirror; that root is left out.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ LD = np.longdouble
 
 
 class Met(NamedTuple):
-    """What rays meet, arrays (N,) and (N, 3)."""
+    """What N rays meet."""
 
     solid: Ints  # -1 where nothing
     surface: Ints
@@ -35,8 +36,8 @@ class MirrorOracle:
     """Mirrors of one scene at one picture size.
 
     Args:
-        scene: of solids.
-        oracle: what the rays of its pixels hit.
+        scene: its solids are quadrics, polyhedra and patches.
+        oracle: tells what the rays of pixels hit.
     """
 
     def __init__(self, scene: Scene, oracle: Oracle) -> None:
@@ -44,7 +45,7 @@ class MirrorOracle:
         self._view = view(scene.camera, oracle.size)
 
     def at(self, i: Any, j: Any) -> list[Met]:
-        """What is met at pixels (N,), which may have fractions, and then after every bounce."""
+        """What rays of pixels (N,), fractions allowed, meet at first and after every bounce."""
         trace = self.oracle.trace((i, j))
         depth = np.where(trace.solid >= 0, trace.depth, 0.0).astype(LD)[:, None]
         starts, directions = self._view.starts(i, j), self._view.directions(i, j)
@@ -55,7 +56,7 @@ class MirrorOracle:
         return met
 
     def _next(self, old: Met) -> Met:
-        """What the rays meet that go on from mirrors."""
+        """What reflected rays meet."""
         normal = np.zeros_like(old.point)
         for ix, solid in enumerate(self.scene.solids):
             own = old.solid == ix

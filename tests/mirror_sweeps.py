@@ -1,9 +1,9 @@
-"""Mirrors against the oracle, over distances and kinds: wrong solids or surfaces away from ties.
+"""Compares what mirrors show with the oracle, over distances and kinds.
 
     python -m tests.mirror_sweeps
 
-A pixel is *wrong* if what its ray meets after a bounce differs from the oracle's there and at four
-points 0.02 pixel away, all of which the oracle sees alike; otherwise it is a *tie*.
+The oracle looks at each pixel that differs after a bounce, and at four points 0.02 pixel away. If
+it sees the same at all five, the pixel is *wrong*; otherwise it is a *tie*.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MIRROR = {"name": "mirror", "color": [0.8, 0.8, 0.8], "reflection": 0.9}
 
 
 def mirroring(scene: Scene, bounces: int = 1) -> Scene:
-    """The scene with mirrors for solids."""
+    """The scene, all solids of which are mirrors."""
     tables = scene.model_dump(by_alias=True, exclude_none=True)
     solids = [{**each, "material": "mirror"} for each in tables["solid"]]
     for each in solids:
@@ -40,7 +40,7 @@ def mirroring(scene: Scene, bounces: int = 1) -> Scene:
 
 
 def caught(scene: Scene, **options: Any) -> list[tuple[Any, Any]]:
-    """Solid and surface (H, W) that the twin finds, by bounce from 0 on."""
+    """Solid and surface (H, W) that the twin finds at first and after each bounce."""
     scene = with_overrides(scene, **options)
     packed = prepare(scene)
     found: list[Any] = []
@@ -63,7 +63,7 @@ def caught(scene: Scene, **options: Any) -> list[tuple[Any, Any]]:
 
 
 def count(total: Count, scene: Scene, size: tuple[int, int] = SIZE, **options: Any) -> None:
-    """Add a frame; after a bounce that differs from the oracle's, or is a tie, none is asked."""
+    """Count a frame's bounces. A pixel's bounces after its first difference are not counted."""
     scene = with_overrides(scene, size=size, **options)
     oracle = MirrorOracle(scene, Judge(scene, size).oracle)
     j, i = (each.ravel().astype(np.float64) for each in np.mgrid[: size[1], : size[0]])
@@ -89,7 +89,7 @@ def _alike(met: Met, solid: Any, surface: Any) -> Any:
 
 
 def reflected(rng: Random, kind: str, distance: float) -> Scene:
-    """A floor in which a solid is seen that is so many of its sizes away."""
+    """A floor that mirrors a solid, which is ``distance`` of its sizes away."""
     toward = np.array([-2.0, 5.0, 4.0]) / np.sqrt(45)
     floor: Table = {"kind": "plane", "bounds": {"min": [-9, -9, -1], "max": [9, 9, 1]}}
     solid = bounded(rng, kind, toward * distance + 0.05 * rng.normal(size=3))
@@ -106,7 +106,7 @@ def reflected(rng: Random, kind: str, distance: float) -> Scene:
 
 
 def crowded(rng: Random, distance: float) -> Scene:
-    """Mirrors of all kinds on a floor, seen from so many of their sizes away."""
+    """Mirrors of all kinds on a floor, seen from ``distance`` of their sizes away."""
     return mirroring(watched(rng, distance), 2)
 
 

@@ -1,7 +1,7 @@
-"""Which cell of an OpenMC geometry a point is in, found without any code of Halfstep.
+"""Finds the cell of an OpenMC geometry that a point is in, without any code of Halfstep.
 
-ElementTree reads the file, Python's own operators read regions, and a point is looked for from the
-outermost universe in. Points that are nearer to a surface or a wall than `NEAR` are in doubt.
+ElementTree reads the file, Python's own operators evaluate regions, and the search goes from the
+outermost universe inward. A point nearer than `NEAR` to a surface or a lattice's wall is not sure.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NEAR = 1e-7
 
 
 class Oracle:
-    """A geometry, which `locate` looks for points in."""
+    """A geometry and the search for points in it."""
 
     def __init__(self, path: Path, size: float) -> None:
         root = ElementTree.parse(path).getroot()
@@ -54,7 +54,7 @@ class Oracle:
         }
 
     def locate(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Of points (N, 3) the id of the innermost cell, -1 for none, and whether that is sure."""
+        """For points (N, 3) the id of the innermost cell, -1 for none, and whether it is sure."""
         found = np.full(len(points), NOWHERE)
         sure = np.ones(len(points), bool)
         self._into(self._root, points, np.arange(len(points)), found, sure)
@@ -170,7 +170,7 @@ def _function(kind: str, given: list[float], p: Floats) -> tuple[Floats, Floats]
 
 
 def _rotation(text: str) -> Floats:
-    """From outside to inside."""
+    """The matrix (3, 3) from the outer to the inner coordinates."""
     numbers = [float(each) for each in text.split()]
     if len(numbers) == 9:
         return np.array(numbers).reshape(3, 3)
@@ -188,7 +188,7 @@ Found = tuple[NDArray[np.int64], Floats, Floats]
 
 
 def _rectangular(lattice: ElementTree.Element, pitch: list[float], points: Floats) -> Found:
-    """Index in the text of the element of each point, -1 outside; the point in it; walls' reach."""
+    """Index of each point's element in the text, -1 outside; the point in it; how far walls are."""
     shape = [int(each) for each in _get(lattice, "dimension").split()]
     corner = [float(each) for each in _get(lattice, "lower_left").split()]
     axes = len(shape)

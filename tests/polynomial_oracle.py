@@ -1,17 +1,19 @@
-"""What a frame claims of one solid that a polynomial bounds, judged by its roots along every ray.
+"""Judges the claims of a frame about one solid with a polynomial, by its roots along every ray.
 
-It shares no code with the renderer: rays come from the scene's camera with 400 bits, as in
-`tests.oracle`, and F from `tests.algebraic_surfaces`.  Along a ray F is a polynomial in s, the
-depth less that of the solid's origin.  A claim is what is certain of a pixel, where ``error`` is
-finite:
+It shares no code with the renderer. Rays come from the scene's camera with 400 bits, as in
+`tests.oracle`, and F from `tests.algebraic_surfaces`. Along a ray F is a polynomial in s, which is
+the depth minus the depth of the solid's origin. A frame claims something of a pixel if ``error`` is
+finite there:
 
-* a hit of F at s: no root from where the ray enters the bounds to s - error, one until s + error;
-* a hit of a bound: it is entered last, F <= 0 there, and s is within error;
-* a miss: no root within the bounds, and F > 0 where they are entered.
+* A hit of F at s claims that no root is between the point where the ray enters the bounds and
+  s - error, and that one is between s - error and s + error.
+* A hit of a bound claims that the ray enters this bound last, that F <= 0 there, and that the bound
+  is within error of s.
+* A miss claims that no root is within the bounds, and that F > 0 where the ray enters them.
 
-Most claims are seen to be true in float64: the coefficients of Bernstein's basis are of one sign on
-an interval without a root, by more than any rounding.  Whatever is not is judged by Sturm's theorem
-in rationals, where nothing is rounded.
+Most claims are proven in float64: if all coefficients of Bernstein's basis on an interval have one
+sign, by more than they are rounded, the interval has no root. The others are judged by Sturm's
+theorem in rationals.
 """
 
 from __future__ import annotations
@@ -46,7 +48,7 @@ BITS = 96
 
 
 class Series:
-    """A polynomial in s: coefficients of any ring, each an array of rays or a number."""
+    """A polynomial in s. Each coefficient is a number, or an array with one for each ray."""
 
     def __init__(self, terms: list[Any]) -> None:
         self.terms = terms
@@ -88,7 +90,7 @@ class Series:
 
 
 def _floats_of(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function on series of float64: its rationals are rounded."""
+    """The function for series of float64; it rounds the rationals in ``function``."""
 
     class Rounded(Series):
         def __mul__(self, other: Any) -> Series:
@@ -174,7 +176,7 @@ class PolynomialOracle:
 
     @property
     def _radius(self) -> Fraction | None:
-        """Of the ball that bounds the solid, which is surface 1; None where a box does."""
+        """Radius of the ball that bounds the solid, which is surface 1; None if a box does."""
         bounds = getattr(self._solid, "bounds", None)
         return None if bounds is None or bounds.radius is None else Fraction(bounds.radius)
 
@@ -201,7 +203,7 @@ class PolynomialOracle:
                 count.wrong.append(f"{label} pixel ({i[k]}, {j[k]}): {fault}")
 
     def _in_floats(self, i: Any, j: Any, claims: Claims) -> NDArray[np.bool_]:
-        """Whether the claims of pixels are seen to be true in float64."""
+        """Whether float64 proves the claims of pixels."""
         x, y = i.astype(float), j.astype(float)
         rays = np.array([[float(value) for value in vector] for vector in self._rays])
         p, w = (
@@ -271,7 +273,7 @@ class PolynomialOracle:
         return np.asarray(hits_f | misses | on_plane)
 
     def _far(self) -> list[float]:
-        """A bound of how far the solid reaches from its origin."""
+        """Numbers whose sum is at least the distance of any of its points from its origin."""
         solid: Any = self._solid
         if solid.kind == "torus":
             return [solid.major + solid.minor[0] + solid.minor[1]]
@@ -292,7 +294,7 @@ class PolynomialOracle:
         return points, changes
 
     def _in_rationals(self, i: int, j: int, claim: Claims) -> str | None:
-        """What is wrong with the claim of a pixel; None where it is true."""
+        """What is wrong with the claim of a pixel; None if it is true."""
         p, w = self._ray(i, j)
         terms = self.terms_at(i, j)
         start, first, stop, last = -Fraction(self.middle), 0, None, 0
@@ -365,7 +367,7 @@ class Claims:
     error: Any
 
     def at(self, k: int) -> Claims:
-        """Of one pixel."""
+        """The claim of one pixel."""
         return Claims(self.surface[k], self.s[k], self.error[k])
 
 

@@ -1,8 +1,8 @@
-"""What rays see of cells, in extended precision: where surfaces are met, sorted, and asked between.
+"""What rays see of cells, in extended precision.
 
-It knows nothing of grids, programs or boxes: along a ray every function F is a quadratic in the
-depth, or of degree four, and between two of all their roots no cell begins or ends. Those of other
-formulas are found in float64, by intervals.
+Along a ray every function F is a polynomial of degree two, or four for a torus. All roots are
+sorted, and each region is evaluated between neighbouring roots, where it cannot change. Roots of
+other formulas are found in float64, by intervals. There are no grids, programs or boxes here.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Bools = NDArray[np.bool_]
 
 
 class Truth(NamedTuple):
-    """Of each ray what it shows, arrays (R,)."""
+    """What R rays show."""
 
     hit: Bools
     depth: Floats
@@ -37,7 +37,7 @@ class Truth(NamedTuple):
 
 
 def holds(region: Region, values: Wide) -> Bools:
-    """Whether a region holds at functions' values (S, …)."""
+    """Whether a region holds where its functions have these values (S, …)."""
     if isinstance(region, Literal):
         return (values[region.surface] > 0) == region.positive
     if isinstance(region, Complement):
@@ -129,13 +129,13 @@ def truth(
 
 
 def _first(times: Wide, chosen: Bools) -> Floats:
-    """Where the first of chosen pieces (P, R) begins, NaN where there is none."""
+    """Where the first chosen one of P pieces begins on each of R rays; NaN if none is chosen."""
     begins = times[chosen.argmax(axis=0), np.arange(chosen.shape[1])]
     return np.where(chosen.any(axis=0), begins, np.nan).astype(np.float64)
 
 
 def _is_between(full: Bools, empty: Bools) -> Bools:
-    """Empty pieces (P, R) with full ones before and behind them."""
+    """Which empty pieces (P, R) have full ones before and behind them."""
     before = np.logical_or.accumulate(full, axis=0)
     behind = np.logical_or.accumulate(full[::-1], axis=0)[::-1]
     return empty & before & behind

@@ -1,8 +1,9 @@
-"""What lights do not reach, in extended precision: where rays to lights change sides, sorted.
+"""Which points lights do not reach, in extended precision.
 
-It knows no pairs, grids, axes or boxes. Along the ray from a point to a light every function is a
-quadratic; between two of all its roots the ray is inside a solid or outside of it. Of the surface
-that a point lies on, the root at the point is known, and left out.
+Along the ray from a point to a light every function is a quadratic. All roots of a solid's
+functions are sorted; between two neighbours the ray is inside of the solid or outside. The point
+itself is a root of its own surface; that root is left out. There are no pairs, grids, axes or boxes
+here.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ class ShadowOracle:
     """Shadows of one scene at one picture size.
 
     Args:
-        scene: with lights.
-        oracle: what its rays hit.
+        scene: the scene.
+        oracle: tells what the rays of pixels hit.
     """
 
     def __init__(self, scene: Scene, oracle: Oracle) -> None:
@@ -83,11 +84,11 @@ def hides_itself(
     *,
     opened: bool,
 ) -> Bools:
-    """Whether points (N, 3) of a solid are dark on its own account.
+    """Whether a solid hides a light from points (N, 3) on it.
 
     Args:
-        solid: that they are on.
-        points: where rays that go along ``seen`` meet it.
+        solid: the solid.
+        points: the points.
         light: the light.
         surface: the surface each is on.
         inside: whether they are seen from inside.

@@ -1,9 +1,9 @@
-"""Shadows against the oracle, over distances and kinds: wrong bits away from ties.
+"""Compares shadows with the oracle, over distances and kinds.
 
     python -m tests.shadow_sweeps
 
-A pixel is *wrong* if a bit of `shadow` differs from the oracle's there and at four points 0.02
-pixel away, all of which the oracle sees alike; otherwise it is a *tie*.
+The oracle looks at each pixel that differs, and at four points 0.02 pixel away. If it sees the same
+at all five, the pixel is *wrong*; otherwise it is a *tie*.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Count:
 
 
 class Judged:
-    """A scene with its truth, for frames of both formats."""
+    """A scene and what the oracle sees of it, for frames of both formats."""
 
     def __init__(self, scene: Scene, size: tuple[int, int] = SIZE) -> None:
         self.scene = with_overrides(scene, size=size)
@@ -56,7 +56,7 @@ class Judged:
         self._truth = self._oracle.at(self._i, self._j)
 
     def count(self, total: Count, **options: Any) -> None:
-        """Add a frame; what differs from the truth in solid or surface is not asked."""
+        """Count a frame's pixels that show the oracle's solid and surface."""
         frame = halfstep.render(self.scene, outputs=("surface", "shadow"), **options)
         solid, surface, dark = self._truth
         found = frame.shadow.ravel()
@@ -75,7 +75,7 @@ class Judged:
 
 
 def light(rng: Random, size: float, center: Any = (0.0, 0.0, 0.0)) -> Table:
-    """A light of either sort: far away, or somewhere about."""
+    """A light with a direction or, as often, one with a position."""
     toward = rng.normal(size=3)
     if rng.random() < 0.5:
         return {"direction": toward.tolist(), "shadows": True}
@@ -84,7 +84,7 @@ def light(rng: Random, size: float, center: Any = (0.0, 0.0, 0.0)) -> Table:
 
 
 def random_lit(rng: Random, place: str) -> Scene:
-    """Solids of all kinds and three lights, also inside of them."""
+    """Solids of all kinds and three lights, some of them inside solids."""
     while True:
         drawn = random_scene(rng, place, most=6, ratio=(2.0, 1e4))
         lights = [light(rng, drawn.size, drawn.center) for _ in range(3)]
@@ -98,7 +98,7 @@ def random_lit(rng: Random, place: str) -> Scene:
 
 
 def bounded(rng: Random, kind: str, place: Any) -> Table:
-    """A solid of a kind that ends within about a unit of a place."""
+    """A solid of a kind that reaches about one unit from a place."""
     solid = random_solid(kind, place, 1.0, rng)
     if kind == "plane":
         return solid | {"axis": rng.normal(size=3).tolist()}
@@ -111,7 +111,10 @@ def bounded(rng: Random, kind: str, place: Any) -> Table:
 
 
 def occluded(rng: Random, kind: str, distance: float, *, lamp: bool) -> Scene:
-    """A floor and a ball, lit past a solid so many of its sizes away; a lamp twice as far."""
+    """A floor and a ball, and a solid before the light, ``distance`` of its sizes away.
+
+    A lamp is at twice the distance.
+    """
     toward = np.array([1.0, -1.0, 2.0]) / np.sqrt(6)
     place = toward * distance + 0.05 * rng.normal(size=3)
     solid = bounded(rng, kind, place)
@@ -124,7 +127,7 @@ def occluded(rng: Random, kind: str, distance: float, *, lamp: bool) -> Scene:
 
 
 def watched(rng: Random, distance: float) -> Scene:
-    """Solids of all kinds on a floor, seen from so many of their sizes away."""
+    """Solids of all kinds on a floor, seen from ``distance`` of their sizes away."""
     solids: list[Table] = [
         {"kind": "plane", "bounds": {"min": [-9, -9, -1], "max": [9, 9, 1]}},
     ]

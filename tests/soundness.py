@@ -1,10 +1,10 @@
-"""Is `Frame.error` a bound?  Random and adversarial scenes against the oracle.
+"""Tests that `Frame.error` is a bound, with random and adversarial scenes and the oracle.
 
     python -m tests.soundness --pairs 10000000
 
-A *pair* is a ray and a solid; each is judged in several frames, of other steps and methods.  A
-*violation* is a pixel whose depth is further from the exact one than `error` says, *wrong* one
-that is certain of a hit or a miss that is none.  There must be neither, anywhere, ties included.
+A *pair* is a ray and a solid. Each is judged in several frames, with different numbers of steps
+and methods. A pixel is a *violation* if its depth is further from the exact one than `error` says.
+It is *wrong* if it is certain of a hit or a miss that is none. There must be neither, even at ties.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Way(NamedTuple):
 
 
 class Shot:
-    """A scene at one picture size, to be rendered in any way, and its truth."""
+    """A scene at one picture size, and what the oracle sees of it."""
 
     def __init__(self, scene: Scene, size: tuple[int, int]) -> None:
         self.scene, self.size = scene, size
@@ -307,7 +307,7 @@ class Case(NamedTuple):
 
 
 def cases(rng: Random) -> Iterator[Case]:
-    """Scenes without end, every kind and family in turn."""
+    """Endless scenes, each kind and family in turn."""
     order = [name for name in FAMILIES for _ in range(SHARES.get(name, 1))]
     count = 0
     while True:
@@ -360,7 +360,7 @@ class Report:
         return float(np.median(values)) if values.size else np.nan
 
     def table(self) -> str:
-        """The report in words and columns."""
+        """The report as text."""
         columns = "judged", "hits", "violations", "wrong"
         lines = [f"{self.pairs} ray-solid pairs in {self.scenes} scenes"]
         for method, number_format in product(("visible", "article"), FORMATS):

@@ -1,8 +1,8 @@
-"""What lights do not reach where there are cells, in extended precision.
+"""Which points lights do not reach in scenes with cells, in extended precision.
 
-It knows no grids, programs, merged surfaces, veils or boxes. Along a ray every function is a
-quadratic; between two of all its roots no cell begins or ends. Of the surface that a point lies on
-the root at the point is known, and left out. Solids are those of `tests.shadow_oracle`.
+Along a ray every function is a quadratic. All roots are sorted; between two neighbours no cell
+begins or ends. A point is a root of its own surface; that root is left out. `tests.shadow_oracle`
+answers for solids. There are no grids, programs, merged surfaces, veils or boxes here.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class Lit(NamedTuple):
 
 @dataclass(frozen=True)
 class Group:
-    """A copy of a group: functions (S, 4, 4) in world coordinates, and what of them is seen."""
+    """A copy of a group: its functions (S, 4, 4) in world coordinates, and its regions."""
 
     matrices: Wide
     region: Region
     casting: Region  # what of it hides lights
 
     def widened(self, by: float, size: float) -> Group:
-        """With all sides of functions so much further out, in sizes of what is seen."""
+        """The group with all surfaces moved outward by this part of the scene's size."""
         slopes = np.abs(self.matrices[:, :3, :3]).sum(axis=(1, 2)) * size
         slopes += np.abs(self.matrices[:, 3, :3]).sum(axis=1)
         room = np.zeros_like(self.matrices)
@@ -61,7 +61,7 @@ class Group:
 
 
 class VeilOracle:
-    """Shadows of a scene with cells at one picture size, which nothing but cells is before."""
+    """Shadows of a scene with cells at one picture size."""
 
     def __init__(self, scene: Scene, size: tuple[int, int], widened: float = 0.0) -> None:
         scene = with_overrides(scene, size=size)
@@ -161,7 +161,7 @@ def _groups(scene: Scene) -> Iterator[Group]:
 
 
 def _renamed(region: Region, first: int) -> Region:
-    """A region over functions that come behind so many others."""
+    """The region with ``first`` added to the numbers of its functions."""
     if isinstance(region, Literal):
         return Literal(region.surface + first, region.positive)
     if isinstance(region, Complement):
@@ -170,7 +170,7 @@ def _renamed(region: Region, first: int) -> Region:
 
 
 def _sided(region: Region, count: int, turned: bool = False) -> Region:
-    """A region whose sides F > 0 are of functions of their own, which come behind so many."""
+    """The region with functions of their own for sides F > 0, numbered from ``count`` on."""
     if isinstance(region, Literal):
         positive = region.positive != turned
         return Literal(region.surface + count * positive, positive)
@@ -192,7 +192,7 @@ def _way(points: Wide, light: Light) -> Wide:
 
 
 class _Along(NamedTuple):
-    """Functions along rays, a t² + b t + c (S, N); where they change, sorted (E, N)."""
+    """Functions a t² + b t + c along rays (S, N), and their sorted roots (E, N)."""
 
     a: Wide
     b: Wide
@@ -235,7 +235,7 @@ def _along(
 
 
 def _entry(group: Group, starts: Wide, ways: Wide) -> tuple[Wide, Ints, Bools]:
-    """Where rays come into a copy, infinite where they do not; through which function; or begin."""
+    """Where rays enter a copy (infinite for a miss), through what, and whether they begin in it."""
     along = _along(group.matrices, group.region, starts, ways, np.inf, None)
     there = along.holds & along.some
     first, rays = there.argmax(axis=0), np.arange(len(starts))

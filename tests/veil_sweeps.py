@@ -1,11 +1,11 @@
-"""Shadows of cells against the oracle: wrong bits away from ties.
+"""Compares shadows of cells with the oracle.
 
     python -m tests.veil_sweeps
 
-A pixel is *wrong* if a bit of `shadow` differs from the oracle's there and at four points 0.02
-pixel away, all of which the oracle sees alike, and so it does where all surfaces are TOUCH of the
-scene's size further out, or in; otherwise it is a *tie*. Where surfaces touch along a line, a ray
-through it crosses both at once, and no edge need be near.
+The oracle looks at each pixel that differs, and at four points 0.02 pixel away. It looks at the
+pixel twice more, with all surfaces moved outward and inward by TOUCH of the scene's size: a ray
+through a line where surfaces touch crosses both at once, although no edge is near. If the oracle
+sees the same each time, the pixel is *wrong*; otherwise it is a *tie*.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Random = np.random.Generator
 
 
 def count(scene: Scene, total: Count, size: tuple[int, int] = SIZE, **options: Any) -> None:
-    """Add a frame; where another surface is shown than the oracle's it is not asked."""
+    """Count a frame's pixels that show the oracle's surface."""
     scene = with_overrides(scene, size=size)
     oracle = VeilOracle(scene, size)
     j, i = (part.ravel().astype(np.float64) for part in np.mgrid[: size[1], : size[0]])
@@ -60,7 +60,7 @@ def count(scene: Scene, total: Count, size: tuple[int, int] = SIZE, **options: A
 
 
 def random_cells(rng: Random, kind: str) -> Scene:
-    """A region of parts of all kinds over a floor, which is a solid, or one of the cells.
+    """A region of parts of all kinds over a floor, which is a solid or a cell.
 
     Args:
         rng: random numbers.
