@@ -20,12 +20,15 @@ from halfstep.cli import main
 from halfstep.device import canary
 from halfstep.device.adapters import Adapter
 from halfstep.errors import AdapterError
+from halfstep.frames.outputs import OUTPUTS, device_outputs
 from halfstep.host.prepare import prepare
 from halfstep.run import rounds
+from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, bundled_scenes, with_overrides
 from halfstep.shader import library, source
 from halfstep.shader.needs import Needs
 from halfstep.testing import frames
+from halfstep.testing.module import Module
 from halfstep.twin import halve, piece
 from tests.test_rounds import barrels
 
@@ -83,7 +86,7 @@ def test_a_material_without_a_highlight_has_no_exponent(checker: Checker) -> Non
 
 
 def test_more_than_16_halvings_are_checked(checker: Checker) -> None:
-    report = checker.check(small("figure", steps=20))
+    report = checker.check(small("one_sphere", steps=20))
     assert report.agrees, str(report)
     assert "halve_incremental.halved" in report.stages
 
@@ -175,8 +178,16 @@ def test_a_fault_in_the_shader_of_an_image_alone_is_found(
 def test_a_fault_in_the_shaders_of_second_frames_is_found(
     checker: Checker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = small("gallery")
+    # Beside each other, so that most tiles see one class alone.
+    solids = [
+        {"kind": "sphere", "color": [1, 1, 1], "origin": [-2, 0, 0], "radius": 1},
+        {"kind": "box", "color": [1, 1, 1], "origin": [2, 0, 0], "size": [2, 2, 2]},
+    ]
+    camera = {"center": [0, -9, 3], "look_at": [0, 0, 0], "fov_degrees": 40}
+    image = {"width": SIZE[0], "height": SIZE[1]}
+    scene = Scene.from_dict({"format": 1, "image": image, "camera": camera, "solid": solids})
     classes = len(prepare(scene).present)
+    assert classes == 2
     plant(
         monkeypatch,
         "reached(search_0, root_0, steps)",
@@ -207,9 +218,9 @@ def test_an_image_of_a_device_that_rounds_otherwise_is_excused_where_decisions_a
     # Half a pixel's width, which only what lies within rounding may hide, must be found.
     monkeypatch.setattr(checker, "_exact", False)
     for method in ("visible", "article"):
-        assert checker.check(small("gallery", method=method)).agrees
+        assert checker.check(small("figure", method=method)).agrees
     plant(monkeypatch, "offset(x_1, y)", "offset(x_0, y)", of_two_quads)
-    assert not checker.check(small("gallery")).agrees
+    assert not checker.check(small("one_sphere")).agrees
 
 
 @pytest.mark.usefixtures("slip")
@@ -233,11 +244,25 @@ def test_where_bits_are_not_promised_a_device_is_no_excuse_for_itself(
     assert wrong[0] in stage("root")
     monkeypatch.setattr(source, "stage", lambda name: stage(name).replace(*wrong))
     monkeypatch.setattr(checker, "_exact", False)
-    report = checker.check(small("gallery"))
+    report = checker.check(small("one_cylinder"))
     assert (report.agrees, report.frame.exact) == (False, False)
     assert report.frame.failed.any()
     monkeypatch.setattr(check, "replay", lambda *_: None)
-    assert checker.check(small("gallery")).agrees
+    assert checker.check(small("one_cylinder")).agrees
+
+
+def test_scenes_share_the_texts_of_stages_alone() -> None:
+    texts: list[dict[str, str]] = []
+    for name in ("one_sphere", "one_cylinder"):
+        needs = needs_of_frame(prepare(small(name)), "visible", device_outputs(OUTPUTS))
+        text = source.compose_stages(needs)
+        whole = Module("the shader", text)
+        texts.append({each: library.alone(text, each) for each in whole.functions()})
+        for function, part in texts[-1].items():
+            assert Module("a part", part).declared.keys() == whole.reached(function), function
+    both = texts[0].keys() & texts[1].keys()
+    assert len(both) > 30
+    assert sum(texts[0][name] == texts[1][name] for name in both) > 0.9 * len(both)
 
 
 def test_the_calls_of_the_twin_are_noted_and_nothing_is_left() -> None:
@@ -295,8 +320,9 @@ def test_the_command_fails_and_leaves_pictures(
 def test_all_are_the_bundled_scenes(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    few = {name: title for name, title in bundled_scenes().items() if "plane" in name}
-    assert len(few) > 1
+    names = ("one_plane", "one_sphere")
+    few = {name: title for name, title in bundled_scenes().items() if name in names}
+    assert tuple(few) == names
     monkeypatch.setattr(halfstep.scene, "bundled_scenes", lambda: few)
     assert main(["check", "--all", "--size", "32x24"]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -29,6 +29,7 @@ from halfstep.frames.renderer import Renderer
 from halfstep.host.pack import frame_record
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
+from halfstep.shader.library import alone
 from halfstep.shader.source import MAX_LINES, compose_stages, stage_files
 from halfstep.testing.census import Census, MismatchError
 from halfstep.testing.frames import FrameCensus, Replay, compare_frames, picture_file
@@ -212,7 +213,9 @@ class Checker:
         inputs = {other: calls.argument(other, t) for other, t in signature.parameters.items()}
         expected = calls.result(signature.result)
         used = {other: bindings[other] for other in bindings if other in shader.reached(name)}
+        # Scenes share what a function alone compiles to, because their shaders differ elsewhere.
+        text = alone(shader.text, name)
         try:
-            return self._kit.check(shader.text, name, lambda *_: expected, inputs, bindings=used)
+            return self._kit.check(text, name, lambda *_: expected, inputs, bindings=used)
         except MismatchError as mismatch:
             return mismatch.census

@@ -29,6 +29,7 @@ _DEFINITION = re.compile(
     r"(?:(fn|struct) (\w+)[\s\S]*?^\}|(?:const|alias|var<private>) (\w+)[^;]*;.*)\n",
     re.MULTILINE,
 )
+_BINDING = re.compile(r"^@group.* var<[^>]*> (\w+): .*\n", re.MULTILINE)
 
 
 @functools.cache
@@ -56,6 +57,14 @@ def reached(library: Iterable[Definition], kernel: str) -> list[Definition]:
         words = {word for one in wanted for word in by_name[one].words}
         wanted = (by_name.keys() & words) - found
     return [item for item in by_name.values() if item.name in found]
+
+
+def alone(text: str, function: str) -> str:
+    """The part of a text that one of its functions needs: bindings, then definitions."""
+    library = definitions(_BINDING.sub("", text))
+    words = frozenset().union(*(item.words for item in reached(library, f"{function}(")))
+    needed = "".join(one[0] for one in _BINDING.finditer(text) if one[1] in words)
+    return needed + joined(reached(library, f"{needed}{function}("))
 
 
 def joined(items: Iterable[Definition]) -> str:
