@@ -47,7 +47,7 @@ FRAMES = {
 }
 # Those of which shadows are golden, too.
 SHADOWED = ("figure", "gallery")
-SCENES = 132
+SCENES = 66
 
 Integers = NDArray[np.int64]
 
