@@ -33,6 +33,7 @@ from halfstep.scene.lattices import MAX_PLACES
 from halfstep.scene.values import Array, Vector
 
 _REGION_TOKEN = re.compile(r"[+-]?[0-9]+(?=[\s()|~]|$)|[()|~]|\s+")
+_PLAIN_REGION = re.compile(r"(?:[+-]?[0-9]+(?:\s+|$))+")
 _COLUMN = re.compile(r"column (\d+): ")
 # A matrix whose numbers differ from a rotation's by more than this is not a rotation with rounded
 # decimals.
@@ -222,7 +223,17 @@ class _Reader:
     def _region(self, value: Value | None) -> Formula | None:
         if value is None:
             return None
-        index = 0
+        formula = self._formula(value)
+        if formula is None:
+            return None
+        for surface, column in sides_of(formula):
+            if surface not in self._elements["surface"]:
+                self._document.fault(value, f"there is no surface {surface}", column)
+        return formula
+
+    def _formula(self, value: Value) -> Formula | None:
+        # Most regions have only these signs; any other text is searched for the place of a fault.
+        index = len(value.text) if _PLAIN_REGION.fullmatch(value.text) else 0
         while index < len(value.text):
             match = _REGION_TOKEN.match(value.text, index)
             if match is None:
@@ -233,16 +244,12 @@ class _Reader:
                 return None
             index = match.end()
         try:
-            formula = parse(re.sub(r"\s", " ", value.text))
+            return parse(re.sub(r"\s", " ", value.text))
         except ValueError as error:
             found = _COLUMN.match(str(error))
             what = _COLUMN.sub("", str(error), count=1)
             self._document.fault(value, what, int(found[1]) - 1 if found else 0)
             return None
-        for surface, column in sides_of(formula):
-            if surface not in self._elements["surface"]:
-                self._document.fault(value, f"there is no surface {surface}", column)
-        return formula
 
     def _materials(self, fields: Fields, value: Value) -> tuple[int | None, ...]:
         words = value.text.split()
