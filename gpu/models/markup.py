@@ -8,9 +8,10 @@ limited.
 
 from __future__ import annotations
 
+import gc
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 from xml.parsers import expat
@@ -21,12 +22,18 @@ from halfstep.scene.faults import show
 
 MAX_NESTING = 64
 # Limits against files that take much more memory or time than a model of their size.
-MAX_ELEMENTS = 1 << 21
-MAX_TAG_BYTES = 1 << 24
+MAX_ELEMENTS = 1 << 20
+MAX_TAG_BYTES = 1 << 22
 MAX_ATTRIBUTES = 64
+_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
+# A tag, and what may stand between it and its text.
+_BEFORE_TEXT = re.compile(_TAG.pattern + rb"(?:\s|<!--.*?-->|<\?.*?\?>)*", re.DOTALL)
+_WORD_END = re.compile(r"\s|$")
+_BLANKS = bytes.maketrans(b"\t\r\n", b"   ")
 # The most faults that a message lists, and the number at which reading ends.
-_MOST_FAULTS = 50
+MOST_FAULTS = 50
 ENOUGH_FAULTS = 1000
+_NONE: Mapping[str, str] = {}
 
 
 @dataclass(slots=True)
@@ -38,20 +45,25 @@ class Element:
         attributes: its attributes by name.
         at: index of its first byte in the document.
         children: its child elements in order.
-        text: all text in it, without the text of its children.
-        text_at: index of the first byte of the text, after blanks; -1 if there is no text.
+        text: all text in it, without blanks around it and without the text of its children.
     """
 
     name: str
-    attributes: dict[str, str]
+    attributes: Mapping[str, str]
     at: int
-    children: list[Element] = field(default_factory=list)
+    children: Sequence[Element] = ()
     text: str = ""
-    text_at: int = -1
+    _firsts: dict[str, Element] | None = None
 
     def find_all(self, *names: str) -> Iterator[Element]:
         """The children that have one of ``names``."""
         return (child for child in self.children if child.name in names)
+
+    def find(self, name: str) -> Element | None:
+        """The first child that has a name; None if there is none."""
+        if self._firsts is None:
+            self._firsts = {child.name: child for child in reversed(self.children)}
+        return self._firsts.get(name)
 
 
 class Value(NamedTuple):
@@ -89,10 +101,8 @@ class Document:
         text = element.attributes.get(key)
         if text is not None:
             return Value(key, text.strip(), element, None)
-        for child in element.children:
-            if child.name == key:
-                return Value(key, child.text.strip(), element, child)
-        return None
+        child = element.find(key) if element.children else None
+        return None if child is None else Value(key, child.text, element, child)
 
     def fault(self, where: Element | Value, what: str, column: int = 0) -> None:
         """Record a fault of an element or a value.
@@ -120,17 +130,23 @@ class Document:
         if holder is None:
             text, at = value.element.attributes[value.key], value.element.at
             pattern = rb"""\s%s\s*=\s*["']""" % re.escape(value.key.encode())
-            match = re.compile(pattern).search(self._content, at, at + MAX_TAG_BYTES)
+            tag = _TAG.match(self._content, at)
+            end = at if tag is None else tag.end()
+            match = re.compile(pattern).search(self._content, at, end)
             at = match.end() if match else at
         else:
-            text, at = holder.text, holder.at if holder.text_at < 0 else holder.text_at
-        raw = text.encode()
+            text, at = holder.text, holder.at
+            begin = _BEFORE_TEXT.match(self._content, at) if text else None
+            at = begin.end() if begin else at
+        # Only up to the end of the word must the document have the text as it is, unescaped.
+        begin = len(text) - len(text.lstrip()) + column
+        end = _WORD_END.search(text, begin)
+        assert end is not None
+        raw = text[: end.start()].encode()
         there = self._content[at : at + len(raw)]
         # XML turns line ends in an attribute into blanks.
-        if there.split() != raw.split() or len(there) != len(raw):
-            return at
-        start = len(text) - len(text.lstrip())
-        return at + len(text[: start + column].encode())
+        is_plain = b"&" not in there and there.translate(_BLANKS) == raw.translate(_BLANKS)
+        return at + len(text[:begin].encode()) if is_plain else at
 
     def check(self) -> None:
         """Raise a `SceneError` with all recorded faults, if there are any."""
@@ -140,15 +156,15 @@ class Document:
         lines: list[str] = []
         # The text up to a fault in the line of the fault, and the lines before.
         begun, before, ends = "", 0, 0
-        for at, what in found[:_MOST_FAULTS]:
+        for at, what in found[:MOST_FAULTS]:
             begun += self._content[before:at].decode(errors="replace")
             before, ends = at, ends + begun.count("\n")
             begun = begun.rpartition("\n")[2]
             where = f"line {ends + 1}, column {len(begun) + 1}"
             lines.append(f"{self.name}: {where}: {what}")
-        if len(found) > _MOST_FAULTS:
+        if len(found) > MOST_FAULTS:
             least = "at least " * (len(found) >= ENOUGH_FAULTS)
-            lines.append(f"{self.name}: {least}{len(found) - _MOST_FAULTS} more faults")
+            lines.append(f"{self.name}: {least}{len(found) - MOST_FAULTS} more faults")
         raise SceneError(*lines)
 
 
@@ -156,7 +172,8 @@ def titled(element: Element) -> str:
     """The title of an element, for people: ``cell 7``."""
     number = element.attributes.get("id")
     if number is None:
-        number = next((child.text for child in element.find_all("id")), "")
+        child = element.find("id")
+        number = "" if child is None else child.text
     return f"{element.name} {number.strip()[:20]}".strip()
 
 
@@ -173,10 +190,17 @@ def read(path: Path, given: str) -> Document:
     """
     content = bytearray()
     builder = _Builder(path.name)
-    for chunk in chunks_of(path, given):
-        content += chunk
-        builder.feed(chunk, len(content))
-    return Document(path.name, content, builder.end(len(content)))
+    # Elements have no cycles, so the search for cycles only takes time.
+    is_searching = gc.isenabled()
+    gc.disable()
+    try:
+        for chunk in chunks_of(path, given):
+            content += chunk
+            builder.feed(chunk, len(content))
+        return Document(path.name, content, builder.end(len(content)))
+    finally:
+        if is_searching:
+            gc.enable()
 
 
 class _Builder:
@@ -184,11 +208,12 @@ class _Builder:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._open: list[Element] = []
-        self._texts: list[list[str]] = []
+        # For each element that is open: the element, its children and its text.
+        self._open: list[tuple[Element, list[Element], list[str]]] = []
         self._root: Element | None = None
         self._count = 0
         self._parser = expat.ParserCreate()
+        self._parser.buffer_text = True
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CharacterDataHandler = self._characters
@@ -200,7 +225,7 @@ class _Builder:
             self._parser.Parse(data, is_last)
         except expat.ExpatError as error:
             where = f"line {error.lineno}, column {error.offset + 1}"
-            inside = f", in {titled(self._open[-1])}" if self._open else ""
+            inside = f", in {titled(self._open[-1][0])}" if self._open else ""
             what = expat.ErrorString(error.code)
             raise SceneError(f"{self._name}: {where}: not XML: {what}{inside}") from None
         except (ValueError, LookupError) as error:
@@ -221,29 +246,27 @@ class _Builder:
             self._refuse(f"has more than {MAX_ELEMENTS} elements")
         if len(attributes) > MAX_ATTRIBUTES:
             self._refuse(f"{show(name)} has more than {MAX_ATTRIBUTES} attributes")
-        element = Element(name, attributes, self._parser.CurrentByteIndex)
         if len(self._open) == MAX_NESTING:
             self._refuse(f"{show(name)} lies in more than {MAX_NESTING} elements")
+        element = Element(name, attributes or _NONE, self._parser.CurrentByteIndex)
         if self._open:
-            self._open[-1].children.append(element)
+            self._open[-1][1].append(element)
         else:
             self._root = element
-        self._open.append(element)
-        self._texts.append([])
+        self._open.append((element, [], []))
 
     def _end(self, _name: str) -> None:
-        self._open.pop().text = "".join(self._texts.pop())
+        element, children, texts = self._open.pop()
+        if children:
+            element.children = children
+        if texts:
+            element.text = "".join(texts).strip()
 
     def _characters(self, text: str) -> None:
-        element, texts = self._open[-1], self._texts[-1]
-        if element.text_at < 0:
-            # The text of an element usually begins with a line end, which is skipped.
-            begun = text.lstrip()
-            if not begun:
-                return
-            blanks = len(text[: len(text) - len(begun)].encode())
-            element.text_at, text = self._parser.CurrentByteIndex + blanks, begun
-        texts.append(text)
+        texts = self._open[-1][2]
+        # Nearly all text stands between elements, and is blank.
+        if texts or not text.isspace():
+            texts.append(text)
 
     def _doctype(self, name: str, *_: object) -> None:
         self._refuse(f"has a document type, {show(name)}; only files without one are read")
