@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
 import time
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +17,9 @@ import pytest
 import halfstep
 from halfstep.cli import main
 from halfstep.errors import HalfstepError, SceneError, UsageError
-from halfstep.models import Look, is_model, load
+from halfstep.models import Look, is_model, load, source
 from halfstep.models.look import clip_of, degrees_of
-from halfstep.models.markup import MAX_NESTING
+from halfstep.models.markup import ENOUGH_FAULTS, MAX_ELEMENTS, MAX_NESTING
 from halfstep.models.openmc import SURFACES
 from halfstep.models.openmc_reading import MAX_DEPTH, read_geometry
 from halfstep.scene import Scene
@@ -337,6 +340,75 @@ def test_a_huge_file_is_refused_before_it_is_read(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="lies in more than 64 elements"):
         load(path)
     assert time.process_time() - begin < 1
+
+
+def test_many_faults_end_the_reading(tmp_path: Path) -> None:
+    found = faults_of(tmp_path, f"<geometry>{'<cell/>' * 5000}</geometry>")
+    assert found[0] == (
+        "geometry.xml: line 1, column 11: cell: has neither material nor fill; one must be given"
+    )
+    assert len(found) == 51
+    assert found[-1] == f"geometry.xml: at least {ENOUGH_FAULTS - 50} more faults"
+
+
+@pytest.mark.parametrize(
+    ("begin", "middle", "end", "fault"),
+    [
+        ("<a>", "<b/>", "</a>", f"has more than {MAX_ELEMENTS} elements"),
+        ('<a b="', "xxxx", '"/>', "line 1, column 1: a tag or a comment is longer than 4 MiB"),
+        ("<a><!--", "xxxx", "--></a>", "line 1, column 4: a tag or a comment is longer than 4 MiB"),
+        ("<a", "", "".join(f' a{k}=""' for k in range(65)) + "/>", '"a" has more than 64 attr'),
+        ("<geometry>", " x\n ", "</geometry>", "line 1, column 1: geometry: has no cell"),
+        (
+            '<geometry><cell id="1" material="1"><region>',
+            "1(|\n",
+            "</region></cell></geometry>",
+            f"line 1, column 45: cell 1: region: longer than {1 << 16} bytes",
+        ),
+        (
+            '<geometry><cell id="1"><material>',
+            "x1 \n",
+            "</material></cell></geometry>",
+            'line 1, column 34: cell 1: material: "x1" is not a whole number',
+        ),
+    ],
+)
+def test_what_would_take_much_time_or_memory_is_refused_soon(
+    tmp_path: Path, begin: str, middle: str, end: str, fault: str
+) -> None:
+    path = written(tmp_path, begin + middle * (MAX_ELEMENTS + MAX_ELEMENTS // 4) + end)
+    start = time.process_time()
+    with pytest.raises(SceneError) as caught:
+        load(path)
+    assert time.process_time() - start < 10
+    assert fault in caught.value.faults[0]
+
+
+def test_universes_that_contain_themselves_are_found_in_time(tmp_path: Path) -> None:
+    cells = "".join(
+        f'<cell id="{k}" universe="{k}" fill="{k + 1 if k % 2 else k - 1}"/>'
+        for k in range(1, 2001)
+    )
+    found = faults_of(tmp_path, f"<geometry>{cells}</geometry>")
+    assert sum("leads a universe into itself" in fault for fault in found) == 8
+
+
+def test_a_pipe_without_an_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(source, "MAX_BYTES", 1 << 21)
+    for name in ("geometry.xml", "part.csg", "a.jsurf"):
+        os.mkfifo(tmp_path / name)
+
+        def write(path: Path = tmp_path / name) -> None:
+            with suppress(BrokenPipeError), path.open("wb") as file:
+                file.write(b"<a>")
+                while True:
+                    file.write(b" \n" * 4096)
+
+        writer = threading.Thread(target=write)
+        writer.start()
+        with pytest.raises(SceneError, match=rf"{name}: larger than 2 MiB"):
+            load(tmp_path / name)
+        writer.join()
 
 
 def test_universes_lie_in_one_another_to_a_limit(tmp_path: Path) -> None:

@@ -25,6 +25,8 @@ MARGIN = 2.0**-40
 NEGLIGIBLE = 2.0**-44
 # For each axis, the two others.
 _OTHERS = ((1, 2), (0, 2), (0, 1))
+# Second-order terms of a symmetric matrix beside the diagonal.
+_ABOVE = ([0, 0, 1], [1, 2, 2])
 
 
 class Empty(Exception):  # noqa: N818 - no error: a region without a point
@@ -68,18 +70,23 @@ def _box(region: Region, matrices: Floats) -> Floats:
     ]
     narrowing = _Narrowing(inequalities)
     box = narrowing.of(box)
-    if not np.isfinite(box).all():
-        box = _common(box, _corners(inequalities))
+    if _is_finite(box):
+        return narrowing.of(box)
+    box = _common(box, _corners(inequalities))
     for axes in _tilted_axes(inequalities):
-        if np.isfinite(box).all():
+        if _is_finite(box):
             break
         turned = _Narrowing([_in_axes(matrix, axes) for matrix in inequalities]).of(
             np.array([[-np.inf] * 3, [np.inf] * 3])
         )
-        if np.isfinite(turned).all():
+        if _is_finite(turned):
             corners = np.stack(np.meshgrid(*turned.T, indexing="ij"), axis=-1).reshape(-1, 3)
             box = _common(box, _around(corners @ axes.T))
     return narrowing.of(box)
+
+
+def _is_finite(box: Floats) -> bool:
+    return bool(np.isfinite(box).all())
 
 
 def _around(points: Floats) -> Floats:
@@ -97,9 +104,11 @@ def _common(first: Floats, second: Floats) -> Floats:
 
 def _corners(inequalities: Sequence[Floats]) -> Floats:
     """The box around the intersection of the planes among the inequalities."""
+    everything = np.array([[-np.inf] * 3, [np.inf] * 3])
+    if len(inequalities) < 4:
+        return everything
     planes = [np.append(2 * m[:3, 3], -m[3, 3]) for m in inequalities if not m[:3, :3].any()]
     planes = [plane for plane in planes if plane[:3].any()]
-    everything = np.array([[-np.inf] * 3, [np.inf] * 3])
     if len(planes) < 4 or not halfspaces.are_bounded(np.array([planes]))[0]:
         return everything
     points = halfspaces.vertices(np.array(planes))
@@ -111,7 +120,7 @@ def _tilted_axes(inequalities: Sequence[Floats]) -> list[Floats]:
     found: list[Floats] = []
     for matrix in inequalities:
         second = matrix[:3, :3]
-        if not (second - np.diag(np.diag(second))).any():
+        if not matrix[_ABOVE].any():
             continue
         axes = np.linalg.eigh(second)[1]
         if not any(np.allclose(np.abs(axes.T @ other).max(axis=0), 1.0) for other in found):
@@ -138,6 +147,7 @@ class _Narrowing:
     def __init__(self, inequalities: Sequence[Floats]) -> None:
         self._rows: list[list[list[float]]] = [matrix.tolist() for matrix in inequalities]
         self._axes = [_axis_of(matrix) for matrix in self._rows]
+        self._mixed = [bool(a[1] or a[2] or b[2]) for a, b, *_ in self._rows]
         # The last intervals of which an inequality left all.
         self._kept: list[list[Interval] | None] = [None] * len(self._rows)
 
@@ -145,18 +155,24 @@ class _Narrowing:
         """A box around the points in ``box`` where all F <= 0."""
         intervals: list[Interval] = [(low, high) for low, high in box.T.tolist()]
         for _ in range(ROUNDS):
+            first = [*intervals]
             for ix, matrix in enumerate(self._rows):
                 if self._kept[ix] == intervals:
                     continue
                 before, plane = [*intervals], self._axes[ix]
                 if plane is not None:
                     # Other coordinates decide nothing, but where there is no point.
-                    if matrix[3][3] + _times(2 * matrix[plane][3], intervals[plane])[0] > 0:
+                    slope, constant, own = 2 * matrix[plane][3], matrix[3][3], intervals[plane]
+                    if constant + _times(slope, own)[0] > 0:
                         raise Empty
-                    intervals[plane] = _narrow(intervals, matrix, plane)
-                for axis in range(3) if plane is None else ():
-                    intervals[axis] = _narrow(intervals, matrix, axis)
+                    intervals[plane] = _left_of(0.0, slope, slope, constant, own)
+                else:
+                    narrow = _narrow if self._mixed[ix] else _narrow_unmixed
+                    for axis in range(3):
+                        intervals[axis] = narrow(intervals, matrix, axis)
                 self._kept[ix] = before if before == intervals else None
+            if first == intervals:
+                break
         return np.array(intervals).T
 
 
@@ -177,11 +193,27 @@ def _narrow(box: Sequence[Interval], matrix: Sequence[Sequence[float]], axis: in
     c = matrix[3][3] + _least(matrix[j][j], 2 * matrix[j][3], box[j])
     c += _least(matrix[k][k], 2 * matrix[k][3], box[k])
     c += _product(_times(2 * matrix[j][k], box[j]), box[k])[0] if matrix[j][k] else 0.0
-    low, high = box[axis]
+    return _left_of(row[axis], b[0], b[1], c, box[axis])
+
+
+def _narrow_unmixed(
+    box: Sequence[Interval], matrix: Sequence[Sequence[float]], axis: int
+) -> Interval:
+    """`_narrow` for an F without products of two coordinates."""
+    j, k = _OTHERS[axis]
+    c = matrix[3][3] + _least(matrix[j][j], 2 * matrix[j][3], box[j])
+    c += _least(matrix[k][k], 2 * matrix[k][3], box[k])
+    b = 2 * matrix[axis][3]
+    return _left_of(matrix[axis][axis], b, b, c, box[axis])
+
+
+def _left_of(a: float, least: float, most: float, c: float, within: Interval) -> Interval:
+    """The interval that a x² + b x + c <= 0 leaves, for some b between ``least`` and ``most``."""
+    low, high = within
     if c == -math.inf:
-        return low, high
-    above = _solved(row[axis], b[0], c, (max(low, 0.0), high)) if high >= 0 else None
-    below = _solved(row[axis], -b[1], c, (max(-high, 0.0), -low)) if low <= 0 else None
+        return within
+    above = _solved(a, least, c, (max(low, 0.0), high)) if high >= 0 else None
+    below = _solved(a, -most, c, (max(-high, 0.0), -low)) if low <= 0 else None
     if below is None:
         if above is None:
             raise Empty
@@ -235,8 +267,10 @@ def _least(a: float, b: float, x: Interval) -> float:
     """The least a x² + b x over an interval."""
     if a == 0.0:
         return _times(b, x)[0]
-    vertex = min(max(-b / (2 * a), x[0]), x[1]) if a > 0 else x[0]
-    places = [vertex] if a > 0 else list(x)
-    if a < 0 and math.inf in (-x[0], x[1]):
-        return -math.inf
-    return min((a * place + b) * place for place in places)
+    low, high = x
+    if a < 0:
+        if low == -math.inf or high == math.inf:
+            return -math.inf
+        return min((a * low + b) * low, (a * high + b) * high)
+    place = min(max(-b / (2 * a), low), high)
+    return (a * place + b) * place

@@ -113,16 +113,91 @@ def compiled(
         hidden: whether the program also has the invisible cells; without a visible cell it has
             only these.
     """
+    merging = _merging(matrices, regions, is_visible, volume, higher=higher, hidden=hidden)
+    if merging is None:
+        return None
+    normal, is_shown, some = merging.normal, merging.is_shown, merging.some
+    box, middle, kept, moved = merging.box, merging.middle, merging.kept, merging.moved
+    counts = is_shown if is_shown.any() else np.full(len(normal), hidden)
+    seen = {leaf.surface for ix in some if counts[ix] for leaf in literals(normal[ix])}
+    if not seen:
+        return None
+    own = np.moveaxis(moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
+    own[:3, :3, : merging.planes] = 0.0
+    last = tuple(
+        higher[ix].moved(np.column_stack([np.eye(3), middle])) for ix in kept if ix in higher
+    )
+    pairs = {len(kept) - len(last) + k: each.pairs for k, each in enumerate(last)}
+    beside = [each for slot, each in zip(pairs, last, strict=True) if slot in seen]
+    thinnest = least_distance(own[..., sorted(seen)], merging.radius)
+    reach = PADDING * (np.ptp(box, axis=0) + np.abs(box - middle).max(axis=0))
+    return Program(
+        middle=middle,
+        box=box - middle + np.array([[-1.0], [1.0]]) * np.where(np.isfinite(reach), reach, 0.0),
+        matrices=own,
+        higher=last,
+        planes=merging.planes,
+        functions=np.array(kept, np.int64),
+        cells=merging.taken[some],
+        formula=Formula([hoisted(normal[ix]) for ix in some], ~is_shown[some], pairs),
+        thinnest=min(thinnest, least_distance_of(beside, merging.radius)),
+        seen=np.isin(np.arange(len(kept)), sorted(seen)),
+    )
+
+
+class _Merging(NamedTuple):
+    """Cells of a group whose regions may have points, over merged surfaces."""
+
+    taken: Ints  # (N,), their indices in the group
+    normal: list[Region]  # their regions in normal form
+    is_shown: Bools  # (N,), whether each has a visible surface
+    some: list[int]  # those of the N that have a surface, or are all of space and not shown
+    box: Floats  # (2, 3), around all that count
+    middle: Floats  # (3,), the middle of the program's coordinates
+    radius: float  # half the box's largest side
+    moved: Floats  # (F, 4, 4), the group's functions in the program's coordinates
+    kept: list[int]  # of each surface the first function, planes first
+    planes: int  # number of planes
+
+
+def cells_with_points(
+    matrices: Floats, regions: Sequence[Region], is_visible: Bools, higher: Mapping[int, Higher]
+) -> set[int]:
+    """The visible cells that may have points; arguments as for `compiled`.
+
+    A region that is everywhere counts, because what is around a group bounds it.
+    """
+    plain = Senses(range(len(matrices)), [False] * len(matrices))
+    found = _merging(matrices, regions, is_visible, None, higher=higher, hidden=False)
+    some = set() if found is None else set(found.taken[found.some].tolist())
+    return some | {
+        ix
+        for ix in np.flatnonzero(is_visible).tolist()
+        if ix not in some and normal_form(regions[ix], plain) == Intersection(())
+    }
+
+
+def _merging(
+    matrices: Floats,
+    regions: Sequence[Region],
+    is_visible: Bools,
+    volume: Floats | None,
+    *,
+    higher: Mapping[int, Higher],
+    hidden: bool,
+) -> _Merging | None:
+    """The cells of `compiled`; None if none that counts has a point."""
     plain = Senses(range(len(matrices)), [False] * len(matrices))
     taken = np.arange(len(regions)) if hidden else np.flatnonzero(is_visible)
     formulas = [normal_form(regions[ix], plain) for ix in taken.tolist()]
-    is_shown = is_visible[taken]
     # If any cell is shown, invisible cells must not change the picture or its accuracy.
-    counts = is_shown if is_shown.any() else ~is_shown
-    boxes = [box_with(formulas[ix], matrices, higher) for ix in np.flatnonzero(counts).tolist()]
-    found = [box for box in boxes if box is not None]
+    counts = is_visible[taken] if is_visible.any() else np.ones(len(taken), bool)
+    boxes = {ix: box_with(formulas[ix], matrices, higher) for ix in np.flatnonzero(counts).tolist()}
+    found = [box for box in boxes.values() if box is not None]
     if not found:
         return None
+    left = [ix for ix in range(len(taken)) if not counts[ix] or boxes[ix] is not None]
+    taken, formulas = taken[left], [formulas[ix] for ix in left]
     box = np.array([np.min(found, axis=0)[0], np.max(found, axis=0)[1]])
     measure = box if np.isfinite(box).all() or volume is None else volume
     if not np.isfinite(measure).all():
@@ -132,42 +207,27 @@ def compiled(
     moved = _moved(matrices, middle)
     first, opposite = _all_merged(moved, higher, middle, radius)
     used = sorted({literal.surface for region in formulas for literal in literals(region)})
-    kept = list(dict.fromkeys(int(first[ix]) for ix in used))
-    is_plane = {ix: ix not in higher and not _second_order(moved[ix], radius).any() for ix in kept}
+    kept = list(dict.fromkeys(first[used].tolist()))
+    bends = dict(zip(kept, _second_order(moved[kept], radius).tolist(), strict=True))
+    is_plane = {ix: ix not in higher and not bends[ix] for ix in kept}
     kept.sort(key=lambda ix: (ix in higher, not is_plane[ix]))
     slots = {ix: slot for slot, ix in enumerate(kept)}
-    senses = Senses([slots.get(int(ix), -1) for ix in first], opposite.tolist())
+    senses = Senses([slots.get(ix, -1) for ix in first.tolist()], opposite.tolist())
     normal = [normal_form(region, senses) for region in formulas]
     # Merging may leave a cell without a point. A cell that is all of space has no visible surface:
     # it hides nothing, but overlaps all others.
-    everywhere = np.array([region == Intersection(()) for region in normal])
-    is_shown &= ~everywhere
-    some = [ix for ix, region in enumerate(normal) if literals(region) or everywhere[ix] & hidden]
-    counts = is_shown if is_shown.any() else np.full(len(normal), hidden)
-    seen = {leaf.surface for ix in some if counts[ix] for leaf in literals(normal[ix])}
-    if not seen:
-        return None
-    own = np.moveaxis(moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
-    planes = sum(is_plane.values())
-    own[:3, :3, :planes] = 0.0
-    last = tuple(
-        higher[ix].moved(np.column_stack([np.eye(3), middle])) for ix in kept if ix in higher
-    )
-    pairs = {len(kept) - len(last) + k: each.pairs for k, each in enumerate(last)}
-    beside = [each for slot, each in zip(pairs, last, strict=True) if slot in seen]
-    thinnest = least_distance(own[..., sorted(seen)], radius)
-    reach = PADDING * (np.ptp(box, axis=0) + np.abs(box - middle).max(axis=0))
-    return Program(
+    everywhere = [region == Intersection(()) for region in normal]
+    return _Merging(
+        taken=taken,
+        normal=normal,
+        is_shown=is_visible[taken] & ~np.array(everywhere, bool),
+        some=[ix for ix, each in enumerate(normal) if literals(each) or everywhere[ix] & hidden],
+        box=box,
         middle=middle,
-        box=box - middle + np.array([[-1.0], [1.0]]) * np.where(np.isfinite(reach), reach, 0.0),
-        matrices=own,
-        higher=last,
-        planes=planes,
-        functions=np.array(kept, np.int64),
-        cells=taken[some],
-        formula=Formula([hoisted(normal[ix]) for ix in some], ~is_shown[some], pairs),
-        thinnest=min(thinnest, least_distance_of(beside, radius)),
-        seen=np.isin(np.arange(len(kept)), sorted(seen)),
+        radius=radius,
+        moved=moved,
+        kept=kept,
+        planes=sum(is_plane.values()),
     )
 
 
@@ -186,11 +246,12 @@ def _scaled(matrices: Floats, radius: float) -> Floats:
     return np.asarray(rows / np.where(size > 0, size, 1.0))
 
 
-def _second_order(matrix: Floats, radius: float) -> Bools:
-    """Whether second-order terms of a matrix (4, 4) are more than rounding of the others."""
+def _second_order(matrices: Floats, radius: float) -> Bools:
+    """Whether second-order terms of matrices (N, 4, 4) are more than rounding of the others."""
     stretch = np.array([radius, radius, radius, 1.0])
-    scaled = np.abs(matrix * np.multiply.outer(stretch, stretch))
-    return np.asarray(scaled[:3, :3] > COINCIDENT * scaled.max(initial=0.0))
+    scaled = np.abs(matrices * np.multiply.outer(stretch, stretch))
+    largest = scaled.max(axis=(1, 2), initial=0.0)
+    return np.asarray(scaled[:, :3, :3].max(axis=(1, 2), initial=0.0) > COINCIDENT * largest)
 
 
 def _all_merged(
@@ -441,11 +502,11 @@ def _program_of(
     program = compiled(matrices, regions, shown, volume, higher=higher, hidden=hidden)
     # Merging surfaces may leave a cell without a point.
     kept = set() if program is None else set(program.cells.tolist())
-    for ix in np.flatnonzero(shown).tolist():
-        region = normal_form(regions[ix], plain)
-        is_empty = ix not in kept or box_with(region, matrices, higher) is None
-        if is_empty and region != Intersection(()):
-            faults.append(f"{scene.name}: {where}{group.cells[ix].title}: its region is empty")
+    faults += [
+        f"{scene.name}: {where}{group.cells[ix].title}: its region is empty"
+        for ix in np.flatnonzero(shown).tolist()
+        if ix not in kept and normal_form(regions[ix], plain) != Intersection(())
+    ]
     if program is None:
         return None
     if not np.isfinite(program.box).all() and volume is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from halfstep.models.markup import Document, Element, Value
+from halfstep.models.markup import MOST_FAULTS, Document, Element, Value
 from halfstep.scene.faults import show
 from halfstep.scene.formula import MAX_ID
 from halfstep.scene.values import LARGEST
@@ -57,7 +57,7 @@ class Fields:
         words = value.text.split()
         wrong = [word for word in words if not _FLOAT.fullmatch(word)]
         wrong = wrong or [word for word in words if not abs(float(word)) <= LARGEST]
-        for word in wrong:
+        for word in wrong[:MOST_FAULTS]:
             rule = f"between {-LARGEST:g} and {LARGEST:g}" if _FLOAT.fullmatch(word) else "a number"
             self._document.fault(value, f"{show(word)} is not {rule}", value.text.index(word))
         if not wrong and len(words) not in counts:
@@ -69,6 +69,7 @@ class Fields:
     def whole(self, value: Value, words: list[str], least: int) -> tuple[int, ...] | None:
         """Words of a value as whole numbers, each at least ``least``; None if one is faulty."""
         found: list[int] = []
+        wrong = 0
         for word in words:
             is_number = _INTEGER.fullmatch(word) and len(word) < 20
             if is_number and least <= int(word) <= MAX_ID:
@@ -76,6 +77,9 @@ class Fields:
                 continue
             rule = f"between {least} and {MAX_ID}" if is_number else "a whole number"
             self._document.fault(value, f"{show(word)} is not {rule}", value.text.index(word))
+            wrong += 1
+            if wrong == MOST_FAULTS:
+                break
         return tuple(found) if len(found) == len(words) else None
 
     def _required(self, key: str) -> Value | None:

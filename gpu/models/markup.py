@@ -8,23 +8,32 @@ limited.
 
 from __future__ import annotations
 
-import os
+import gc
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 from xml.parsers import expat
 
 from halfstep.errors import SceneError
-from halfstep.models.source import MAX_BYTES
+from halfstep.models.source import chunks_of
 from halfstep.scene.faults import show
-from halfstep.text import place
 
 MAX_NESTING = 64
-_CHUNK = 1 << 20
-# The most faults that a message lists.
-_MOST_FAULTS = 50
+# Limits against files that take much more memory or time than a model of their size.
+MAX_ELEMENTS = 1 << 20
+MAX_TAG_BYTES = 1 << 22
+MAX_ATTRIBUTES = 64
+_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
+# A tag, and what may stand between it and its text.
+_BEFORE_TEXT = re.compile(_TAG.pattern + rb"(?:\s|<!--.*?-->|<\?.*?\?>)*", re.DOTALL)
+_WORD_END = re.compile(r"\s|$")
+_BLANKS = bytes.maketrans(b"\t\r\n", b"   ")
+# The most faults that a message lists, and the number at which reading ends.
+MOST_FAULTS = 50
+ENOUGH_FAULTS = 1000
+_NONE: Mapping[str, str] = {}
 
 
 @dataclass(slots=True)
@@ -36,39 +45,41 @@ class Element:
         attributes: its attributes by name.
         at: index of its first byte in the document.
         children: its child elements in order.
-        text: all text in it, without the text of its children.
-        text_at: index of the first byte of the text, after blanks; -1 if there is no text.
+        text: all text in it, without blanks around it and without the text of its children.
     """
 
     name: str
-    attributes: dict[str, str]
+    attributes: Mapping[str, str]
     at: int
-    children: list[Element] = field(default_factory=list)
+    children: Sequence[Element] = ()
     text: str = ""
-    text_at: int = -1
+    _firsts: dict[str, Element] | None = None
 
     def find_all(self, *names: str) -> Iterator[Element]:
         """The children that have one of ``names``."""
         return (child for child in self.children if child.name in names)
 
+    def find(self, name: str) -> Element | None:
+        """The first child that has a name; None if there is none."""
+        if self._firsts is None:
+            self._firsts = {child.name: child for child in reversed(self.children)}
+        return self._firsts.get(name)
 
-@dataclass(frozen=True, slots=True)
-class Value:
+
+class Value(NamedTuple):
     """The value of a key of an element: an attribute, or the text of a child.
 
     Attributes:
         key: name of the key.
         text: the value without blanks around it.
         element: the element that has the key.
-        at: index of the byte of the document where the text begins, or where its holder begins.
-        is_plain: whether the document has each character of the text unescaped.
+        holder: the child that has the text; None for an attribute.
     """
 
     key: str
     text: str
     element: Element
-    at: int
-    is_plain: bool
+    holder: Element | None
 
 
 class Document:
@@ -79,31 +90,19 @@ class Document:
         root: the outermost element.
     """
 
-    def __init__(self, name: str, content: bytes, root: Element) -> None:
+    def __init__(self, name: str, content: bytearray, root: Element) -> None:
         self.name, self.root = name, root
         self._content = content
         self._faults: dict[tuple[int, str], None] = {}
 
-    def value(self, element: Element, key: str) -> Value | None:
+    @staticmethod
+    def value(element: Element, key: str) -> Value | None:
         """The value of a key, which is an attribute or a child; None if it is missing."""
-        if key in element.attributes:
-            text = element.attributes[key]
-            pattern = rb"""\s%s\s*=\s*(["'])""" % re.escape(key.encode())
-            match = re.compile(pattern).search(self._content, element.at)
-            return self._value(key, text, element, match.end() if match else element.at)
-        for child in element.find_all(key):
-            at = child.at if child.text_at < 0 else child.text_at
-            return self._value(key, child.text, element, at)
-        return None
-
-    def _value(self, key: str, text: str, element: Element, at: int) -> Value:
-        raw = text.encode()
-        there = self._content[at : at + len(raw)]
-        # XML turns line ends in an attribute into blanks.
-        is_plain = there.split() == raw.split() and len(there) == len(raw)
-        start = len(text) - len(text.lstrip())
-        at += len(text[:start].encode()) if is_plain else 0
-        return Value(key, text.strip(), element, at, is_plain)
+        text = element.attributes.get(key)
+        if text is not None:
+            return Value(key, text.strip(), element, None)
+        child = element.find(key) if element.children else None
+        return None if child is None else Value(key, child.text, element, child)
 
     def fault(self, where: Element | Value, what: str, column: int = 0) -> None:
         """Record a fault of an element or a value.
@@ -112,35 +111,69 @@ class Document:
             where: the element, or the value of a key.
             what: the fault; the message puts the names of element and key before it.
             column: index of the faulty character in the value.
+
+        Raises:
+            SceneError: so many faults were found that reading ends.
         """
         if isinstance(where, Value):
-            at = where.at
-            if where.is_plain:
-                at += len(where.text[:column].encode())
+            at = self._place(where, column)
             what = f"{titled(where.element)}: {where.key}: {what}"
         else:
             at, what = where.at, f"{titled(where)}: {what}"
         self._faults[at, what] = None
+        if len(self._faults) == ENOUGH_FAULTS:
+            self.check()
+
+    def _place(self, value: Value, column: int) -> int:
+        """The index of the byte where a character of a value stands, or where its holder begins."""
+        holder = value.holder
+        if holder is None:
+            text, at = value.element.attributes[value.key], value.element.at
+            pattern = rb"""\s%s\s*=\s*["']""" % re.escape(value.key.encode())
+            tag = _TAG.match(self._content, at)
+            end = at if tag is None else tag.end()
+            match = re.compile(pattern).search(self._content, at, end)
+            at = match.end() if match else at
+        else:
+            text, at = holder.text, holder.at
+            begin = _BEFORE_TEXT.match(self._content, at) if text else None
+            at = begin.end() if begin else at
+        # Only up to the end of the word must the document have the text as it is, unescaped.
+        begin = len(text) - len(text.lstrip()) + column
+        end = _WORD_END.search(text, begin)
+        assert end is not None
+        raw = text[: end.start()].encode()
+        there = self._content[at : at + len(raw)]
+        # XML turns line ends in an attribute into blanks.
+        is_plain = b"&" not in there and there.translate(_BLANKS) == raw.translate(_BLANKS)
+        return at + len(text[:begin].encode()) if is_plain else at
 
     def check(self) -> None:
         """Raise a `SceneError` with all recorded faults, if there are any."""
         found = sorted(self._faults)
         if not found:
             return
-        lines = [f"{self.name}: {self._place(at)}: {what}" for at, what in found[:_MOST_FAULTS]]
-        if len(found) > _MOST_FAULTS:
-            lines.append(f"{self.name}: {len(found) - _MOST_FAULTS} more faults")
+        lines: list[str] = []
+        # The text up to a fault in the line of the fault, and the lines before.
+        begun, before, ends = "", 0, 0
+        for at, what in found[:MOST_FAULTS]:
+            begun += self._content[before:at].decode(errors="replace")
+            before, ends = at, ends + begun.count("\n")
+            begun = begun.rpartition("\n")[2]
+            where = f"line {ends + 1}, column {len(begun) + 1}"
+            lines.append(f"{self.name}: {where}: {what}")
+        if len(found) > MOST_FAULTS:
+            least = "at least " * (len(found) >= ENOUGH_FAULTS)
+            lines.append(f"{self.name}: {least}{len(found) - MOST_FAULTS} more faults")
         raise SceneError(*lines)
-
-    def _place(self, at: int) -> str:
-        return place(self._content[:at].decode(errors="replace"))
 
 
 def titled(element: Element) -> str:
     """The title of an element, for people: ``cell 7``."""
     number = element.attributes.get("id")
     if number is None:
-        number = next((child.text for child in element.find_all("id")), "")
+        child = element.find("id")
+        number = "" if child is None else child.text
     return f"{element.name} {number.strip()[:20]}".strip()
 
 
@@ -156,20 +189,18 @@ def read(path: Path, given: str) -> Document:
             a document type.
     """
     content = bytearray()
+    builder = _Builder(path.name)
+    # Elements have no cycles, so the search for cycles only takes time.
+    is_searching = gc.isenabled()
+    gc.disable()
     try:
-        with path.open("rb") as file:
-            builder = _Builder(path.name)
-            if os.fstat(file.fileno()).st_size > MAX_BYTES:
-                raise SceneError(f"{path.name}: larger than {MAX_BYTES >> 20} MiB")
-            while chunk := file.read(_CHUNK):
-                content += chunk
-                builder.feed(chunk)
-            root = builder.end()
-    except FileNotFoundError:
-        raise SceneError(f"{given}: no such file") from None
-    except OSError as error:
-        raise SceneError(f"{given}: cannot be read: {error.strerror}") from None
-    return Document(path.name, bytes(content), root)
+        for chunk in chunks_of(path, given):
+            content += chunk
+            builder.feed(chunk, len(content))
+        return Document(path.name, content, builder.end(len(content)))
+    finally:
+        if is_searching:
+            gc.enable()
 
 
 class _Builder:
@@ -177,56 +208,65 @@ class _Builder:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._open: list[Element] = []
-        self._texts: list[list[str]] = []
+        # For each element that is open: the element, its children and its text.
+        self._open: list[tuple[Element, list[Element], list[str]]] = []
         self._root: Element | None = None
+        self._count = 0
         self._parser = expat.ParserCreate()
+        self._parser.buffer_text = True
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CharacterDataHandler = self._characters
         self._parser.StartDoctypeDeclHandler = self._doctype
 
-    def feed(self, data: bytes, *, is_last: bool = False) -> None:
+    def feed(self, data: bytes, fed: int, *, is_last: bool = False) -> None:
+        """Parse the next bytes of a file, with which ``fed`` bytes of it are parsed."""
         try:
             self._parser.Parse(data, is_last)
         except expat.ExpatError as error:
             where = f"line {error.lineno}, column {error.offset + 1}"
-            inside = f", in {titled(self._open[-1])}" if self._open else ""
+            inside = f", in {titled(self._open[-1][0])}" if self._open else ""
             what = expat.ErrorString(error.code)
             raise SceneError(f"{self._name}: {where}: not XML: {what}{inside}") from None
         except (ValueError, LookupError) as error:
             # The encoding is unknown, or one with several bytes for a letter.
             raise SceneError(f"{self._name}: line 1, column 1: {error}") from None
+        # Expat reads an unfinished tag or comment again with every call.
+        if not is_last and fed - self._parser.CurrentByteIndex > MAX_TAG_BYTES:
+            self._refuse(f"a tag or a comment is longer than {MAX_TAG_BYTES >> 20} MiB")
 
-    def end(self) -> Element:
-        self.feed(b"", is_last=True)
+    def end(self, fed: int) -> Element:
+        self.feed(b"", fed, is_last=True)
         assert self._root is not None
         return self._root
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
-        element = Element(name, attributes, self._parser.CurrentByteIndex)
+        self._count += 1
+        if self._count > MAX_ELEMENTS:
+            self._refuse(f"has more than {MAX_ELEMENTS} elements")
+        if len(attributes) > MAX_ATTRIBUTES:
+            self._refuse(f"{show(name)} has more than {MAX_ATTRIBUTES} attributes")
         if len(self._open) == MAX_NESTING:
             self._refuse(f"{show(name)} lies in more than {MAX_NESTING} elements")
+        element = Element(name, attributes or _NONE, self._parser.CurrentByteIndex)
         if self._open:
-            self._open[-1].children.append(element)
+            self._open[-1][1].append(element)
         else:
             self._root = element
-        self._open.append(element)
-        self._texts.append([])
+        self._open.append((element, [], []))
 
     def _end(self, _name: str) -> None:
-        self._open.pop().text = "".join(self._texts.pop())
+        element, children, texts = self._open.pop()
+        if children:
+            element.children = children
+        if texts:
+            element.text = "".join(texts).strip()
 
     def _characters(self, text: str) -> None:
-        element, texts = self._open[-1], self._texts[-1]
-        if element.text_at < 0:
-            # The text of an element usually begins with a line end, which is skipped.
-            begun = text.lstrip()
-            if not begun:
-                return
-            blanks = len(text[: len(text) - len(begun)].encode())
-            element.text_at, text = self._parser.CurrentByteIndex + blanks, begun
-        texts.append(text)
+        texts = self._open[-1][2]
+        # Nearly all text stands between elements, and is blank.
+        if texts or not text.isspace():
+            texts.append(text)
 
     def _doctype(self, name: str, *_: object) -> None:
         self._refuse(f"has a document type, {show(name)}; only files without one are read")

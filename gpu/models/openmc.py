@@ -39,6 +39,7 @@ SURFACES = {
 # Particles pass only this boundary. Space without cells beyond other boundaries is not a gap.
 OPEN_BOUNDARY = "transmission"
 BOUNDARIES = (OPEN_BOUNDARY, "vacuum", "reflective", "periodic", "white")
+_LOWER = np.tril_indices(4, -1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +97,7 @@ class Surface:
                 found[[0, 1, 2], [0, 1, 2]] = weights
                 found[:3, 3] = -weights * middle
                 found[3, 3] = (weights * middle * middle).sum() - last * last
-        lower = np.tril_indices(4, -1)
-        found[lower] = found.T[lower]
+        found[_LOWER] = found.T[_LOWER]
         return found
 
     def squares(self) -> tuple[Array, Array, float]:
@@ -257,6 +257,17 @@ class Geometry:
                         found[number] = found.get(number, 0) + count * times
             self._counted[universe] = found
         return self._counted[universe]
+
+    def matrix(self, surface: int) -> Array:
+        """The matrix (4, 4) of a surface by number, 0 for a torus; see `Surface.matrix`."""
+        if surface not in self._matrices:
+            own = self.surfaces[surface]
+            self._matrices[surface] = np.zeros((4, 4)) if own.is_torus else own.matrix()
+        return self._matrices[surface]
+
+    @functools.cached_property
+    def _matrices(self) -> dict[int, Array]:
+        return {}
 
     @functools.cached_property
     def _counted(self) -> dict[int, dict[int, int]]:

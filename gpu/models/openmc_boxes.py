@@ -21,12 +21,10 @@ def box_of_cell(geometry: Geometry, cell: Cell) -> Array | None:
     """The bounding box of a cell's region; None if the region certainly has no point."""
     if cell.region is None:
         return EVERYWHERE
-    used = {number: geometry.surfaces[number] for number, _ in sides_of(cell.region)}
+    numbers = {number for number, _ in sides_of(cell.region)}
+    used = {number: geometry.surfaces[number] for number in numbers}
     tori = {number: Higher.of(each.torus()) for number, each in used.items() if each.is_torus}
-    matrices = {
-        number: np.zeros((4, 4)) if each.is_torus else each.matrix()
-        for number, each in used.items()
-    }
+    matrices = {number: geometry.matrix(number) for number in numbers}
     return box_of_region(cell.region, matrices, tori)
 
 

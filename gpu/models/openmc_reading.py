@@ -28,15 +28,18 @@ from halfstep.models.openmc import (
 )
 from halfstep.models.regions import sides_of
 from halfstep.scene.faults import SMALLEST_LENGTH, hint, show
-from halfstep.scene.formula import Formula, parse
+from halfstep.scene.formula import MAX_FORMULA_BYTES, Formula, parse
 from halfstep.scene.lattices import MAX_PLACES
 from halfstep.scene.values import Array, Vector
 
 _REGION_TOKEN = re.compile(r"[+-]?[0-9]+(?=[\s()|~]|$)|[()|~]|\s+")
+_PLAIN_REGION = re.compile(r"(?:[+-]?[0-9]+(?:\s+|$))+")
 _COLUMN = re.compile(r"column (\d+): ")
 # A matrix whose numbers differ from a rotation's by more than this is not a rotation with rounded
 # decimals.
 _ROTATION_ROUNDING = 1e-4
+# Of universes that contain themselves through others, so many are reported.
+_MOST_CIRCLES = 8
 ROOTS = ("geometry", "model")
 # The most universes that may lie inside one another.
 MAX_DEPTH = 30
@@ -222,7 +225,20 @@ class _Reader:
     def _region(self, value: Value | None) -> Formula | None:
         if value is None:
             return None
-        index = 0
+        formula = self._formula(value)
+        if formula is None:
+            return None
+        for surface, column in sides_of(formula):
+            if surface not in self._elements["surface"]:
+                self._document.fault(value, f"there is no surface {surface}", column)
+        return formula
+
+    def _formula(self, value: Value) -> Formula | None:
+        if len(value.text) > MAX_FORMULA_BYTES:
+            self._document.fault(value, f"longer than {MAX_FORMULA_BYTES} bytes")
+            return None
+        # Most regions have only these signs; any other text is searched for the place of a fault.
+        index = len(value.text) if _PLAIN_REGION.fullmatch(value.text) else 0
         while index < len(value.text):
             match = _REGION_TOKEN.match(value.text, index)
             if match is None:
@@ -233,16 +249,12 @@ class _Reader:
                 return None
             index = match.end()
         try:
-            formula = parse(re.sub(r"\s", " ", value.text))
+            return parse(re.sub(r"\s", " ", value.text))
         except ValueError as error:
             found = _COLUMN.match(str(error))
             what = _COLUMN.sub("", str(error), count=1)
             self._document.fault(value, what, int(found[1]) - 1 if found else 0)
             return None
-        for surface, column in sides_of(formula):
-            if surface not in self._elements["surface"]:
-                self._document.fault(value, f"there is no surface {surface}", column)
-        return formula
 
     def _materials(self, fields: Fields, value: Value) -> tuple[int | None, ...]:
         words = value.text.split()
@@ -399,8 +411,12 @@ class _Reader:
         return None
 
     def _note_circles(self, ways: dict[int, dict[int, Value]]) -> None:
-        """Record each fill by which a universe contains itself, and too deep nesting."""
-        while True:
+        """Record fills by which a universe contains itself, or else too deep nesting."""
+        for number, inside in ways.items():
+            if number in inside:
+                what = f"leads a universe into itself: {number} → {number}"
+                self._document.fault(inside.pop(number), what)
+        for _ in range(_MOST_CIRCLES):
             try:
                 TopologicalSorter(ways).prepare()
             except CycleError as error:
@@ -411,6 +427,8 @@ class _Reader:
                 self._document.fault(where, f"leads a universe into itself: {names}")
             else:
                 break
+        else:
+            return
         levels: dict[int, int] = {}
         for number in TopologicalSorter(ways).static_order():
             levels[number] = 1 + max((levels[each] for each in ways[number]), default=0)

@@ -10,13 +10,11 @@ from typing import TypeVar
 import numpy as np
 
 from halfstep.errors import SceneError
-from halfstep.host.formulas import Senses, normal_form
-from halfstep.host.higher import box_with, higher_of
-from halfstep.host.regions import compiled
+from halfstep.host.higher import higher_of
+from halfstep.host.regions import cells_with_points
 from halfstep.models.look import PLACE, Clip, Look, Table, both, camera_of, lights_of, plane
 from halfstep.scene import Fragment, Scene
 from halfstep.scene.formula import Formula, Sense
-from halfstep.scene.region import Intersection
 from halfstep.scene.values import LARGEST, Array
 
 # Along an axis without an end, this part of the model's size is shown on each side of the middle.
@@ -90,18 +88,9 @@ def without_empty(fragment: FragmentT) -> FragmentT:
         return fragment.model_copy(update={"groups": groups})
     functions = fragment.functions()
     matrices = np.array([function.matrix for function in functions]).reshape(-1, 4, 4)
-    higher = higher_of(functions)
-    regions = fragment.names().regions
-    senses = Senses(range(len(matrices)), [False] * len(matrices))
-    program = compiled(matrices, regions, shown, None, higher=higher)
-    kept = set() if program is None else set(program.cells.tolist())
-    for ix in np.flatnonzero(shown).tolist():
-        region = normal_form(regions[ix], senses)
-        if box_with(region, matrices, higher) is None:
-            kept.discard(ix)
-        elif region == Intersection(()):
-            # The cell that this one fills ends it.
-            kept.add(ix)
+    kept = cells_with_points(matrices, fragment.names().regions, shown, higher_of(functions))
+    if kept.issuperset(np.flatnonzero(shown).tolist()):
+        return fragment.model_copy(update={"groups": groups})
     cells = tuple(
         cell.model_copy(update={"visible": False}) if shown[ix] and ix not in kept else cell
         for ix, cell in enumerate(fragment.cells)

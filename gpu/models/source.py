@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from halfstep.errors import SceneError
@@ -10,6 +11,7 @@ from halfstep.text import decoded, place
 
 # Larger files are refused. A reactor core with all its fuel particles takes some 20 MB.
 MAX_BYTES = 1 << 28
+_CHUNK = 1 << 20
 
 
 class Source:
@@ -49,15 +51,35 @@ def read_source(path: Path, given: str, decode: Callable[[bytes], str] = decoded
     Raises:
         SceneError: the file cannot be read, is too large, or is not text.
     """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise SceneError(f"{path.name}: larger than {MAX_BYTES >> 20} MiB")
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise SceneError(f"{given}: no such file") from None
-    except OSError as error:
-        raise SceneError(f"{given}: cannot be read: {error.strerror}") from None
+    content = b"".join(chunks_of(path, given))
     try:
         return Source(path.name, decode(content))
     except ValueError as error:
         raise SceneError(f"{path.name}: {error}") from None
+
+
+def chunks_of(path: Path, given: str) -> Iterator[bytes]:
+    """The bytes of a file, one chunk after another.
+
+    Args:
+        path: path of the file.
+        given: the user's name for the file.
+
+    Raises:
+        SceneError: the file cannot be read, or is larger than `MAX_BYTES`. A file that does not
+            tell its size, such as a pipe, is refused when so many bytes of it are read.
+    """
+    try:
+        with path.open("rb") as file:
+            read, size = 0, os.fstat(file.fileno()).st_size
+            while max(read, size) <= MAX_BYTES:
+                chunk = file.read(_CHUNK)
+                if not chunk:
+                    return
+                read += len(chunk)
+                yield chunk
+            raise SceneError(f"{path.name}: larger than {MAX_BYTES >> 20} MiB")
+    except FileNotFoundError:
+        raise SceneError(f"{given}: no such file") from None
+    except OSError as error:
+        raise SceneError(f"{given}: cannot be read: {error.strerror}") from None

@@ -26,6 +26,7 @@ MAX_ID = 2**31 - 1
 WORD = re.compile(r"[^\W\d]\w*")
 _TOKEN = re.compile(r"[+-]?[0-9]+(?!\w)|[^\W\d]\w*|[&|~()-]")
 _SPACE = re.compile(r"\s*")
+_RUN = re.compile(r"\S+")
 # Operators of other programs, and the same operator here.
 _FOREIGN = {":": "|", "#": "~", "!": "~", "*": "&", "^": "~"}
 
@@ -183,7 +184,22 @@ def parse(text: str) -> Formula:
     """
     if len(text.encode("utf-8", "surrogatepass")) > MAX_FORMULA_BYTES:
         raise ValueError(f"longer than {MAX_FORMULA_BYTES} bytes")
-    return _Parser(text).whole()
+    return _sides(text) or _Parser(text).whole()
+
+
+def _sides(text: str) -> Formula | None:
+    """The formula of a text that only lists sides of surfaces; None for any other text."""
+    terms: list[Formula] = []
+    for match in _RUN.finditer(text):
+        word = match[0]
+        digits = word[1:] if word[0] in "+-" else word
+        if not (digits.isascii() and digits.isdecimal()) or len(digits) > len(str(MAX_ID)):
+            return None
+        number = int(digits)
+        if not 1 <= number <= MAX_ID:
+            return None
+        terms.append(Sense(number, word[0] != "-", match.start()))
+    return _joined(AllOf, terms) if terms else None
 
 
 def fault_at(text: str, index: int, what: str) -> str:
@@ -333,6 +349,8 @@ class _Parser:
 def _joined(kind: type[AllOf] | type[AnyOf], terms: list[Formula]) -> Formula:
     if len(terms) == 1:
         return terms[0]
+    if not any(isinstance(term, kind) for term in terms):
+        return kind(tuple(terms))
     return kind(tuple(member for term in terms for member in _members(term, kind)))
 
 

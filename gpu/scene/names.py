@@ -13,7 +13,16 @@ from graphlib import CycleError, TopologicalSorter
 from pydantic import BaseModel
 
 from halfstep.scene.faults import Fault, Loc, hint, line, show
-from halfstep.scene.formula import MAX_LEVELS, WORD, Formula, Sense, fault_at, leaves, parse
+from halfstep.scene.formula import (
+    MAX_LEVELS,
+    WORD,
+    Formula,
+    Leaf,
+    Sense,
+    fault_at,
+    leaves,
+    parse,
+)
 
 
 def name_faults(scene: object) -> list[Fault]:
@@ -156,26 +165,35 @@ class _Group:
     ) -> Iterator[Fault]:
         """Faults of the names in a formula: undefined, or of a cell that is not ``before`` it."""
         given = get(holder, str(loc[-1]))
-        text = str(given)
         try:
+            if isinstance(given, Formula) and not any(
+                self._fault_of(leaf, before) for leaf in leaves(given)
+            ):
+                return
+            # Columns count in the text that the message shows.
+            text = str(given)
             formula = parse(text) if isinstance(given, str | Formula) else None
         except ValueError:
             return
         for leaf in leaves(formula) if formula is not None else ():
-            if isinstance(leaf, Sense):
-                if leaf.surface in self._ids:
-                    continue
-                ids = sorted(each for each in self._ids if each is not None)
-                there = ", ".join(map(str, ids[:10])) + ", …" * (len(ids) > 10)
-                what = f"there is no surface {leaf.surface} here; there are {there or 'none'}"
-            elif str(leaf.of) not in self._words:
-                known = hint(str(leaf.of), self._words, "there are")
-                what = f"{show(leaf.of)} is neither a part nor a cell here; {known}"
-            elif before is not None and self._words[str(leaf.of)] >= before:
-                what = f"{show(leaf.of)} is no cell before this one"
-            else:
-                continue
-            yield loc, fault_at(text, leaf.column, what)
+            if what := self._fault_of(leaf, before):
+                yield loc, fault_at(text, leaf.column, what)
+
+    def _fault_of(self, leaf: Leaf, before: int | None) -> str | None:
+        """What is wrong with a name in a formula; None if nothing is."""
+        if isinstance(leaf, Sense):
+            if leaf.surface in self._ids:
+                return None
+            ids = sorted(each for each in self._ids if each is not None)
+            there = ", ".join(map(str, ids[:10])) + ", …" * (len(ids) > 10)
+            return f"there is no surface {leaf.surface} here; there are {there or 'none'}"
+        name = str(leaf.of)
+        if name not in self._words:
+            known = hint(name, self._words, "there are")
+            return f"{show(name)} is neither a part nor a cell here; {known}"
+        if before is not None and self._words[name] >= before:
+            return f"{show(name)} is no cell before this one"
+        return None
 
 
 def _chains(root: _Group) -> Iterator[Fault]:
