@@ -70,6 +70,11 @@ class Copies:
     higher_at: Ints  # (M,), indices of these surfaces among the N
 
     @functools.cached_property
+    def first_surface(self) -> Ints:
+        """Index of each copy's first surface (R,)."""
+        return np.searchsorted(self.owner, np.arange(len(self.row)))
+
+    @functools.cached_property
     def coefficients(self) -> Floats:
         """A, G and C (3, 6, N): coefficients of 1, x, y, x², xy, y² of each surface."""
         found = np.zeros((3, 6, len(self.owner)))
@@ -84,9 +89,17 @@ class Copies:
 
     @functools.cached_property
     def forms(self) -> F32:
-        """A, G, C and G² - 4AC (24, N) of each surface."""
-        forms = self.coefficients
-        return np.concatenate([*forms, discriminant(forms)]).astype(np.float32)
+        """A, G, C and G² - 4AC (24, N) of each surface; of planes G and C alone."""
+        found = np.zeros((4, 6, len(self.owner)), np.float32)
+        for batch in self.batches:
+            forms = batch.forms
+            if isinstance(forms, Linear):
+                found[1][:3, batch.places], found[2][:3, batch.places] = forms.b, forms.c
+            else:
+                own = np.stack([forms.a, forms.g, forms.c])
+                found[:3, :, batch.places] = own
+                found[3][:, batch.places] = discriminant(own)
+        return found.reshape(24, -1)
 
     @functools.cached_property
     def flat_forms(self) -> F32:

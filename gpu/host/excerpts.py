@@ -27,11 +27,13 @@ from halfstep.host.reach import squares_of
 from halfstep.host.regions import Program
 from halfstep.host.signs import Rays, signs
 from halfstep.host.tiles import Classes, Pairs, tile_lists, tile_pairs
-from halfstep.host.written import Left, Written
+from halfstep.host.written import Left, Written, whole_length
 
 # A copy has excerpts if its surfaces times its tiles reach this number. Below it, excerpts cost the
 # host more than they save the device.
 LEAST_TESTS = 64
+# The same for programs so short that shaders hold all their words at once.
+LEAST_TESTS_SHORT = 1024
 # The largest blocks: about this many lie across a copy. A block is halved twice at once.
 FIRST_BLOCKS, HALVED = 4, 2
 # Tiles with more copies than this leave out hidden ones. With fewer, finding them costs the host
@@ -156,8 +158,12 @@ def _tried(
     assert packed.regions is not None
     left, right, top, bottom = packed.setup.rectangle[copies.row].T // TILE
     tiles = (right - left + 1) * (bottom - top + 1)
-    surfaces = copies.regions.surface_count[copies.regions.of[copies.copy]]
-    is_large = (tiles * surfaces >= LEAST_TESTS) | (surfaces > MOST_WHOLE)
+    program = copies.regions.of[copies.copy]
+    surfaces = copies.regions.surface_count[program]
+    lengths = np.array([whole_length(one) for one in copies.regions.programs], np.int64)
+    is_short = lengths[program] <= max(SHORT.values())
+    least = np.where(is_short, LEAST_TESTS_SHORT, LEAST_TESTS)
+    is_large = (tiles * surfaces >= least) | (surfaces > MOST_WHOLE)
     is_stretched = is_large | (tiles >= LEAST_TILES)
     leaving = not outputs.isdisjoint(LOOKING_BEHIND)
     places = np.arange(len(tile))
@@ -247,7 +253,7 @@ def _known(program: Program | None) -> Known | None:
     if program is None or program.higher or program.formula.hidden.any():
         return None
     whole = program.formula.whole
-    if whole.levels > 1 or len(whole.words) > max(SHORT.values()):
+    if whole_length(program) > max(SHORT.values()):
         return None
     planes = int(np.searchsorted(whole.surfaces, program.planes))
     return Known(tuple(whole.words.tolist()), planes, len(whole.surfaces) - planes)
@@ -337,11 +343,9 @@ def _left(
     setup, formula = packed.setup, program.formula
     # If rays start outside of all cells, nothing is seen behind the first piece that is in a cell.
     opened = leaving | setup.eye_inside | setup.near_cut
-    cut = ~opened[copies.row]
-    first_surface = np.searchsorted(copies.owner, np.arange(len(copies.row)))
 
     blocks, of = tiles.joined(levels[0])
-    rays = Rays(blocks.first, blocks.last, packed.steps.count[copies.row][blocks.copy])
+    rays = Rays(blocks.first, blocks.last, packed.steps.count[copies.row[blocks.copy]])
     asked = np.ones((program.count, len(blocks.copy)), bool)
     known: Decided | None = None
     for level in levels:
@@ -357,11 +361,12 @@ def _left(
         squares = squares_of(setup, copies.row[blocks.copy], blocks.x * side, blocks.y * side, side)
         inside = np.zeros((program.count, len(blocks.copy)), np.uint8)
         outside = np.zeros_like(inside)
-        first = first_surface[blocks.copy]
+        first = copies.first_surface[blocks.copy]
         found = signs(copies, first[block] + surface, block, squares, rays)
         inside[surface, block], outside[surface, block] = found
         is_long = rays.are_long
-        known = formula.decided(inside, outside, known, cut[blocks.copy] & is_long, is_long)
+        cut = is_long & ~opened[copies.row[blocks.copy]]
+        known = formula.decided(inside, outside, known, cut, is_long)
         rays = rays.narrowed(known.first, known.last)
         live, holds = formula.live(known), formula.holds(known)
         asked = formula.surfaces_of(live, program.count)

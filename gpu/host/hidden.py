@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import F32, Array, Bools, Ints
+from halfstep.contract.arrays import F32, U64, Bools, Ints
 from halfstep.contract.classes import Class
 from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
@@ -67,7 +67,7 @@ class Hiding:
         reach = np.abs(ends[0]) + np.abs(ends[1]) * offsets[0] + np.abs(ends[2]) * offsets[1]
         self._largest = reach.max(axis=0)  # (3, C)
         self._program = regions.of[copy]
-        self._first_surface = np.searchsorted(copies.owner, chosen)
+        self._first_surface = copies.first_surface[chosen]
         self._points = np.exp2(packed.steps.count[row])
 
     def stretch(self, copy: Ints, x: Ints, y: Ints, first: Ints, last: Ints) -> Stretch:
@@ -138,16 +138,19 @@ class Hiding:
         place = np.empty(len(tile), np.int64)
         place[order] = np.arange(len(tile)) - np.repeat(np.cumsum(counts) - counts, counts)
         hidden_from = np.full((len(counts), ACROSS * ACROSS), np.iinfo(np.uint64).max)
-        corners = np.arange(ACROSS * ACROSS) % ACROSS, np.arange(ACROSS * ACROSS) // ACROSS
-        left, top = (each * SIDE for each in corners)
-        rectangle = self._packed.setup.rectangle[self._copies.row[copy]]
+        square_y, square_x = np.divmod(np.arange(ACROSS * ACROSS), ACROSS)
+        # The squares of the tile that each copy's rectangle touches.
+        i0, i1, j0, j1 = self._packed.setup.rectangle[self._copies.row[copy]].T
+        i0, i1 = (i0 - x * TILE) // SIDE, (i1 - x * TILE) // SIDE
+        j0, j1 = (j0 - y * TILE) // SIDE, (j1 - y * TILE) // SIDE
+        places = np.arange(ACROSS)
+        across = (i0[:, None] <= places) & (places <= i1[:, None])
+        down = (j0[:, None] <= places) & (places <= j1[:, None])
         seen = np.ones(len(tile), bool)
 
         def looked(own: Ints) -> Bools:
             """Whether each square has pixels in the copy's rectangle that may show it."""
-            i0, i1, j0, j1 = rectangle[own].T[:, :, None]
-            i, j = x[own, None] * TILE + left, y[own, None] * TILE + top
-            there = (i <= i1) & (i + SIDE > i0) & (j <= j1) & (j + SIDE > j0)
+            there = (down[own, :, None] & across[own, None, :]).reshape(-1, ACROSS * ACROSS)
             return np.asarray(there & (hidden_from[tile[own]] >= near[own, None]))
 
         begin, end, longest = 0, FIRST_LOOKED, int(counts.max(initial=0))
@@ -157,7 +160,10 @@ class Hiding:
             seen[own] = shows.any(axis=1)
             which, square = np.nonzero(shows)
             which = own[which]
-            corner = x[which] * TILE + left[square], y[which] * TILE + top[square]
+            corner = (
+                x[which] * TILE + square_x[square] * SIDE,
+                y[which] * TILE + square_y[square] * SIDE,
+            )
             keys, hides = self._hides(copy[which], *corner)
             np.minimum.at(hidden_from, (tile[which[hides]], square[hides]), keys)
             begin, end = end, 3 * end
@@ -165,16 +171,25 @@ class Hiding:
         seen[own] = looked(own).any(axis=1)
         return seen
 
-    def _keys(self, copy: Ints, point: Ints) -> Array:
-        """Depth keys of grid points of copies."""
+    @functools.cached_property
+    def _starts(self) -> tuple[U64, U64]:
+        """The depth key where rays of chosen copies (C,) start, and the shift of grid points."""
         packed = self._packed
         rows = np.empty(packed.setup.count, np.int64)
         rows[packed.order] = np.arange(len(packed.order))
-        solids = packed.solids[["key_high", "key_low", "key_shift"]][rows[self._copies.row[copy]]]
-        start = joined_key(solids["key_high"], solids["key_low"])
-        return np.asarray(start + (2 * point.astype(np.uint64) << solids["key_shift"]))
+        solid = rows[self._copies.row[self._chosen]]
+        high, low, shift = (
+            packed.solids[name].take(solid) for name in ("key_high", "key_low", "key_shift")
+        )
+        return joined_key(high, low), shift.astype(np.uint64)
 
-    def _hides(self, copy: Ints, left: Ints, top: Ints) -> tuple[Array, Ints]:
+    def _keys(self, copy: Ints, point: Ints) -> U64:
+        """Depth keys of grid points of copies."""
+        own = self._own[copy]
+        start, shift = self._starts
+        return start[own] + (2 * point.astype(np.uint64) << shift[own])
+
+    def _hides(self, copy: Ints, left: Ints, top: Ints) -> tuple[U64, Ints]:
         """The keys from which copies hide all of squares (P,), and the indices of these."""
         setup = self._packed.setup
         i0, i1, j0, j1 = setup.rectangle[self._copies.row[copy]].T

@@ -265,7 +265,7 @@ class Regions:
     origin: Floats  # (3, I), the program's middle, world
     world_from_local: Floats  # (3, 3, I)
 
-    @property
+    @functools.cached_property
     def programs(self) -> list[Program]:
         """All programs."""
         return [each.program for each in self.owned]

@@ -6,6 +6,7 @@ piece, x, y and u run through a box, in which F = A u² + G u + C has bounds in 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,9 +79,7 @@ def signs(
     outside = np.empty_like(inside)
     middle = np.stack([squares.x, squares.y, squares.half_width, squares.half_height])
     places = np.concatenate([middle, *rays.places()]).astype(np.float32)
-    flat = copies.is_plane[surface]
-    for test, own in ((_signs_of_planes, flat), (_signs, ~flat)):
-        chosen = np.flatnonzero(own)
+    for chosen, test in _tests(copies, surface):
         for first in range(0, len(chosen), CHUNK):
             part = chosen[first : first + CHUNK]
             at = places.take(block[part], axis=-1)
@@ -96,11 +95,22 @@ def signs_at(copies: Copies, surface: Ints, squares: Blocks, u: Floats) -> NDArr
     found = np.empty(len(surface), np.int8)
     middle = np.stack([squares.x, squares.y, squares.half_width, squares.half_height, u, 0 * u])
     places = middle.astype(np.float32)
-    for first in range(0, len(surface), CHUNK):
-        part = slice(first, first + CHUNK)
-        negative, positive = _signs(copies, surface[part], places[:, part])
-        found[part] = positive.astype(np.int8) - negative
+    for chosen, test in _tests(copies, surface):
+        for first in range(0, len(chosen), CHUNK):
+            part = chosen[first : first + CHUNK]
+            negative, positive = test(copies, surface[part], places.take(part, axis=-1))
+            found[part] = positive.astype(np.int8) - negative
     return found
+
+
+_Test = Callable[[Copies, Ints, F32], tuple[Bytes, Bytes]]
+
+
+def _tests(copies: Copies, surface: Ints) -> Iterator[tuple[Ints, _Test]]:
+    """The planes among surfaces (P,), then the others, each with their test."""
+    flat = copies.is_plane[surface]
+    yield np.flatnonzero(flat), _signs_of_planes
+    yield np.flatnonzero(~flat), _signs
 
 
 def _signs_of_planes(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:

@@ -67,6 +67,12 @@ def _block(excerpt: Excerpt, program: Program, *, lists_higher: bool) -> _Block:
     )
 
 
+def whole_length(program: Program) -> int:
+    """Number of words of a program that is an OR of ANDs, else `ENDLESS`."""
+    whole = program.formula.whole
+    return ENDLESS if whole.levels > 1 or program.higher else len(whole.words)
+
+
 def _alike(columns: Bytes) -> tuple[Ints, Ints]:
     """The first position of each distinct column of (K, P), and the index of each column's."""
     padded = np.zeros((columns.shape[1], -(-len(columns) // 8) * 8), np.uint8)
