@@ -41,6 +41,7 @@ CELLS = {
 def _few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few copies hide each other, too."""
     monkeypatch.setattr("halfstep.host.excerpts.MOST_TRIED", 0)
+    monkeypatch.setattr("halfstep.host.excerpts.LEAST_TILES", 0)
 
 
 def pins(cells: str, camera: str = "above", side: int = 9, **accuracy: Any) -> Scene:

@@ -134,6 +134,7 @@ def test_depths_are_within_their_bounds(
 ) -> None:
     if in_tiles:
         monkeypatch.setattr(excerpts, "LEAST_TESTS", 0)
+        monkeypatch.setattr(excerpts, "LEAST_TESTS_SHORT", 0)
     hits = certain = inside = 0
     scenes = 0
     while scenes < 10:
@@ -228,6 +229,7 @@ def test_tiles_show_what_the_whole_program_does(monkeypatch: pytest.MonkeyPatch)
     outputs = ("depth", "cell", "surface", "depth_exit", "overlap", "gap")
     whole = halfstep.render(ring(), outputs=outputs, backend="numpy")
     monkeypatch.setattr(excerpts, "LEAST_TESTS", 0)
+    monkeypatch.setattr(excerpts, "LEAST_TESTS_SHORT", 0)
     parts = halfstep.render(ring(), outputs=outputs, backend="numpy")
     assert (whole.cell >= 0).sum() > 500
     for name in outputs:

@@ -324,6 +324,7 @@ def test_a_fault_in_the_kernel_is_seen(
 ) -> None:
     texts = plant(old, new)
     monkeypatch.setattr(excerpts, "LEAST_TESTS", 1)
+    monkeypatch.setattr(excerpts, "LEAST_TESTS_SHORT", 1)
     scene = Scene.from_dict(TWO_CELLS)
     assert differing(
         scene, ("image", "normal", "cell", "surface", "depth_exit"), adapter=adapter.summary.index
@@ -444,6 +445,7 @@ def test_excerpts_show_what_whole_programs_show(
         for least in (1, 1 << 60):
             monkeypatch.setattr(excerpts, "LEAST_TESTS", least)
             monkeypatch.setattr(excerpts, "MOST_WHOLE", least)
+            monkeypatch.setattr(excerpts, "LEAST_TESTS_SHORT", least)
             small = with_overrides(scene, size=(80, 64), steps=steps, number_format=number_format)
             for shown in (outputs, ("depth", "cell", "surface")):
                 frames.append(halfstep.render(small, backend="numpy", outputs=shown))

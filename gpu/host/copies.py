@@ -17,8 +17,10 @@ from halfstep.host.forms import (
     HOST_ROUNDINGS,
     Curved,
     Linear,
+    Path,
     Sight,
     curved,
+    curved_alike,
     discriminant,
     half_gradient,
     length,
@@ -68,6 +70,11 @@ class Copies:
     higher_at: Ints  # (M,), indices of these surfaces among the N
 
     @functools.cached_property
+    def first_surface(self) -> Ints:
+        """Index of each copy's first surface (R,)."""
+        return np.searchsorted(self.owner, np.arange(len(self.row)))
+
+    @functools.cached_property
     def coefficients(self) -> Floats:
         """A, G and C (3, 6, N): coefficients of 1, x, y, x², xy, y² of each surface."""
         found = np.zeros((3, 6, len(self.owner)))
@@ -82,9 +89,23 @@ class Copies:
 
     @functools.cached_property
     def forms(self) -> F32:
-        """A, G, C and G² - 4AC (24, N) of each surface."""
-        forms = self.coefficients
-        return np.concatenate([*forms, discriminant(forms)]).astype(np.float32)
+        """A, G, C and G² - 4AC (24, N) of each surface; of planes G and C alone."""
+        found = np.zeros((4, 6, len(self.owner)), np.float32)
+        for batch in self.batches:
+            forms = batch.forms
+            if isinstance(forms, Linear):
+                found[1][:3, batch.places], found[2][:3, batch.places] = forms.b, forms.c
+            else:
+                own = np.stack([forms.a, forms.g, forms.c])
+                found[:3, :, batch.places] = own
+                found[3][:, batch.places] = discriminant(own)
+        return found.reshape(24, -1)
+
+    @functools.cached_property
+    def flat_forms(self) -> F32:
+        """G and C (3, 2, N): coefficients of 1, x, y of each surface. Planes have no others."""
+        linear = self.forms.reshape(4, 6, -1)[1:3, :3]
+        return np.ascontiguousarray(linear.transpose(1, 0, 2))
 
 
 def copies(
@@ -160,24 +181,26 @@ def _batches(
             of = owner[places]
             matrix = regions.matrices.take(surface[places], axis=-1)
             rotation = regions.world_from_local.take(copy[of], axis=-1)
-            yield Batch(places, of, _forms(matrix, kind, rotation, sight.at(of)))
+            seen = sight.at(of)
+            if kind:
+                yield Batch(places, of, linear(matrix, rotation, seen, Path.of(seen)))
+            else:
+                yield Batch(places, of, curved(matrix, np.zeros(len(of), bool), rotation, seen))
     for number in np.flatnonzero(often).tolist():
         own = np.flatnonzero(program == number)
-        matrices = regions.programs[number].matrices
+        one = regions.programs[number]
         for first in range(0, len(own), CHUNK):
             of = own[first : first + CHUNK]
             seen, rotation = sight.at(of), regions.world_from_local.take(copy[of], axis=-1)
-            for slot in range(matrices.shape[-1]):
-                places, matrix = start[of] + slot, matrices[..., slot : slot + 1]
-                forms = _forms(matrix, bool(is_plane[places[0]]), rotation, seen)
-                yield Batch(evenly(places), of, forms)
-
-
-def _forms(matrix: Floats, is_plane: bool, rotation: Floats, seen: Sight) -> Curved | Linear:
-    """Forms of planes or of quadrics."""
-    if is_plane:
-        return linear(matrix, rotation, seen)
-    return curved(matrix, np.zeros(len(seen.middle), bool), rotation, seen)
+            path = Path.of(seen)
+            for slot in range(one.planes):
+                matrix = one.matrices[..., slot : slot + 1]
+                yield Batch(evenly(start[of] + slot), of, linear(matrix, rotation, seen, path))
+            for slots in one.families:
+                matrix, constants = one.matrices[..., slots[:1]], one.matrices[3, 3, slots, None]
+                found = curved_alike(matrix, constants, None, rotation, seen, path)
+                for slot, forms in zip(slots.tolist(), found, strict=True):
+                    yield Batch(evenly(start[of] + slot), of, forms)
 
 
 def evenly(places: Ints) -> Places:

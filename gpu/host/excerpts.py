@@ -9,48 +9,44 @@ where nothing of a copy can be seen leaves the copy out.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from halfstep.contract.arrays import U32, Bools, Ints
 from halfstep.contract.classes import SHORT, Class
-from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
-from halfstep.contract.program import GROUP, Known
+from halfstep.contract.program import Known
 from halfstep.contract.regions import PackedRegions
-from halfstep.errors import SceneError
 from halfstep.host.copies import Copies
-from halfstep.host.formulas import Decided, Excerpt
+from halfstep.host.formulas import Decided
 from halfstep.host.hidden import Hiding
 from halfstep.host.pack import MOST_CLASSES, Packed
 from halfstep.host.reach import squares_of
 from halfstep.host.regions import Program
 from halfstep.host.signs import Rays, signs
-from halfstep.host.tiles import Classes, tile_lists
+from halfstep.host.tiles import Classes, Pairs, tile_lists, tile_pairs
+from halfstep.host.written import Left, Written, whole_length
 
 # A copy has excerpts if its surfaces times its tiles reach this number. Below it, excerpts cost the
 # host more than they save the device.
 LEAST_TESTS = 64
+# The same for programs so short that shaders hold all their words at once.
+LEAST_TESTS_SHORT = 1024
 # The largest blocks: about this many lie across a copy. A block is halved twice at once.
 FIRST_BLOCKS, HALVED = 4, 2
 # Tiles with more copies than this leave out hidden ones. With fewer, finding them costs the host
 # more than they cost the device.
 MOST_TRIED = 64
+# With so many tiles, the parts of rays that meet a copy's box are found for each.
+LEAST_TILES = 12
 # A copy has excerpts in any case if its group has more surfaces than this.
 MOST_WHOLE = 16
+# Bits of a number that tells a member of a list.
+MEMBER_BITS = 32
 # Outputs that depend on surfaces behind the first point of a cell.
 LOOKING_BEHIND = frozenset({"exit", "overlap", "gap"})
-# Number of excerpts that are kept from frame to frame.
-MOST_KNOWN = 1 << 14
-# Stands for the length of a program that is no OR of ANDs.
-ENDLESS = 1 << 30
-# Limit of the surfaces of a group that rays may cross in one tile, because shaders keep the
-# crossings of each.
-MOST_CROSSED = 255
 
 
 class Lists(NamedTuple):
@@ -75,57 +71,156 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     Raises:
         SceneError: too many surfaces of a group may be seen in one tile.
     """
-    starts, members = tile_lists(packed, packed.present, first_row, rows)
     copies = packed.setup.copies
     if packed.regions is None or copies is None:
-        return Lists(packed.present, starts, members, None)
-    lists = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    tile, slot = np.divmod(lists, len(packed.present))
-    entry = np.flatnonzero(np.isin(packed.present, (Class.REGION, Class.REGION_INSIDE))[slot])
-    kept = np.ones(len(members), bool)
-    kept[entry] = False
+        return Lists(packed.present, *tile_lists(packed, packed.present, first_row, rows), None)
+    pairs = tile_pairs(packed, first_row, rows)
+    across, down = -(-packed.setup.view.width // TILE), -(-rows // TILE)
+    tile = pairs.y * across + pairs.x
+    slot = np.searchsorted(packed.present, packed.classes)[pairs.row]
+    # The regions follow one another.
+    ends = Class.REGION, Class.REGION_INSIDE + 1
+    begin, end = np.searchsorted(pairs.row, np.searchsorted(packed.classes, ends)).tolist()
+    own = slice(begin, end)
+    written = Written(packed, copies)
+    blocks = _blocks(packed, copies, Pairs(*(each[own] for each in pairs)), first_row // TILE)
+    tried = _tried(packed, copies, blocks, tile[own], written, outputs)
+
+    places, record = tried.places, tried.which
+    lengths, is_known = written.lengths[tried.columns[1]], tried.columns[1] == written.known_row
+    known = _known(copies.regions.commonest)
+    classes, slots = _short(
+        packed,
+        outputs,
+        tile[own][places],
+        slot[own][places],
+        lengths[record],
+        known,
+        is_known[record],
+    )
+    regions, keys = written.regions(tried.columns)
+    # Each list of regions goes from front to back, so that later regions are often hidden.
+    order = np.argsort(keys, kind="stable")
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    rest = np.concatenate([np.arange(begin), np.arange(end, len(tile))])
+    lists = np.concatenate([tile[own][places], tile[rest]]) * len(classes)
+    lists += np.concatenate([slots, slot[rest]])
+    # Numbers of lists and of members in one number are sorted several times as fast.
+    both = np.concatenate([rank[record], len(order) + pairs.row[rest]])
+    both = np.sort(lists << MEMBER_BITS | both) & ((1 << MEMBER_BITS) - 1)
+    members = np.concatenate([order, np.arange(len(packed.order))])[both]
+    starts = np.zeros(across * down * len(classes) + 1, np.uint32)
+    np.cumsum(np.bincount(lists, minlength=len(starts) - 1), out=starts[1:])
+    known = known if Class.REGION_KNOWN in classes else None
+    return Lists(classes, starts, members.astype(np.uint32), regions, known)
+
+
+def _blocks(packed: Packed, copies: Copies, pairs: Pairs, first_tile: int) -> _Blocks:
+    """Tiles of copies; the band begins in the row ``first_tile`` of tiles."""
+    assert packed.regions is not None
     which = np.full(packed.setup.count, -1)
     which[copies.row] = np.arange(len(copies.row))
-    copy = which[packed.order[members[entry]]]
-    y, x = np.divmod(tile[entry], -(-packed.setup.view.width // TILE))
+    copy = which[packed.order][pairs.row]
     records = packed.regions.records
-    first, last = (records[name][copy].astype(np.int64) for name in ("first", "last"))
-    blocks = _Blocks(copy, x, y + first_row // TILE, first, last)
+    first, last = (records[name].astype(np.int64)[copy] for name in ("first", "last"))
+    return _Blocks(copy, pairs.x, pairs.y + first_tile, first, last)
+
+
+class _Tried(NamedTuple):
+    """What P tiles try of copies: E records."""
+
+    places: Ints  # (P,), of the tiles and copies that were given
+    which: Ints  # (P,), the record of each
+    columns: Ints  # (4, E), copy, excerpt, first and last grid point of the records
+
+
+def _tried(
+    packed: Packed,
+    copies: Copies,
+    blocks: _Blocks,
+    tile: Ints,
+    written: Written,
+    outputs: frozenset[str],
+) -> _Tried:
+    """What tiles try of copies.
+
+    It depends on the frame, not on the band, so that all bands together give the same picture.
+
+    Args:
+        packed: the frame.
+        copies: its copies.
+        blocks: the tiles, with a copy each.
+        tile: number of each tile.
+        written: gets the excerpts.
+        outputs: the device outputs.
+    """
+    assert packed.regions is not None
+    left, right, top, bottom = packed.setup.rectangle[copies.row].T // TILE
+    tiles = (right - left + 1) * (bottom - top + 1)
+    program = copies.regions.of[copies.copy]
+    surfaces = copies.regions.surface_count[program]
+    lengths = np.array([whole_length(one) for one in copies.regions.programs], np.int64)
+    is_short = lengths[program] <= max(SHORT.values())
+    least = np.where(is_short, LEAST_TESTS_SHORT, LEAST_TESTS)
+    is_large = (tiles * surfaces >= least) | (surfaces > MOST_WHOLE)
+    is_stretched = is_large | (tiles >= LEAST_TILES)
     leaving = not outputs.isdisjoint(LOOKING_BEHIND)
+    places = np.arange(len(tile))
     # What is hidden or not there may still tell how sure others are.
-    if not leaving and "error" not in outputs:
-        blocks, places = _seen(packed, copies, tile[entry], blocks)
-        entry = entry[places]
+    if leaving or "error" in outputs:
+        is_stretched[:] = False
+    else:
+        blocks, places = _seen(packed, copies, tile, blocks, is_stretched)
+    copy = blocks.copy
+    excerpt = np.full(len(places), -1)
+    # A whole program gives the same names of surfaces in all tiles if its rays start alike.
+    records = packed.regions.records
+    first, last = (records[name].astype(np.int64)[copy] for name in ("first", "last"))
+    programs = copies.regions.of[copies.copy]
+    large = is_large[copy]
+    for number, own in _by_number(programs[copy]):
+        some, whole = own[large[own]], own[~large[own]]
+        if len(whole):
+            excerpt[whole] = written.add_whole(number)
+        if len(some):
+            # Of each copy about so many tiles are left along a side of what is seen of it.
+            widest = math.ceil(math.sqrt(np.bincount(copy[some]).max()))
+            program = copies.regions.programs[number]
+            rest = _left(packed, copies, program, blocks.take(some), _levels(widest), leaving)
+            excerpt[some] = written.add_all(number, rest)
+            first[some], last[some] = rest.first, rest.last
+    # Whole copies have one record each, others one for each tile.
+    alike = ~large
+    shared = np.flatnonzero(np.bincount(copy[alike], minlength=len(programs)))
+    lookup = np.empty(len(programs), np.int64)
+    lookup[shared] = np.arange(len(shared))
+    single = np.flatnonzero(~alike & (excerpt >= 0))
+    which = np.full(len(places), -1)
+    which[alike] = lookup[copy[alike]]
+    which[single] = len(shared) + np.arange(len(single))
+    some = np.flatnonzero(which >= 0)
+    source = np.empty(len(shared) + len(single), np.int64)
+    source[which[some]] = some
+    columns = np.stack([copy, excerpt, first, last])[:, source]
+    return _Tried(places[some], which[some], columns)
 
-    written = _Written(packed, copies)
-    found = _found(packed, copies, blocks, written, leaving)
-    some = np.flatnonzero(found[1] >= 0)
-    first, record = _distinct(found[:, some])
-    places = entry[some]
-    lengths = written.lengths[found[1, some]]
-    is_known = found[1, some] == written.known_row
-    known = _known(copies.regions.commonest)
-    classes, slot[places] = _short(
-        packed, outputs, tile[places], slot[places], lengths, known, is_known
-    )
-    regions = written.regions(found[:, some[first]])
-    # Each list of regions goes from front to back, so that later regions are often hidden.
-    keys = joined_key(regions.records["near_high"], regions.records["near_low"])
-    lists = tile * len(classes) + slot
-    kept[places] = True
-    depth = np.zeros(len(members), np.uint64)
-    depth[places] = keys[record]
-    members = members.copy()
-    members[places] = record
-    order = np.lexsort([depth[kept], lists[kept]])
-    tiles = (len(starts) - 1) // len(packed.present)
-    counts = np.bincount(lists[kept], minlength=tiles * len(classes))
-    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
-    known = known if Class.REGION_KNOWN in classes else None
-    return Lists(classes, starts, members[kept][order], regions, known)
+
+def _by_number(numbers: Ints) -> Iterator[tuple[int, Ints]]:
+    """Each of the numbers (P,), and the places where it is."""
+    found = np.flatnonzero(np.bincount(numbers))
+    if len(found) == 1:
+        yield int(found[0]), np.arange(len(numbers))
+        return
+    # Numbers of 16 bits are sorted in linear time.
+    order = np.argsort(numbers.astype(np.min_scalar_type(numbers.max(initial=0))), kind="stable")
+    ends = np.searchsorted(numbers[order], found, "right")
+    yield from zip(found.tolist(), np.split(order, ends[:-1]), strict=True)
 
 
-def _seen(packed: Packed, copies: Copies, tile: Ints, blocks: _Blocks) -> tuple[_Blocks, Ints]:
+def _seen(
+    packed: Packed, copies: Copies, tile: Ints, blocks: _Blocks, is_stretched: Bools
+) -> tuple[_Blocks, Ints]:
     """The tiles of copies that may be seen, with shorter stretches of rays, and their indices.
 
     Args:
@@ -133,15 +228,24 @@ def _seen(packed: Packed, copies: Copies, tile: Ints, blocks: _Blocks) -> tuple[
         copies: its copies.
         tile: (P,), number of each tile.
         blocks: (P,), the tile and a copy.
+        is_stretched: (R,), copies of which the stretches are asked for.
     """
-    hiding = Hiding(packed, copies)
-    blocks = _Blocks(*blocks[:3], *hiding.stretch(*blocks))
-    met = np.flatnonzero(blocks.first <= blocks.last)
-    blocks, tile = blocks.take(met), tile[met]
+    asked = is_stretched[blocks.copy]
+    crowded = np.bincount(tile)[tile] > MOST_TRIED
+    involved = np.bincount(blocks.copy[asked | crowded], minlength=len(is_stretched))
+    places = np.arange(len(tile))
+    if not involved.any():
+        return blocks, places
+    hiding = Hiding(packed, copies, np.flatnonzero(involved))
+    some = np.flatnonzero(asked)
+    first, last = blocks.first.copy(), blocks.last.copy()
+    first[some], last[some] = hiding.stretch(*blocks.take(some))
+    places = np.flatnonzero(first <= last)
+    blocks, tile = _Blocks(*blocks[:3], first, last).take(places), tile[places]
     stays = np.bincount(tile)[tile] <= MOST_TRIED
     many = np.flatnonzero(~stays)
     stays[many] = hiding.seen(tile[many], *blocks.take(many)[:4])
-    return blocks.take(np.flatnonzero(stays)), met[stays]
+    return blocks.take(np.flatnonzero(stays)), places[stays]
 
 
 def _known(program: Program | None) -> Known | None:
@@ -149,7 +253,7 @@ def _known(program: Program | None) -> Known | None:
     if program is None or program.higher or program.formula.hidden.any():
         return None
     whole = program.formula.whole
-    if whole.levels > 1 or len(whole.words) > max(SHORT.values()):
+    if whole_length(program) > max(SHORT.values()):
         return None
     planes = int(np.searchsorted(whole.surfaces, program.planes))
     return Known(tuple(whole.words.tolist()), planes, len(whole.surfaces) - planes)
@@ -197,50 +301,6 @@ def _short(
     return (*present, *added), found
 
 
-def _found(
-    packed: Packed, copies: Copies, tiles: _Blocks, written: _Written, leaving: bool
-) -> Ints:
-    """For P tiles (4, P): the copy, the excerpt or -1, and the first and last grid point.
-
-    They depend on the frame, not on the band, so that all bands together give the same picture.
-    """
-    assert packed.regions is not None
-    records = packed.regions.records
-    found = np.full((4, len(tiles.copy)), -1)
-    found[0] = tiles.copy
-    found[2], found[3] = (records[name].take(tiles.copy) for name in ("first", "last"))
-    left, right, top, bottom = packed.setup.rectangle[copies.row].T // TILE
-    across, down = right - left + 1, bottom - top + 1
-    programs = copies.regions.of[copies.copy]
-    surfaces = copies.regions.surface_count[programs]
-    is_large = (across * down * surfaces >= LEAST_TESTS) | (surfaces > MOST_WHOLE)
-    # Of each copy about so many tiles are left along a side of what is seen of it.
-    widest = np.sqrt(np.bincount(tiles.copy, minlength=len(programs)) * is_large)
-    for number in np.unique(programs[tiles.copy]).tolist():
-        program = copies.regions.programs[number]
-        own = programs[tiles.copy] == number
-        small = np.flatnonzero(own & ~is_large[tiles.copy])
-        large = np.flatnonzero(own & is_large[tiles.copy])
-        if len(small):
-            found[1, small] = written.add_whole(number)
-        if len(large):
-            levels = _levels(math.ceil(widest[programs == number].max()))
-            rest = _left(packed, copies, program, tiles.take(large), levels, leaving)
-            found[1:, large] = written.add_all(number, rest), rest.first, rest.last
-    return found
-
-
-def _distinct(columns: Ints) -> tuple[Ints, Ints]:
-    """The first position of each distinct column of (K, P), and the index of each column's."""
-    order = np.lexsort(columns)
-    ordered = columns[:, order]
-    begins = np.ones(columns.shape[1], bool)
-    begins[1:] = (ordered[:, 1:] != ordered[:, :-1]).any(axis=0)
-    which = np.empty(columns.shape[1], np.int64)
-    which[order] = np.cumsum(begins) - 1
-    return order[begins], which
-
-
 class _Blocks(NamedTuple):
     """P blocks of 2^level x 2^level tiles, each with a copy that may be seen there."""
 
@@ -277,17 +337,15 @@ def _left(
     tiles: _Blocks,
     levels: Sequence[int],
     leaving: bool,
-) -> _Left:
+) -> Left:
     """The rest of a program in each of the tiles, each of which has one copy."""
     assert packed.regions is not None
     setup, formula = packed.setup, program.formula
     # If rays start outside of all cells, nothing is seen behind the first piece that is in a cell.
     opened = leaving | setup.eye_inside | setup.near_cut
-    cut = ~opened[copies.row]
-    first_surface = np.searchsorted(copies.owner, np.arange(len(copies.row)))
 
     blocks, of = tiles.joined(levels[0])
-    rays = Rays(blocks.first, blocks.last, packed.steps.count[copies.row][blocks.copy])
+    rays = Rays(blocks.first, blocks.last, packed.steps.count[copies.row[blocks.copy]])
     asked = np.ones((program.count, len(blocks.copy)), bool)
     known: Decided | None = None
     for level in levels:
@@ -303,166 +361,13 @@ def _left(
         squares = squares_of(setup, copies.row[blocks.copy], blocks.x * side, blocks.y * side, side)
         inside = np.zeros((program.count, len(blocks.copy)), np.uint8)
         outside = np.zeros_like(inside)
-        first = first_surface[blocks.copy]
+        first = copies.first_surface[blocks.copy]
         found = signs(copies, first[block] + surface, block, squares, rays)
         inside[surface, block], outside[surface, block] = found
         is_long = rays.are_long
-        known = formula.decided(inside, outside, known, cut[blocks.copy] & is_long, is_long)
+        cut = is_long & ~opened[copies.row[blocks.copy]]
+        known = formula.decided(inside, outside, known, cut, is_long)
         rays = rays.narrowed(known.first, known.last)
         live, holds = formula.live(known), formula.holds(known)
         asked = formula.surfaces_of(live, program.count)
-    return _Left(live[:, of], holds[:, of], rays.first[of], rays.last[of])
-
-
-class _Left(NamedTuple):
-    """The rest of a program in P tiles."""
-
-    live: Bools  # (L, P), literals that are left
-    holds: Bools  # (C, P), cells that hold all along the rays
-    first: Ints  # (P,), grid points where rays start, and where they end
-    last: Ints
-
-
-class _Block(NamedTuple):
-    """An excerpt as the numbers that shaders and twin read: its words, then its list."""
-
-    content: U32  # whole groups of words
-    groups: int  # number of groups of words
-    counts: tuple[int, int, int]  # planes, quadrics, cells
-    crossings: int  # the most that a ray has with the surfaces
-    length: int  # number of words of an OR of ANDs, else `ENDLESS`
-
-
-def _block(excerpt: Excerpt, program: Program, *, lists_higher: bool) -> _Block:
-    """An excerpt of a program; its list may end with surfaces of an order above two."""
-    flat, lower = np.searchsorted(excerpt.surfaces, (program.planes, program.lower)).tolist()
-    surfaces, higher = excerpt.surfaces[:lower], excerpt.surfaces[lower:]
-    count = len(excerpt.words)
-    listed = np.concatenate([surfaces, excerpt.cells])
-    if lists_higher:
-        listed = np.concatenate([listed, [len(higher), program.lower], higher])
-    content = np.zeros(-(-count // GROUP) * GROUP + -(-len(listed) // GROUP) * GROUP, np.uint32)
-    content[:count] = excerpt.words
-    content[-(-count // GROUP) * GROUP :][: len(listed)] = listed
-    return _Block(
-        content,
-        -(-count // GROUP),
-        (flat, lower - flat, len(excerpt.cells)),
-        excerpt.crossings,
-        count if excerpt.levels <= 1 and not len(higher) else ENDLESS,
-    )
-
-
-class _Written:
-    """Collects excerpts as shaders and twin read them, one after another."""
-
-    def __init__(self, packed: Packed, copies: Copies) -> None:
-        assert packed.regions is not None
-        self._packed, self._copies = packed, copies
-        self._blocks: list[_Block] = []
-        # The row of the commonest program as a whole, -1 where no tile tries that.
-        self.known_row = -1
-
-    def add_all(self, number: int, left: _Left) -> Ints:
-        """Rows (P,) of the excerpts of a program in P tiles, -1 if nothing is left."""
-        formula = self._copies.regions.programs[number].formula
-        bits = np.packbits(np.concatenate([left.live, left.holds]), axis=0).T
-        keys = np.ascontiguousarray(bits).view(f"V{bits.shape[1]}").reshape(-1)
-        found, first, which = np.unique(keys, return_index=True, return_inverse=True)
-        rows = []
-        for key, ix in zip(found.tolist(), first.tolist(), strict=True):
-            if any(key):
-                rows.append(
-                    self._add(
-                        number, key, partial(formula.excerpt, left.live[:, ix], left.holds[:, ix])
-                    )
-                )
-            else:
-                rows.append(-1)
-        return np.array(rows, np.int64)[which]
-
-    def add_whole(self, number: int) -> int:
-        """The row of the whole program as an excerpt."""
-        program = self._copies.regions.programs[number]
-        row = self._add(number, b"", lambda: program.formula.whole)
-        if program is self._copies.regions.commonest:
-            self.known_row = row
-        return row
-
-    def _add(self, number: int, key: bytes, excerpt: Callable[[], Excerpt]) -> int:
-        """The row of an excerpt of a program, kept from frame to frame by its key."""
-        regions, looks = self._copies.regions, self._packed.surfaces.appearances
-        assert looks is not None
-        # If a copy in the frame has a surface of an order above two, all excerpts list theirs.
-        lists_higher = self._copies.higher is not None
-        known = number, key, lists_higher
-        block = looks.written.get(known)
-        if block is None:
-            if len(looks.written) >= MOST_KNOWN:
-                looks.written.clear()
-            program = regions.owned[number].program
-            block = _block(excerpt(), program, lists_higher=lists_higher)
-            looks.written[known] = block
-        self._blocks.append(block)
-        return len(self._blocks) - 1
-
-    @property
-    def lengths(self) -> Ints:
-        """The length of each excerpt's program."""
-        return np.array([block.length for block in self._blocks], np.int64)
-
-    def regions(self, distinct: Ints) -> PackedRegions:
-        """The regions, with a record for each copy, excerpt, first and last grid point (4, E)."""
-        regions, order = self._packed.regions, self._packed.order
-        assert regions is not None
-        counts = np.array([block.counts for block in self._blocks], np.int64).reshape(-1, 3)
-        most = max((block.crossings for block in self._blocks), default=0)
-        if most > MOST_CROSSED:
-            raise SceneError(
-                f"one tile of the picture sees {most:,} surfaces of one group, more than "
-                f"{MOST_CROSSED}"
-            )
-        copy, row, first, last = distinct
-        rows = np.empty(self._packed.setup.count, np.int64)
-        rows[order] = np.arange(len(order))
-        solid = rows[self._copies.row[copy]]
-        records = regions.records.take(copy)  # a fancy index copies member by member
-        records["solid"] = solid
-        # The error of a base plane has no effect on rays that start or end beyond it.
-        records["start_end"][first > records["start_end"] + 2] = -1
-        records["last_sure"] = np.minimum(records["last_sure"], last)
-        records["first"], records["last"] = first, last
-        high, low, shift = (
-            self._packed.solids[name].take(solid) for name in ("key_high", "key_low", "key_shift")
-        )
-        key = joined_key(high, low) + (2 * first.astype(np.uint64) << shift.astype(np.uint64))
-        records["near_high"], records["near_low"] = (
-            key >> np.uint64(32),
-            key & np.uint64(0xFFFFFFFF),
-        )
-        sizes = np.array([len(block.content) for block in self._blocks], np.int64)
-        # The words that do not depend on the frame come first.
-        first_group = (len(regions.words) + np.cumsum(sizes) - sizes) // GROUP
-        end_group = first_group + [block.groups for block in self._blocks]
-        places = np.stack([first_group, end_group, end_group * GROUP])
-        written = np.concatenate([places, counts.T]).astype(np.uint32)[:, row]
-        for name, column in zip(_WRITTEN, written, strict=True):
-            records[name] = column
-        words = np.concatenate([regions.words, *(block.content for block in self._blocks)])
-        return replace(
-            regions,
-            records=records,
-            words=words,
-            most_surfaces=most,
-        )
-
-
-# Members of records that tell the position of an excerpt.
-_WRITTEN = (
-    "first_group",
-    "end_group",
-    "list_start",
-    "flat_count",
-    "curved_count",
-    "cell_count",
-)
+    return Left(live[:, of], holds[:, of], rays.first[of], rays.last[of])

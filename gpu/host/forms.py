@@ -5,6 +5,7 @@ Solids, or surfaces of regions, are the last axis of every array.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -100,19 +101,54 @@ class Curved:
     gradient: Floats  # (2, 3, 3, V)
 
 
+class Path(NamedTuple):
+    """What forms of all surfaces along the same rays have in common; rays are the last axis."""
+
+    points: Floats  # (4, 3, V), the point where x = y = u = 0, and how it moves
+    largest: Floats  # (3, V), largest magnitudes of points
+    monomials: Floats  # (6, V)
+
+    @classmethod
+    def of(cls, sight: Sight) -> Path:
+        """The path of ``sight``."""
+        points = sight.rays.copy()
+        points[0] += sight.middle * points[1]
+        return cls(points, sight.largest(points), monomials_of(sight.offsets))
+
+
 def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> Curved:
     """Forms of quadrics.
 
     Args:
-        matrix: (4, 4, V), F = [x 1] M [x 1]; (4, 4, 1) if all have the same.
+        matrix: (4, 4, V), F = [x 1] M [x 1].
         is_ended: (V,), whether F must be > 0 beside a rectangle that is one pixel wide or high.
         rotation: (3, 3, V), world from local.
         sight: the rays through each.
     """
-    middle, half = sight.middle, sight.half
-    # The point where x = y = u = 0, and how it moves.
-    points = sight.rays.copy()
-    points[0] += middle * points[1]
+    constants = matrix[3:, 3]
+    (found,) = curved_alike(matrix, constants, is_ended, rotation, sight, Path.of(sight))
+    return found
+
+
+def curved_alike(
+    matrix: Floats,
+    constants: Floats,
+    is_ended: Bools | None,
+    rotation: Floats,
+    sight: Sight,
+    path: Path,
+) -> Iterator[Curved]:
+    """Forms of quadrics that have all but the constants in common, one after another.
+
+    Args:
+        matrix: (4, 4, V); (4, 4, 1) if all have the same. Its last element does not matter.
+        constants: (K, V) or (K, 1), the last element of each of K quadrics.
+        is_ended: as of `curved`; None: none is.
+        rotation: (3, 3, V), world from local.
+        sight: the rays through each.
+        path: of ``sight``.
+    """
+    half, points, monomials = sight.half, path.points, path.monomials
     # Half the gradient of F, M p + q, there and its change along the directions of rays.
     if matrix.shape[-1] == 1:
         slopes = np.matmul(matrix[:3, :3, 0], points)
@@ -120,20 +156,15 @@ def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> C
         slopes = np.einsum("abk,cbk->cak", matrix[:3, :3], points)
     slopes[0] += matrix[:3, 3]
     steepest = sight.largest(length(slopes))
-
-    forms = _quadric_forms(matrix, points, slopes, sight)
-    monomials = monomials_of(sight.offsets)
-    end_quadrics(forms, sight.offsets, is_ended)
-    size = np.abs(forms)
-    scale = power_of_two(np.einsum("fmk,mk->k", size, monomials))
+    without = matrix.copy()
+    without[3, 3] = 0.0
+    common = _quadric_forms(without, points, slopes, sight)
+    of_points = 2 * steepest * sight.error
+    size = np.abs(without)
+    terms = quadric_value(size, path.largest, half_gradient(size, path.largest))
     least = NEGLIGIBLE / np.maximum(monomials, 1.0)
-    size *= scale
-    forms *= scale
-    forms *= size >= least
-    error = 2 * steepest * sight.error
-    error += quadric_rounding(matrix, sight.largest(points))
 
-    gradient = np.empty((2, 3, 3, len(middle)))
+    gradient = np.empty((2, 3, 3, len(half)))
     unit = power_of_two(steepest)
     world = np.einsum("ijk,cjk->cik", rotation, slopes)
     np.multiply(world[0], unit, out=gradient[0, 0])
@@ -143,8 +174,18 @@ def curved(matrix: Floats, is_ended: Bools, rotation: Floats, sight: Sight) -> C
         gradient[1, 1:] = 0.0
     gradient *= np.abs(gradient) >= least[:3, None]
     gradient[:, 1:] *= (sight.offsets > 0)[:, None]
-    a, g, c = forms
-    return Curved(a, g, c, scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
+    for constant in constants:
+        forms = common.copy()
+        forms[2, 0] += constant
+        if is_ended is not None:
+            end_quadrics(forms, sight.offsets, is_ended)
+        sizes = np.abs(forms)
+        scale = power_of_two(np.einsum("fmk,mk->k", sizes, monomials))
+        sizes *= scale
+        forms *= scale
+        forms *= sizes >= least
+        error = of_points + HOST_ROUNDINGS * (terms + np.abs(constant))
+        yield Curved(*forms, scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
 
 
 class Linear(NamedTuple):
@@ -156,11 +197,9 @@ class Linear(NamedTuple):
     normal: Floats  # (3, V)
 
 
-def linear(matrix: Floats, rotation: Floats, sight: Sight) -> Linear:
-    """Forms of planes, which are matrices without second-order terms."""
-    half_normal = matrix[:3, 3]
-    points = sight.rays.copy()
-    points[0] += sight.middle * points[1]
+def linear(matrix: Floats, rotation: Floats, sight: Sight, path: Path) -> Linear:
+    """Forms of planes, which are matrices without second-order terms; the path is of ``sight``."""
+    half_normal, points = matrix[:3, 3], path.points
     c, b = np.empty((2, 3, points.shape[-1]))
     slope = 2 * np.einsum("ak,cak->ck", half_normal, points[1:])
     c[0] = np.einsum("ak,ak->k", 2 * half_normal, points[0]) + matrix[3, 3]
@@ -168,7 +207,7 @@ def linear(matrix: Floats, rotation: Floats, sight: Sight) -> Linear:
     np.multiply(slope, sight.half, out=b)
     if sight.parallel:
         b[1:] = 0.0
-    monomials = monomials_of(sight.offsets)[:3]
+    monomials = path.monomials[:3]
     scale = power_of_two(np.einsum("fmk,mk->k", np.abs([c, b]), monomials))
     least = NEGLIGIBLE / np.maximum(monomials, 1.0)
     for form in (c, b):
@@ -176,7 +215,7 @@ def linear(matrix: Floats, rotation: Floats, sight: Sight) -> Linear:
         form *= np.abs(form) >= least
     steepest = length(half_normal)
     error = 2 * steepest * sight.error
-    error += quadric_rounding(matrix, sight.largest(points))
+    error += quadric_rounding(matrix, path.largest)
     normal = np.einsum("ijk,jk->ik", rotation, half_normal) * power_of_two(steepest)
     normal *= np.abs(normal) >= NEGLIGIBLE
     return Linear(c, b, scaled_error(error, scale) + 6 * NEGLIGIBLE, normal)

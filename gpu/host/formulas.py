@@ -265,6 +265,30 @@ class Formula:
         found.hidden = self.hidden | more
         return found
 
+    @functools.cached_property
+    def _node_surfaces(self) -> Ints:
+        """The surface of each node, -1 if it is no literal."""
+        return np.array([node.surface for node in self.nodes], np.int64)
+
+    @functools.cached_property
+    def _inner(self) -> list[tuple[int, bool, Ints | slice]]:
+        """Each AND and OR: its index, whether it is an AND, and its members."""
+        found: list[tuple[int, bool, Ints | slice]] = []
+        for ix, node in enumerate(self.nodes):
+            if node.kind is not Literal:
+                members: Ints | slice = np.array(node.members, np.int64)
+                if node.members and np.ptp(members) == len(members) - 1:
+                    members = slice(node.members[0], node.members[-1] + 1)  # it is not copied
+                found.append((ix, node.kind is Intersection, members))
+        return found
+
+    @functools.cached_property
+    def _sides(self) -> tuple[Ints, Ints]:
+        """The literals F > 0, then the literals F <= 0, as nodes."""
+        is_positive = np.array([node.positive for node in self.nodes], bool)
+        is_literal = np.isin(np.arange(len(self.nodes)), self._literals)
+        return np.flatnonzero(is_literal & is_positive), np.flatnonzero(is_literal & ~is_positive)
+
     @property
     def literal_count(self) -> int:
         """Number of literals L."""
@@ -290,15 +314,18 @@ class Formula:
         count = inside.shape[1]
         true = np.empty((len(self.nodes), count), np.uint8)
         false = np.empty_like(true)
-        for ix, node in enumerate(self.nodes):
-            if node.kind is Literal:
-                pair = inside[node.surface], outside[node.surface]
-                false[ix], true[ix] = pair if node.positive else pair[::-1]
-            else:
-                all_of, any_of = (true, false) if node.kind is Intersection else (false, true)
-                members = list(node.members)
-                np.bitwise_and.reduce(all_of[members], axis=0, out=all_of[ix])
-                np.bitwise_or.reduce(any_of[members], axis=0, out=any_of[ix])
+        positive, negative = self._sides
+        for own, all_inside, all_outside in ((positive, false, true), (negative, true, false)):
+            surfaces = self._node_surfaces[own]
+            all_inside[own], all_outside[own] = inside[surfaces], outside[surfaces]
+        if known is not None:
+            both = np.concatenate([positive, negative])
+            true[both] |= known.true[both]
+            false[both] |= known.false[both]
+        for ix, is_and, members in self._inner:
+            all_of, any_of = (true, false) if is_and else (false, true)
+            np.bitwise_and.reduce(all_of[members], axis=0, out=all_of[ix])
+            np.bitwise_or.reduce(any_of[members], axis=0, out=any_of[ix])
             if known is not None:
                 true[ix] |= known.true[ix]
                 false[ix] |= known.false[ix]
@@ -315,19 +342,23 @@ class Formula:
     def live(self, decided: Decided) -> Bools:
         """The literals (L, P) on which the truth of the formula depends."""
         live = (decided.true | decided.false) == 0
-        for ix in range(len(self.nodes) - 1, -1, -1):
-            for member in self.nodes[ix].members:
-                live[member] &= live[ix]
+        for ix, _, members in reversed(self._inner):
+            live[members] &= live[ix]
         return np.asarray(live[self._literals])
 
     def surfaces_of(self, live: Bools, count: int) -> Bools:
         """The surfaces (S, P) of the literals (L, P), of ``count`` surfaces."""
-        order = np.argsort(self.literal_surfaces, kind="stable")
-        used, first = np.unique(self.literal_surfaces[order], return_index=True)
+        order, used, first = self._by_surface
         found = np.zeros((count, live.shape[1]), bool)
         if len(used):
             found[used] = np.logical_or.reduceat(live[order], first, axis=0)
         return found
+
+    @functools.cached_property
+    def _by_surface(self) -> tuple[Ints, Ints, Ints]:
+        """The literals by surface, the surfaces, and where the literals of each begin."""
+        order = np.argsort(self.literal_surfaces, kind="stable")
+        return order, *np.unique(self.literal_surfaces[order], return_index=True)
 
     def holds(self, decided: Decided) -> Bools:
         """The cells (C, P) that hold on all visible pieces."""

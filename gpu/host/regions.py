@@ -92,6 +92,19 @@ class Program:
         """Number of surfaces of at most second order."""
         return self.count - len(self.higher)
 
+    @functools.cached_property
+    def families(self) -> tuple[Ints, ...]:
+        """The surfaces that are no planes; those that differ by a constant alone are together.
+
+        Coaxial cylinders and concentric spheres are.
+        """
+        found: dict[bytes, list[int]] = {}
+        matrices = self.matrices.copy()
+        matrices[3, 3] = 0.0
+        for slot in range(self.planes, self.count):
+            found.setdefault(matrices[..., slot].tobytes(), []).append(slot)
+        return tuple(np.array(slots, np.int64) for slots in found.values())
+
 
 def compiled(
     matrices: Floats,
@@ -313,7 +326,7 @@ class Regions:
     origin: Floats  # (3, I), the program's middle, world
     world_from_local: Floats  # (3, 3, I)
 
-    @property
+    @functools.cached_property
     def programs(self) -> list[Program]:
         """All programs."""
         return [each.program for each in self.owned]

@@ -6,6 +6,7 @@ piece, x, y and u run through a box, in which F = A u² + G u + C has bounds in 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,10 +79,11 @@ def signs(
     outside = np.empty_like(inside)
     middle = np.stack([squares.x, squares.y, squares.half_width, squares.half_height])
     places = np.concatenate([middle, *rays.places()]).astype(np.float32)
-    for first in range(0, len(surface), CHUNK):
-        part = slice(first, first + CHUNK)
-        own = places.take(block[part], axis=-1)
-        inside[part], outside[part] = _signs(copies, surface[part], own)
+    for chosen, test in _tests(copies, surface):
+        for first in range(0, len(chosen), CHUNK):
+            part = chosen[first : first + CHUNK]
+            at = places.take(block[part], axis=-1)
+            inside[part], outside[part] = test(copies, surface[part], at)
     return inside, outside
 
 
@@ -93,11 +95,36 @@ def signs_at(copies: Copies, surface: Ints, squares: Blocks, u: Floats) -> NDArr
     found = np.empty(len(surface), np.int8)
     middle = np.stack([squares.x, squares.y, squares.half_width, squares.half_height, u, 0 * u])
     places = middle.astype(np.float32)
-    for first in range(0, len(surface), CHUNK):
-        part = slice(first, first + CHUNK)
-        negative, positive = _signs(copies, surface[part], places[:, part])
-        found[part] = positive.astype(np.int8) - negative
+    for chosen, test in _tests(copies, surface):
+        for first in range(0, len(chosen), CHUNK):
+            part = chosen[first : first + CHUNK]
+            negative, positive = test(copies, surface[part], places.take(part, axis=-1))
+            found[part] = positive.astype(np.int8) - negative
     return found
+
+
+_Test = Callable[[Copies, Ints, F32], tuple[Bytes, Bytes]]
+
+
+def _tests(copies: Copies, surface: Ints) -> Iterator[tuple[Ints, _Test]]:
+    """The planes among surfaces (P,), then the others, each with their test."""
+    flat = copies.is_plane[surface]
+    yield np.flatnonzero(flat), _signs_of_planes
+    yield np.flatnonzero(~flat), _signs
+
+
+def _signs_of_planes(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:
+    """What `_signs` gives for planes, whose forms have few terms."""
+    (g, c), (g_x, c_x), (g_y, c_y) = copies.flat_forms.take(surface, axis=-1)
+    slack = MARGIN + copies.host_error.take(surface).astype(np.float32)
+    x, y, across, down = places[:4]
+    u, half = places[4:].reshape(2, -1, places.shape[1])
+    slope = g + g_x * x + g_y * y
+    middle = slope * u + (c + c_x * x + c_y * y)
+    g_x, c_x, g_y, c_y = g_x * across, c_x * across, g_y * down, c_y * down
+    reach = np.abs(g_x * u + c_x) + np.abs(g_y * u + c_y)
+    reach += (np.abs(slope) + np.abs(g_x) + np.abs(g_y)) * half + 3 * slack
+    return _packed(middle < -reach), _packed(middle > reach)
 
 
 def _signs(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:

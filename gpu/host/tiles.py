@@ -42,7 +42,7 @@ def tile_lists(packed: Packed, classes: Classes, first_row: int, rows: int) -> t
     """
     tiles_x = -(-packed.setup.view.width // TILE)
     tiles_y = -(-rows // TILE)
-    pairs = _pairs(packed, first_row, rows)
+    pairs = tile_pairs(packed, first_row, rows)
     slot = np.searchsorted(np.array(classes, np.int64), packed.classes)
     group = (pairs.y * tiles_x + pairs.x) * len(classes) + slot[pairs.row]
     count = tiles_x * tiles_y * len(classes)
@@ -130,7 +130,7 @@ def _seen(starts: U32, classes: Classes) -> NDArray[np.bool_]:
     return np.diff(starts).reshape(-1, len(classes)) > 0
 
 
-class _Pairs(NamedTuple):
+class Pairs(NamedTuple):
     """P solids, each with a block of 2^level x 2^level tiles of the band."""
 
     row: Ints  # (P,), in ``Packed.solids``
@@ -151,7 +151,7 @@ class _Spans(NamedTuple):
         return _Spans(*(edge >> level for edge in self))
 
 
-def _pairs(packed: Packed, first_row: int, rows: int) -> _Pairs:
+def tile_pairs(packed: Packed, first_row: int, rows: int) -> Pairs:
     """Every solid with every tile that may see it, in the order of the solids."""
     i0, i1, j0, j1 = packed.setup.rectangle[packed.order].T
     within = (j1 >= first_row) & (j0 < first_row + rows)
@@ -166,7 +166,7 @@ def _pairs(packed: Packed, first_row: int, rows: int) -> _Pairs:
     return _at(pairs, np.argsort(pairs.row, kind="stable"))
 
 
-def _tested(packed: Packed, spans: _Spans, chosen: Ints, first_row: int) -> _Pairs:
+def _tested(packed: Packed, spans: _Spans, chosen: Ints, first_row: int) -> Pairs:
     """The solids ``chosen`` with the tiles that may see them, as `Reach` tells."""
     is_patch = np.zeros(packed.setup.count, bool)
     is_patch[packed.order] = packed.classes == Class.PATCH
@@ -187,30 +187,34 @@ def _tested(packed: Packed, spans: _Spans, chosen: Ints, first_row: int) -> _Pai
     return pairs
 
 
-def _all_blocks(spans: _Spans, rows: Ints) -> _Pairs:
+def _all_blocks(spans: _Spans, rows: Ints) -> Pairs:
     """The ``rows`` of ``Packed.solids``, each with all blocks of its span."""
     left, right, top, bottom = (edge[rows] for edge in spans)
-    wide = right - left + 1
-    count = wide * (bottom - top + 1)
-    which = np.repeat(np.arange(len(rows)), count)
-    place = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    y, x = np.divmod(place, wide[which])
-    return _Pairs(rows[which], left[which] + x, top[which] + y)
+    of, down = _ranges(bottom - top + 1)
+    which, across = _ranges((right - left + 1)[of])
+    of = of[which]
+    return Pairs(rows[of], left[of] + across, (top[of] + down[which]))
 
 
-def _quarters(pairs: _Pairs, spans: _Spans) -> _Pairs:
+def _ranges(counts: Ints) -> tuple[Ints, Ints]:
+    """The index of each count, as often as it says, and which time it is, from 0."""
+    of = np.repeat(np.arange(len(counts)), counts)
+    return of, np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _quarters(pairs: Pairs, spans: _Spans) -> Pairs:
     """The blocks of half the size in ``pairs`` that are in their solids' spans."""
     row = np.repeat(pairs.row, 4)
     x = 2 * np.repeat(pairs.x, 4) + np.tile([0, 1, 0, 1], len(pairs.row))
     y = 2 * np.repeat(pairs.y, 4) + np.tile([0, 0, 1, 1], len(pairs.row))
     left, right, top, bottom = (edge[row] for edge in spans)
     within = (left <= x) & (x <= right) & (top <= y) & (y <= bottom)
-    return _Pairs(row[within], x[within], y[within])
+    return Pairs(row[within], x[within], y[within])
 
 
-def _at(pairs: _Pairs, places: Ints) -> _Pairs:
-    return _Pairs(*(part[places] for part in pairs))
+def _at(pairs: Pairs, places: Ints) -> Pairs:
+    return Pairs(*(part[places] for part in pairs))
 
 
-def _joined(first: _Pairs, second: _Pairs) -> _Pairs:
-    return _Pairs(*(np.concatenate(parts) for parts in zip(first, second, strict=True)))
+def _joined(first: Pairs, second: Pairs) -> Pairs:
+    return Pairs(*(np.concatenate(parts) for parts in zip(first, second, strict=True)))
