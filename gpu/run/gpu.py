@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import U32, Array, Bools, Planes
+from halfstep.contract.arrays import U32, Array, Bools, Planes, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.contract.layout import TILE, TILE_WORDS
 from halfstep.contract.srgb import srgb_quads
@@ -32,7 +32,7 @@ from halfstep.host.tiles import (
     blank_tiles,
     tile_groups,
 )
-from halfstep.run import rounds, split
+from halfstep.run import rounds, split, veils
 from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, pixel_bytes, written_for
 from halfstep.run.needs import needs_of
 from halfstep.run.shaders import Shaders, ShaderStore
@@ -62,6 +62,8 @@ PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
 # The most invocations that load a record together. A record has at most ten pieces, so more
 # invocations would load nothing.
 MOST_BROADCAST = 16
+# The most invocations whose rounds of loops a driver may count together.
+MOST_COUNTED = 64
 # The content of each binding, named in error messages. 5 and 6 are parts of the frame buffer.
 _NAMES = {
     0: "frame",
@@ -143,9 +145,12 @@ class Device(Turns):
         # classes avoids the second. Each makes frames 1.3 to 2 times as fast, measured.
         self._broadcast = 1
         compute = Compute(self._device)
-        self.loop_rounds = loop_limit(compute) or MOST_ROUNDS
+        limit = loop_limit(compute)
+        self.loop_rounds = limit or MOST_ROUNDS
         if self._is_software and {SUBGROUP, INT64} <= self._device.features:
             self._broadcast = min(subgroup_size(compute), MOST_BROADCAST)
+        # Invocations that fetch together also loop together.
+        self._counted = MOST_COUNTED if limit and self._broadcast == 1 else 1
         limits = self._device.limits
         self._uniform = self._broadcast > 1 and (
             limits["max-uniform-buffer-binding-size"] >= UNIFORM_BYTES
@@ -267,14 +272,15 @@ class Device(Turns):
         )
         if self._conveyor != needs.conveyor:
             needs = replace(needs, conveyor=self._conveyor)
-        shaders = self._shaders.of(needs)
-        needs = shaders.needs  # equal, and knows its facts already
-        frame = frame_record(scene, packed.setup, first_row, rows)
+        left = rounds.left_for_veils(needs, packed, self.loop_rounds, self._counted)
+        if left:
+            needs = replace(needs, outputs=needs.outputs | {veils.UNFINISHED}, veil_rounds=left)
+        needs = self._shaders.of(needs).needs  # equal, and knows its facts already
         self._check_rounds_of_light(needs, packed)
         if len(packed.order) > 1 and self._is_too_large(packed, lists):
             halves = split.halves(packed)
             keyed = first_row, rows, outputs | {"key"}
-            return _joined([self.render_band(scene, half, *keyed) for half in halves], outputs)
+            return split.joined([self.render_band(scene, half, *keyed) for half in halves], outputs)
         if rounds.exceed(needs, packed, lists, self.loop_rounds):
             fits = rounds.fits(needs, packed, lists, self.loop_rounds)
             if not fits.any():
@@ -284,20 +290,47 @@ class Device(Turns):
                 )
             keyed = first_row, rows, outputs | {"key"}
             both = split.parted(lists, fits)
-            return _joined(
+            return split.joined(
                 [self._render_lists(scene, packed, part, *keyed) for part in both], outputs
             )
-        layout = FrameBuffer(written, packed.setup.view.width, rows)
+        record = frame_record(scene, packed.setup, first_row, rows)
+        drawn = _Drawn(record, scene.image.background, lists, rows)
+        if not left:
+            return self._draw(drawn, packed, needs, outputs)
+        asked = outputs | {veils.UNFINISHED}
+        return veils.draw_all(
+            packed,
+            needs,
+            lambda part, wanted, clears: self._draw(drawn, part, wanted, asked, clears),
+            f"adapter {self.adapter.summary}: the driver ends loops after {self.loop_rounds:,} "
+            "rounds, and one copy of a group of cells may take more to hide a light; use a group "
+            "of fewer surfaces, no shadows, or the backend numpy",
+        )
+
+    def _draw(
+        self,
+        drawn: _Drawn,
+        packed: Packed,
+        needs: Needs,
+        outputs: frozenset[str],
+        clears: bool = False,
+    ) -> tuple[Planes, float | None]:
+        """Dispatch what can be rendered at once, and read it back.
+
+        ``clears``: empty the output ``shadow`` before.
+        """
+        shaders, lists = self._shaders.of(needs), drawn.lists
+        layout = FrameBuffer(needs.outputs, packed.setup.view.width, drawn.rows)
         with device_errors(self.adapter):
             buffer = self._frame_buffer(layout)
-        ground = buffer, layout, scene.image.background
+        ground = buffer, layout, drawn.background
         blank = blank_tiles(lists.starts, lists.classes)
         left_out = self._left_out(shaders, ground, blank)
         sets = shaders.sets(lists.starts, lists.classes)
         tiles_x = layout.shape[1] // TILE
         records, parts = _parts(tile_groups(lists.starts, lists.classes, tiles_x, sets, left_out))
         contents = {
-            0: frame,
+            0: drawn.record,
             1: packed.solids,
             2: packed.half_spaces,
             3: records,
@@ -316,7 +349,8 @@ class Device(Turns):
                     else self._upload(number, type_, contents[number])
                     for number, type_ in shaders.types.items()
                 }
-                memory = self._dispatch(shaders, parts, bindings, buffer, layout)
+                cleared = layout.span_of("shadow") if clears else None
+                memory = self._dispatch(shaders, parts, bindings, buffer, layout, cleared)
                 content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
                 planes = layout.copies(content, outputs)
                 milliseconds = layout.milliseconds(content) if self._timed else None
@@ -411,7 +445,7 @@ class Device(Turns):
     def _frame_buffer(self, layout: FrameBuffer) -> GpuBuffer:
         """The buffer that the shader writes a band to."""
         access = "MAP_READ" if self._mapped else "COPY_SRC"
-        return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|{access}")
+        return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|COPY_DST|{access}")
 
     def _buffer(self, name: str, size: int, usage: str) -> GpuBuffer:
         """The kept buffer called ``name``, replaced if it has fewer than ``size`` bytes."""
@@ -432,9 +466,15 @@ class Device(Turns):
         bindings: dict[int, _Binding],
         frame: GpuBuffer,
         layout: FrameBuffer,
+        cleared: tuple[int, int] | None,
     ) -> GpuBuffer:
-        """Render to the buffer ``frame``, wait, and return a mapped buffer with its content."""
+        """Render to the buffer ``frame``, wait, and return a mapped buffer with its content.
+
+        Offset and size of ``cleared`` bytes of ``frame`` are those that are set to 0 before.
+        """
         encoder = self._device.create_command_encoder()
+        if cleared is not None:
+            encoder.clear_buffer(frame, *cleared)
         timing = {}
         if self._timed:
             timing["timestamp_writes"] = {
@@ -481,19 +521,6 @@ def _resource(binding: _Binding) -> object:
     return {"buffer": buffer, "offset": offset, "size": size}
 
 
-def _joined(
-    parts: list[tuple[Planes, float | None]], outputs: frozenset[str]
-) -> tuple[Planes, float | None]:
-    """Both parts of a band, which have keys, as if they had been rendered together."""
-    (first, first_ms), (second, second_ms) = parts
-    joined = split.nearest(first, second)
-    if "key" not in outputs:
-        del joined["key"]
-    if first_ms is None or second_ms is None:
-        return joined, None
-    return joined, first_ms + second_ms
-
-
 def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
     """The content of the bindings that only some scenes have, by binding number."""
     found: dict[int, Array] = {}
@@ -514,6 +541,15 @@ def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
     if packed.veils is not None:
         found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
     return found
+
+
+class _Drawn(NamedTuple):
+    """What all parts of a band have in common that are rendered one after another."""
+
+    record: Records  # of the frame
+    background: tuple[float, ...]
+    lists: Lists
+    rows: int
 
 
 class _Part(NamedTuple):

@@ -24,8 +24,8 @@ class Shaders:
         self.types = binding_types(needs)
         self.layout = store.layout(self.types)
         # The code for mirrors does not depend on the classes and compiles even longer, so shaders
-        # with fewer classes would cost more than they save.
-        self._may_have_parts = store.in_parts and "mirrors" not in needs.facts
+        # with fewer classes would cost more than they save. Few frames continue others.
+        self._may_have_parts = store.in_parts and needs.facts.isdisjoint({"mirrors", "continued"})
         self._whole = [needs.classes]
         self._sets: list[Classes] | None = None
         self._store = store
