@@ -44,7 +44,7 @@ def tunnel(count: int) -> Scene:
 
     A ball before all bars hides the middle of the light.
     """
-    parts = [
+    parts: list[dict[str, Any]] = [
         {"name": "bar", "kind": "box", "size": [1.9, 1, 1]},
         *(
             {"name": f"b{k}", "kind": "sphere", "radius": 0.4, "origin": [0.1 * k - 1, 0, 0]}

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import U32, Array, Bools, Planes, Records
+from halfstep.contract.arrays import Array, Bools, Planes, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
-from halfstep.contract.layout import TILE, TILE_WORDS
+from halfstep.contract.layout import TILE
 from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import (
     INT64,
@@ -27,14 +27,12 @@ from halfstep.errors import AdapterError, DeviceError
 from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import (
-    Classes,
-    TileGroup,
     blank_tiles,
-    tile_groups,
 )
 from halfstep.run import rounds, split, veils
-from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, pixel_bytes, written_for
+from halfstep.run.framebuffer import FrameBuffer, pixel_bytes, written_for
 from halfstep.run.needs import needs_of
+from halfstep.run.parts import PART_BYTES, RECORD_BYTES, Part, parts_of
 from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
@@ -54,11 +52,6 @@ from halfstep.shader.source import (
 BAND_BYTES = 128 << 20
 SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
-RECORD_BYTES = 4 * TILE_WORDS
-RECORDS_ALIGNMENT = ALIGNMENT // RECORD_BYTES
-# The most workgroups in one dispatch.
-MOST_WORKGROUPS = 1 << 13
-PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
 # The most invocations that load a record together. A record has at most ten pieces, so more
 # invocations would load nothing.
 MOST_BROADCAST = 16
@@ -160,8 +153,8 @@ class Device(Turns):
         )
         self._conveyor = conveyor
         self._shaders = ShaderStore(self._device, in_parts=self._is_software)
-        # The layout and bindings of the last frame, and their bind group.
-        self._bound: tuple[object, object] = None, None
+        # The bindings of the last frame, and their bind group, by the layout of its shaders.
+        self._bound: dict[object, tuple[dict[int, _Binding], object]] = {}
         # The frame buffer with its layout and background, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
         self._buffers: dict[str, GpuBuffer] = {}
@@ -188,7 +181,7 @@ class Device(Turns):
 
     def _drop_buffers(self) -> None:
         """Destroy all buffers and textures, and forget their content."""
-        self._bound = None, None
+        self._bound.clear()
         self._blank = None, np.zeros(0, bool)
         while self._buffers:
             self._buffers.popitem()[1].destroy()
@@ -326,9 +319,8 @@ class Device(Turns):
         ground = buffer, layout, drawn.background
         blank = blank_tiles(lists.starts, lists.classes)
         left_out = self._left_out(shaders, ground, blank)
-        sets = shaders.sets(lists.starts, lists.classes)
         tiles_x = layout.shape[1] // TILE
-        records, parts = _parts(tile_groups(lists.starts, lists.classes, tiles_x, sets, left_out))
+        records, parts = parts_of(shaders, packed, lists, tiles_x, left_out)
         contents = {
             0: drawn.record,
             1: packed.solids,
@@ -350,7 +342,7 @@ class Device(Turns):
                     for number, type_ in shaders.types.items()
                 }
                 cleared = layout.span_of("shadow") if clears else None
-                memory = self._dispatch(shaders, parts, bindings, buffer, layout, cleared)
+                memory = self._dispatch(parts, bindings, buffer, layout, cleared)
                 content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
                 planes = layout.copies(content, outputs)
                 milliseconds = layout.milliseconds(content) if self._timed else None
@@ -461,8 +453,7 @@ class Device(Turns):
 
     def _dispatch(
         self,
-        shaders: Shaders,
-        parts: list[_Part],
+        parts: list[Part],
         bindings: dict[int, _Binding],
         frame: GpuBuffer,
         layout: FrameBuffer,
@@ -482,10 +473,12 @@ class Device(Turns):
                 "beginning_of_pass_write_index": 0,
                 "end_of_pass_write_index": 1,
             }
-        group = self._bind_group(shaders.layout, bindings)
+        used = {part.shaders.layout for part in parts}
+        self._bound = {layout: kept for layout, kept in self._bound.items() if layout in used}
         compute = encoder.begin_compute_pass(**timing)
         for part in parts:
-            compute.set_pipeline(shaders.pipeline(part.classes))
+            compute.set_pipeline(part.shaders.pipeline(part.classes))
+            group = self._bind_group(part.shaders, bindings)
             compute.set_bind_group(0, group, [part.first * RECORD_BYTES])
             compute.dispatch_workgroups(part.tiles)
         compute.end()
@@ -499,18 +492,20 @@ class Device(Turns):
         memory.map_sync("READ", 0, layout.size)
         return memory
 
-    def _bind_group(self, layout: object, bindings: dict[int, _Binding]) -> object:
-        """The bind group of ``bindings``; frames most often reuse that of the last one."""
-        if (layout, bindings) != self._bound[0]:
+    def _bind_group(self, shaders: Shaders, bindings: dict[int, _Binding]) -> object:
+        """The bind group of ``shaders``; frames most often reuse that of the last one."""
+        layout = shaders.layout
+        own = {number: bindings[number] for number in sorted(shaders.types)}
+        if layout not in self._bound or self._bound[layout][0] != own:
             group = self._device.create_bind_group(
                 layout=layout,
                 entries=[
-                    {"binding": number, "resource": _resource(bindings[number])}
-                    for number in sorted(bindings)
+                    {"binding": number, "resource": _resource(binding)}
+                    for number, binding in own.items()
                 ],
             )
-            self._bound = (layout, bindings), group
-        return self._bound[1]
+            self._bound[layout] = own, group
+        return self._bound[layout][1]
 
 
 def _resource(binding: _Binding) -> object:
@@ -550,24 +545,3 @@ class _Drawn(NamedTuple):
     background: tuple[float, ...]
     lists: Lists
     rows: int
-
-
-class _Part(NamedTuple):
-    """Tiles that one dispatch renders."""
-
-    classes: Classes
-    first: int  # index of the first tile's record
-    tiles: int
-
-
-def _parts(groups: list[TileGroup]) -> tuple[U32, list[_Part]]:
-    """The records of all tiles in one array (N, TILE_WORDS), and the dispatches that read them."""
-    parts, pieces, end = [], [np.zeros((0, TILE_WORDS), np.uint32)], 0
-    for group in groups:
-        for begin in range(0, len(group.records), MOST_WORKGROUPS):
-            piece = group.records[begin : begin + MOST_WORKGROUPS]
-            parts.append(_Part(group.classes, end, len(piece)))
-            room = np.zeros((-len(piece) % RECORDS_ALIGNMENT, TILE_WORDS), np.uint32)
-            pieces += [piece, room]
-            end += len(piece) + len(room)
-    return np.concatenate(pieces), parts
