@@ -12,9 +12,12 @@ import halfstep
 from halfstep.device.adapters import Adapter
 from halfstep.host.prepare import prepare
 from halfstep.run import gpu as run_gpu
+from halfstep.run import parts as run_parts
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
+from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
+from tests.crowded import different
 from tests.mirror_sweeps import count, crowded, mirroring, reflected
 from tests.scenes_random import KINDS
 from tests.shadow_sweeps import Count, random_lit
@@ -157,6 +160,35 @@ def test_the_device_leaves_nothing_out(rng: np.random.Generator) -> None:
     """What invocations do not try together, the twin tries."""
     assert differing(mirroring(random_lit(rng, "inside"), 2)) == 0
     assert differing(mirroring(halfstep.load("gallery"))) == 0
+
+
+def on_a_dull_floor() -> Scene:
+    """The room, with a floor and a box that reflect nothing."""
+    tables = room().model_dump(by_alias=True, exclude_none=True)
+    tables["material"][1]["reflection"] = 0
+    return with_overrides(Scene.from_dict(tables), size=(128, 96))
+
+
+@pytest.mark.usefixtures("adapter")
+def test_tiles_that_see_no_mirror_have_shaders_without(
+    composed: list[Needs], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outputs = ("color", "shadow")
+    expected = halfstep.render(on_a_dull_floor(), backend="numpy", outputs=outputs)
+    with halfstep.Renderer(on_a_dull_floor(), backend="gpu", outputs=outputs) as renderer:
+        for _ in range(4):
+            assert not list(different(renderer.render(), expected))
+        assert {needs.bounces for needs in composed} == {0, 2}
+        assert composed[0].bounces == 2
+        # If all tiles went to the shaders without, the mirrors would be dull.
+        shared_out = run_parts.shared_out
+
+        def slip(*arguments: Any) -> Any:
+            *_, (shaders, _) = shared_out(*arguments)
+            return [(shaders, arguments[-1])]
+
+        monkeypatch.setattr(run_parts, "shared_out", slip)
+        assert list(different(renderer.render(), expected)) == ["color"]
 
 
 @pytest.mark.usefixtures("adapter")

@@ -87,6 +87,8 @@ CASES = [
     *((name, outputs, each) for name in SCENES for outputs in SHADED for each in METHODS),
     *(("die", outputs, "visible") for outputs in BEHIND),
     ("tokamak", ("surface",), "visible"),
+    ("die", ("surface", "shadow"), "visible"),
+    ("bracket", ("surface", "shadow"), "visible"),
 ]
 
 
@@ -99,6 +101,7 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = with_overrides(load(name), size=SIZE, steps=11, method=method)
+    scene = with_overrides(scene, shadows="shadow" in outputs)
     packed = prepare(scene)
     wanted = device_outputs(outputs)
     monkeypatch.setattr("halfstep.run.shaders.compose", counting)
@@ -113,11 +116,12 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     taken = planes["surface"]
     starts, count = lists.starts, len(lists.classes)
     per_member = rounds.rounds_of_members(needs, packed, lists)
+    rest = rounds.rounds_of_finish(needs) + rounds.rounds_of_light(needs, packed)
     across = -(-SIZE[0] // TILE)
     seen = 0
     for tile in range((len(starts) - 1) // count):
         listed = per_member[starts[tile * count] : starts[(tile + 1) * count]]
-        counted = listed.sum() + rounds.rounds_of_finish(needs)
+        counted = listed.sum() + rest
         y, x = divmod(tile, across)
         of_tile = taken[y * TILE :, x * TILE :][:TILE, :TILE]
         assert of_tile.max() <= counted

@@ -316,6 +316,9 @@ def _combinations() -> Iterator[Needs]:
         yield replace(lit, far_lights=far, encloses=encloses)
         if form is not FIXED32:  # which cannot draw shadows of cells
             yield replace(lit, far_lights=far, encloses=encloses, veils=True)
+    for continued, classes in product((False, True), ((Class.PATCH,), (Class.REGION,))):
+        counted = replace(SHADOWED, bounces=0, veil_rounds=64, continued=continued)
+        yield replace(counted, classes=classes, outputs=ALL)
     for shadows, image in product((0, 2), (False, True)):
         wanted = frozenset({"tag", "image" if image else "color"})
         yield replace(SHADOWED, shadows=shadows, outputs=wanted, bounces=3, encloses=False)

@@ -259,6 +259,8 @@ fn render(
       find_points(location_at(tile_solids[entry]), j);  //? !regions
       find_points(location_at(row_of(tile, entry)), j);  //? regions
     }
+    // each quad
+    nearest_0.dark = stored(PLANE_SHADOW, place + QUAD_0);  //? continued
     find_shadows();  //? shadows
   }
   // each quad
@@ -298,6 +300,7 @@ fn render(
     store(PLANE_OVERLAP + 1u, at, nearest_0.overlap.low);  //? store_overlap & overlap
     store(PLANE_GAP, at, nearest_0.gap.high);  //? store_gap & gap
     store(PLANE_GAP + 1u, at, nearest_0.gap.low);  //? store_gap & gap
+    store(PLANE_UNFINISHED, at, unfinished());  //? store_unfinished & counted
   }
   store_image(  //? store_image
     place,

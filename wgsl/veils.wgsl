@@ -1,7 +1,13 @@
 // The veils of a light -> the pixels from which copies of groups hide the light.
 
-// The rounds of loops that an invocation may still take for veils.
+// The rounds of loops that an invocation may still take for veils. It tries no more veils once they
+// are below 0, and its block is unfinished.
 var<private> rounds_left: i32 = VEIL_ROUNDS;
+
+// 1 if the invocation did not try all veils, else 0.
+fn unfinished() -> u4 {
+  return u4(select(0u, 1u, rounds_left < 0));
+}
 
 // Whether a region holds, or does not, as `want` says, at some point from `begin` to `last`.
 fn holds_ahead(path: Path, want: bool, begin: i4, last: i32) -> b4 {
@@ -14,8 +20,10 @@ fn holds_ahead(path: Path, want: bool, begin: i4, last: i32) -> b4 {
     found = found | ((holds == b4(want)) & asked);
     let goes = (holds != b4(want)) & asked;
     q = select(q, select(~seen.held.until, seen.held.until, holds), goes);
-    rounds_left -= i32(path.end_group - path.first_group) + 2;
-    if !anywhere(goes) || rounds_left < 0 {
+    rounds_left -= i32(path.end_group - path.first_group) + 2;  //? counted
+    var ends = !anywhere(goes);
+    ends = ends | (rounds_left < 0);  //? counted
+    if ends {
       break;
     }
   }
@@ -99,7 +107,7 @@ fn draw_veil(veil: Veil, bit: u32) {
     false,  //? hidden
     false,  //? overlap
   );
-  rounds_left -= i32(veil.flat_count + veil.curved_count) + 6;
+  rounds_left -= i32(veil.flat_count + veil.curved_count) + 6;  //? counted
   let encloses = b4((copy.flags & SHADE_ENCLOSES) != 0u);  //? encloses
   // each quad
   {
@@ -124,8 +132,12 @@ fn touching_veils(number: u32, end: u32, around: Around, other: Around) -> u32 {
 // Tries the veils of a light that may hide it from points, which lie in two boxes.
 fn try_veils(number: u32, bit: u32, around: Around, other: Around) {
   let light = veil_view_at(number);
-  for (var t = light.first; t < light.end; t++) {  //? !broadcast
-    if touches(veil_box_at(t), around) && rounds_left >= 0 {
+  var end = light.end;
+  end = select(end, light.first, rounds_left < 0);  //? counted
+  for (var t = light.first; t < end; t++) {  //? !broadcast
+    var tried = touches(veil_box_at(t), around);
+    tried = tried & (rounds_left >= 0);  //? counted
+    if tried {
       draw_veil(veil_at(t), bit);
     }
   }
@@ -135,12 +147,12 @@ fn try_veils(number: u32, bit: u32, around: Around, other: Around) {
     var found = 0u;
     loop {
       loop {
-        let seen = touching_veils(next, light.end, around, other);
-        let asked = (found == 0u) & (next < light.end);
+        let seen = touching_veils(next, end, around, other);
+        let asked = (found == 0u) & (next < end);
         base = select(base, next, asked);
         found = select(found, seen, asked);
         next = select(next, next + BROADCAST, asked);
-        if (found != 0u) | (next >= light.end) {
+        if (found != 0u) | (next >= end) {
           break;
         }
       }
@@ -150,14 +162,11 @@ fn try_veils(number: u32, bit: u32, around: Around, other: Around) {
       let t = base + countTrailingZeros(found);
       found &= found - 1u;
       draw_veil(veil_at(t), bit);
-      if ((found == 0u) & (next >= light.end)) || rounds_left < 0 {
+      var ends = (found == 0u) & (next >= end);
+      ends = ends | (rounds_left < 0);  //? counted
+      if ends {
         break;
       }
     }
-  }
-  // If there were too many rounds, nothing is certain.
-  if rounds_left < 0 {  //? error
-    // each quad
-    nearest_0.doubt = Key(u4(0u), u4(0u));
   }
 }

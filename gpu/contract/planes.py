@@ -76,7 +76,7 @@ def _output(*planes: Plane, facts: str = "") -> DeviceOutput:
     return DeviceOutput(planes, frozenset(facts.split()))
 
 
-# In the order of the frame buffer.
+# In the order of the frame buffer. The twin has no output "unfinished", because it finishes.
 DEVICE_OUTPUTS = {
     "surface": _output(Plane("surface", Kept.NUMBER)),
     "key": _output(Plane("key", Kept.KEY)),
@@ -92,6 +92,7 @@ DEVICE_OUTPUTS = {
     "shadow": _output(Plane("shadow", Kept.NUMBER, "dark")),
     "overlap": _output(Plane("overlap", Kept.KEY, is_least=True)),
     "gap": _output(Plane("gap", Kept.KEY, is_least=True)),
+    "unfinished": _output(Plane("unfinished", Kept.NUMBER)),
 }
 # Outputs that are held in bytes, with the bytes of a pixel.
 OUTPUT_BYTES = {"image": 3, "tag": 1}

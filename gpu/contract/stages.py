@@ -175,6 +175,8 @@ FACTS = {
     "curves": "shadows are needed, and an occluder has a quadric",
     "encloses": "shadows are needed, and a light may be inside an occluder",
     "veils": "shadows are needed, and a copy of a group of cells may hide a light",
+    "counted": "veils are counted in rounds, because all may take more than are left for them",
+    "continued": "veils were tried before, and what these hide is in the frame buffer",
     "many_shadows": "shadows are needed, a light has many occluders, and invocations share loads",
     **{f"list_{klass.name.lower()}": f"tiles may see a solid of {klass.name}" for klass in Class},
     "store_words": "the device writes outputs of words",

@@ -12,9 +12,6 @@ from halfstep.contract.arrays import U32, Records
 # Halvings that locate where a ray to a light crosses a surface. float32 holds these positions
 # exactly.
 VEIL_STEPS = 22
-# The most rounds of loops that an invocation takes for veils, because drivers end longer loops.
-# Most invocations take some hundred.
-VEIL_ROUNDS = 1 << 15
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,12 @@ class FrameBuffer:
         """Size of the buffer in bytes."""
         return self.times_at + 16
 
+    def span_of(self, output: str) -> tuple[int, int]:
+        """Offset and size in bytes of an output of words."""
+        height, stride = self.shape
+        first, words = plane_offsets(self.written)[output], DEVICE_OUTPUTS[output].words
+        return 4 * first * height * stride, 4 * words * height * stride
+
     def milliseconds(self, content: Bytes) -> float:
         """Milliseconds between the two timestamps, which count nanoseconds."""
         begin, end = content[self.times_at : self.size].view(np.uint64).tolist()

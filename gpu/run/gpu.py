@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import U32, Array, Bools, Planes
+from halfstep.contract.arrays import Array, Bools, Planes, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
-from halfstep.contract.layout import TILE, TILE_WORDS
+from halfstep.contract.layout import TILE
 from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import (
     INT64,
@@ -27,14 +27,12 @@ from halfstep.errors import AdapterError, DeviceError
 from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import (
-    Classes,
-    TileGroup,
     blank_tiles,
-    tile_groups,
 )
-from halfstep.run import rounds, split
-from halfstep.run.framebuffer import ALIGNMENT, FrameBuffer, pixel_bytes, written_for
+from halfstep.run import rounds, split, veils
+from halfstep.run.framebuffer import FrameBuffer, pixel_bytes, written_for
 from halfstep.run.needs import needs_of
+from halfstep.run.parts import PART_BYTES, RECORD_BYTES, Part, parts_of
 from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
@@ -54,14 +52,11 @@ from halfstep.shader.source import (
 BAND_BYTES = 128 << 20
 SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
-RECORD_BYTES = 4 * TILE_WORDS
-RECORDS_ALIGNMENT = ALIGNMENT // RECORD_BYTES
-# The most workgroups in one dispatch.
-MOST_WORKGROUPS = 1 << 13
-PART_BYTES = MOST_WORKGROUPS * RECORD_BYTES
 # The most invocations that load a record together. A record has at most ten pieces, so more
 # invocations would load nothing.
 MOST_BROADCAST = 16
+# The most invocations whose rounds of loops a driver may count together.
+MOST_COUNTED = 64
 # The content of each binding, named in error messages. 5 and 6 are parts of the frame buffer.
 _NAMES = {
     0: "frame",
@@ -143,9 +138,12 @@ class Device(Turns):
         # classes avoids the second. Each makes frames 1.3 to 2 times as fast, measured.
         self._broadcast = 1
         compute = Compute(self._device)
-        self.loop_rounds = loop_limit(compute) or MOST_ROUNDS
+        limit = loop_limit(compute)
+        self.loop_rounds = limit or MOST_ROUNDS
         if self._is_software and {SUBGROUP, INT64} <= self._device.features:
             self._broadcast = min(subgroup_size(compute), MOST_BROADCAST)
+        # Invocations that fetch together also loop together.
+        self._counted = MOST_COUNTED if limit and self._broadcast == 1 else 1
         limits = self._device.limits
         self._uniform = self._broadcast > 1 and (
             limits["max-uniform-buffer-binding-size"] >= UNIFORM_BYTES
@@ -155,8 +153,8 @@ class Device(Turns):
         )
         self._conveyor = conveyor
         self._shaders = ShaderStore(self._device, in_parts=self._is_software)
-        # The layout and bindings of the last frame, and their bind group.
-        self._bound: tuple[object, object] = None, None
+        # The bindings of the last frame, and their bind group, by the layout of its shaders.
+        self._bound: dict[object, tuple[dict[int, _Binding], object]] = {}
         # The frame buffer with its layout and background, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
         self._buffers: dict[str, GpuBuffer] = {}
@@ -183,7 +181,7 @@ class Device(Turns):
 
     def _drop_buffers(self) -> None:
         """Destroy all buffers and textures, and forget their content."""
-        self._bound = None, None
+        self._bound.clear()
         self._blank = None, np.zeros(0, bool)
         while self._buffers:
             self._buffers.popitem()[1].destroy()
@@ -267,14 +265,15 @@ class Device(Turns):
         )
         if self._conveyor != needs.conveyor:
             needs = replace(needs, conveyor=self._conveyor)
-        shaders = self._shaders.of(needs)
-        needs = shaders.needs  # equal, and knows its facts already
-        frame = frame_record(scene, packed.setup, first_row, rows)
+        left = rounds.left_for_veils(needs, packed, self.loop_rounds, self._counted)
+        if left:
+            needs = replace(needs, outputs=needs.outputs | {veils.UNFINISHED}, veil_rounds=left)
+        needs = self._shaders.of(needs).needs  # equal, and knows its facts already
         self._check_rounds_of_light(needs, packed)
         if len(packed.order) > 1 and self._is_too_large(packed, lists):
             halves = split.halves(packed)
             keyed = first_row, rows, outputs | {"key"}
-            return _joined([self.render_band(scene, half, *keyed) for half in halves], outputs)
+            return split.joined([self.render_band(scene, half, *keyed) for half in halves], outputs)
         if rounds.exceed(needs, packed, lists, self.loop_rounds):
             fits = rounds.fits(needs, packed, lists, self.loop_rounds)
             if not fits.any():
@@ -284,20 +283,46 @@ class Device(Turns):
                 )
             keyed = first_row, rows, outputs | {"key"}
             both = split.parted(lists, fits)
-            return _joined(
+            return split.joined(
                 [self._render_lists(scene, packed, part, *keyed) for part in both], outputs
             )
-        layout = FrameBuffer(written, packed.setup.view.width, rows)
+        record = frame_record(scene, packed.setup, first_row, rows)
+        drawn = _Drawn(record, scene.image.background, lists, rows)
+        if not left:
+            return self._draw(drawn, packed, needs, outputs)
+        asked = outputs | {veils.UNFINISHED}
+        return veils.draw_all(
+            packed,
+            needs,
+            lambda part, wanted, clears: self._draw(drawn, part, wanted, asked, clears),
+            f"adapter {self.adapter.summary}: the driver ends loops after {self.loop_rounds:,} "
+            "rounds, and one copy of a group of cells may take more to hide a light; use a group "
+            "of fewer surfaces, no shadows, or the backend numpy",
+        )
+
+    def _draw(
+        self,
+        drawn: _Drawn,
+        packed: Packed,
+        needs: Needs,
+        outputs: frozenset[str],
+        clears: bool = False,
+    ) -> tuple[Planes, float | None]:
+        """Dispatch what can be rendered at once, and read it back.
+
+        ``clears``: empty the output ``shadow`` before.
+        """
+        shaders, lists = self._shaders.of(needs), drawn.lists
+        layout = FrameBuffer(needs.outputs, packed.setup.view.width, drawn.rows)
         with device_errors(self.adapter):
             buffer = self._frame_buffer(layout)
-        ground = buffer, layout, scene.image.background
+        ground = buffer, layout, drawn.background
         blank = blank_tiles(lists.starts, lists.classes)
         left_out = self._left_out(shaders, ground, blank)
-        sets = shaders.sets(lists.starts, lists.classes)
         tiles_x = layout.shape[1] // TILE
-        records, parts = _parts(tile_groups(lists.starts, lists.classes, tiles_x, sets, left_out))
+        records, parts = parts_of(shaders, packed, lists, tiles_x, left_out)
         contents = {
-            0: frame,
+            0: drawn.record,
             1: packed.solids,
             2: packed.half_spaces,
             3: records,
@@ -316,7 +341,8 @@ class Device(Turns):
                     else self._upload(number, type_, contents[number])
                     for number, type_ in shaders.types.items()
                 }
-                memory = self._dispatch(shaders, parts, bindings, buffer, layout)
+                cleared = layout.span_of("shadow") if clears else None
+                memory = self._dispatch(parts, bindings, buffer, layout, cleared)
                 content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
                 planes = layout.copies(content, outputs)
                 milliseconds = layout.milliseconds(content) if self._timed else None
@@ -411,7 +437,7 @@ class Device(Turns):
     def _frame_buffer(self, layout: FrameBuffer) -> GpuBuffer:
         """The buffer that the shader writes a band to."""
         access = "MAP_READ" if self._mapped else "COPY_SRC"
-        return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|{access}")
+        return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|COPY_DST|{access}")
 
     def _buffer(self, name: str, size: int, usage: str) -> GpuBuffer:
         """The kept buffer called ``name``, replaced if it has fewer than ``size`` bytes."""
@@ -427,14 +453,19 @@ class Device(Turns):
 
     def _dispatch(
         self,
-        shaders: Shaders,
-        parts: list[_Part],
+        parts: list[Part],
         bindings: dict[int, _Binding],
         frame: GpuBuffer,
         layout: FrameBuffer,
+        cleared: tuple[int, int] | None,
     ) -> GpuBuffer:
-        """Render to the buffer ``frame``, wait, and return a mapped buffer with its content."""
+        """Render to the buffer ``frame``, wait, and return a mapped buffer with its content.
+
+        Offset and size of ``cleared`` bytes of ``frame`` are those that are set to 0 before.
+        """
         encoder = self._device.create_command_encoder()
+        if cleared is not None:
+            encoder.clear_buffer(frame, *cleared)
         timing = {}
         if self._timed:
             timing["timestamp_writes"] = {
@@ -442,10 +473,12 @@ class Device(Turns):
                 "beginning_of_pass_write_index": 0,
                 "end_of_pass_write_index": 1,
             }
-        group = self._bind_group(shaders.layout, bindings)
+        used = {part.shaders.layout for part in parts}
+        self._bound = {layout: kept for layout, kept in self._bound.items() if layout in used}
         compute = encoder.begin_compute_pass(**timing)
         for part in parts:
-            compute.set_pipeline(shaders.pipeline(part.classes))
+            compute.set_pipeline(part.shaders.pipeline(part.classes))
+            group = self._bind_group(part.shaders, bindings)
             compute.set_bind_group(0, group, [part.first * RECORD_BYTES])
             compute.dispatch_workgroups(part.tiles)
         compute.end()
@@ -459,18 +492,20 @@ class Device(Turns):
         memory.map_sync("READ", 0, layout.size)
         return memory
 
-    def _bind_group(self, layout: object, bindings: dict[int, _Binding]) -> object:
-        """The bind group of ``bindings``; frames most often reuse that of the last one."""
-        if (layout, bindings) != self._bound[0]:
+    def _bind_group(self, shaders: Shaders, bindings: dict[int, _Binding]) -> object:
+        """The bind group of ``shaders``; frames most often reuse that of the last one."""
+        layout = shaders.layout
+        own = {number: bindings[number] for number in sorted(shaders.types)}
+        if layout not in self._bound or self._bound[layout][0] != own:
             group = self._device.create_bind_group(
                 layout=layout,
                 entries=[
-                    {"binding": number, "resource": _resource(bindings[number])}
-                    for number in sorted(bindings)
+                    {"binding": number, "resource": _resource(binding)}
+                    for number, binding in own.items()
                 ],
             )
-            self._bound = (layout, bindings), group
-        return self._bound[1]
+            self._bound[layout] = own, group
+        return self._bound[layout][1]
 
 
 def _resource(binding: _Binding) -> object:
@@ -479,19 +514,6 @@ def _resource(binding: _Binding) -> object:
         return binding
     buffer, offset, size = binding
     return {"buffer": buffer, "offset": offset, "size": size}
-
-
-def _joined(
-    parts: list[tuple[Planes, float | None]], outputs: frozenset[str]
-) -> tuple[Planes, float | None]:
-    """Both parts of a band, which have keys, as if they had been rendered together."""
-    (first, first_ms), (second, second_ms) = parts
-    joined = split.nearest(first, second)
-    if "key" not in outputs:
-        del joined["key"]
-    if first_ms is None or second_ms is None:
-        return joined, None
-    return joined, first_ms + second_ms
 
 
 def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
@@ -516,22 +538,10 @@ def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
     return found
 
 
-class _Part(NamedTuple):
-    """Tiles that one dispatch renders."""
+class _Drawn(NamedTuple):
+    """What all parts of a band have in common that are rendered one after another."""
 
-    classes: Classes
-    first: int  # index of the first tile's record
-    tiles: int
-
-
-def _parts(groups: list[TileGroup]) -> tuple[U32, list[_Part]]:
-    """The records of all tiles in one array (N, TILE_WORDS), and the dispatches that read them."""
-    parts, pieces, end = [], [np.zeros((0, TILE_WORDS), np.uint32)], 0
-    for group in groups:
-        for begin in range(0, len(group.records), MOST_WORKGROUPS):
-            piece = group.records[begin : begin + MOST_WORKGROUPS]
-            parts.append(_Part(group.classes, end, len(piece)))
-            room = np.zeros((-len(piece) % RECORDS_ALIGNMENT, TILE_WORDS), np.uint32)
-            pieces += [piece, room]
-            end += len(piece) + len(room)
-    return np.concatenate(pieces), parts
+    record: Records  # of the frame
+    background: tuple[float, ...]
+    lists: Lists
+    rows: int

@@ -14,7 +14,7 @@ from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.contract.regions import PackedRegions
-from halfstep.contract.veils import VEIL_ROUNDS, PackedVeils
+from halfstep.contract.veils import PackedVeils
 from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import Needs
@@ -111,7 +111,7 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
         slabs = packed.shadows.occluders["slab_count"].astype(np.int64)
         of_shadows = int((slabs + 5).sum()) + 2 * len(packed.shadows.views)
     if packed.veils is not None and "veils" in needs.facts:
-        of_shadows += _rounds_of_veils(packed.veils, needs.broadcast)
+        of_shadows += _rounds_of_veils(needs, packed.veils)
     if packed.mirrors is not None and "mirrors" in needs.facts:
         # All balls, and the half-spaces of all bodies to find what is met, and to look at it.
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
@@ -120,12 +120,56 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
     return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
 
 
-def _rounds_of_veils(veils: PackedVeils, together: int) -> int:
-    """The most rounds that an invocation takes for shadows of copies.
+def left_for_veils(needs: Needs, packed: Packed, granted: int, together: int) -> int:
+    """The rounds after which an invocation tries no more veils; 0 if it takes fewer for all.
 
-    It looks at all boxes, ``together`` at once, in two loops.
+    They are about half of the rounds ``granted``, and a power of two, so that scenes share shaders.
+    A driver may count the rounds of ``together`` invocations that branch one by one.
     """
-    return VEIL_ROUNDS + 2 * (len(veils.records) // together) + 4 * len(veils.views)
+    if packed.veils is None or "veils" not in needs.facts:
+        return 0
+    beyond = _rounds_beyond(needs, packed.veils)
+    room = granted // 2 // together - beyond - _rounds_of_boxes(needs, packed.veils)
+    left = 1 << (max(room, 1).bit_length() - 1)
+    return left if _rounds_of_all(needs, packed.veils) > left else 0
+
+
+def _rounds_of_veils(needs: Needs, veils: PackedVeils) -> int:
+    """The most rounds that an invocation takes for shadows of copies."""
+    of_veils = _rounds_of_all(needs, veils)
+    if needs.veil_rounds:
+        of_veils = min(of_veils, needs.veil_rounds + _rounds_beyond(needs, veils))
+    return of_veils + _rounds_of_boxes(needs, veils)
+
+
+def _rounds_of_boxes(needs: Needs, veils: PackedVeils) -> int:
+    """The most rounds for the boxes of all veils, of which invocations look at some together."""
+    return 2 * (len(veils.records) // needs.broadcast) + 4 * len(veils.views)
+
+
+def _rounds_of_all(needs: Needs, veils: PackedVeils) -> int:
+    """The most rounds for all veils of all lights, as the shader counts them."""
+    records = veils.records
+    flat, curved = records["flat_count"].astype(np.int64), records["curved_count"].astype(np.int64)
+    # As in `rounds_of_regions`.
+    looks = 2 * curved + flat + 2
+    return int((flat + curved + 6 + _walks_of_veils(needs) * looks * _rounds_of_look(veils)).sum())
+
+
+def _rounds_beyond(needs: Needs, veils: PackedVeils) -> int:
+    """The most rounds that a veil takes after the rounds for veils have run out."""
+    surfaces = veils.records["flat_count"] + veils.records["curved_count"]
+    return int((surfaces + 6 + _walks_of_veils(needs) * _rounds_of_look(veils)).max())
+
+
+def _rounds_of_look(veils: PackedVeils) -> Ints:
+    """The rounds (N,) of one look at each veil's region."""
+    return veils.records["end_group"].astype(np.int64) - veils.records["first_group"] + 2
+
+
+def _walks_of_veils(needs: Needs) -> int:
+    """How many walks there are through a veil: a light inside needs another one."""
+    return needs.quads * (2 if "encloses" in needs.facts else 1)
 
 
 def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:

@@ -24,17 +24,35 @@ class Shaders:
         self.types = binding_types(needs)
         self.layout = store.layout(self.types)
         # The code for mirrors does not depend on the classes and compiles even longer, so shaders
-        # with fewer classes would cost more than they save.
-        self._may_have_parts = store.in_parts and "mirrors" not in needs.facts
+        # with fewer classes would cost more than they save. Few frames continue others.
+        self._may_have_parts = store.in_parts and needs.facts.isdisjoint({"mirrors", "continued"})
         self._whole = [needs.classes]
         self._sets: list[Classes] | None = None
         self._store = store
         self._pipelines: dict[Classes, object] = {}
+        # Shaders without mirrors, for tiles of frames with mirrors that see none.
+        self._plain: Shaders | None = None
+        if store.in_parts and "mirrors" in needs.facts:
+            self._plain = store.of(replace(needs, bounces=0))
 
     @property
     def compiles_later(self) -> bool:
         """Whether the next frame may compile shaders that no frame had before."""
-        return self._may_have_parts and not self._sets
+        may_compile = self._may_have_parts or self._plain is not None
+        return may_compile and not self._sets
+
+    def plain(self) -> Shaders | None:
+        """The shaders for tiles that see no mirror; None if the same ones draw all tiles.
+
+        They have some of the bindings. The first frame uses one shader, as `sets` tells.
+        """
+        return None if self._plain is None or self._sets is None else self._plain.later()
+
+    def later(self) -> Shaders:
+        """These shaders, as after their first frame."""
+        if self._sets is None:
+            self._sets = []
+        return self
 
     def sets(self, starts: U32, classes: Classes) -> list[Classes]:
         """The classes of each shader of a frame, those of the one that draws all tiles last.
@@ -45,6 +63,7 @@ class Shaders:
         software adapter the second frame picks the sets of classes that get their own shader.
         """
         if not self._may_have_parts:
+            self._sets = self._whole
             return self._whole
         if self._sets is None:
             self._sets = []

@@ -51,6 +51,19 @@ def _kept(lists: Lists, kept: Bools) -> Lists:
     return lists._replace(starts=before[lists.starts], members=lists.members[kept])
 
 
+def joined(
+    parts: list[tuple[Planes, float | None]], outputs: frozenset[str]
+) -> tuple[Planes, float | None]:
+    """Both parts of a band, which have keys, and their times in ms, as if rendered together."""
+    (first, first_ms), (second, second_ms) = parts
+    both = nearest(first, second)
+    if "key" not in outputs:
+        del both["key"]
+    if first_ms is None or second_ms is None:
+        return both, None
+    return both, first_ms + second_ms
+
+
 def nearest(first: Planes, second: Planes) -> Planes:
     """Join the planes of two parts: each pixel shows the nearer point. Both need ``key``.
 

@@ -69,6 +69,8 @@ class Needs:
     encloses: bool = False  # a light may be inside an occluder
     many: bool = False  # a light has so many occluders that groups of boxes pay
     veils: bool = False  # a copy of a group of cells may hide a light
+    veil_rounds: int = 0  # loop rounds after which no more veils are tried; 0: all are tried
+    continued: bool = False  # `shadow` in the frame buffer has what other veils hide
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -93,6 +95,8 @@ class Needs:
             wanted |= {"encloses"} if self.encloses else set()
             wanted |= {"curves"} if self.curves else set()
             wanted |= {"veils"} if self.veils else set()
+            wanted |= {"counted"} if self.veils and self.veil_rounds else set()
+            wanted |= {"continued"} if self.continued else set()
             wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
         if self.bounces and self.outputs & {"image", "color"}:
             wanted.add("mirrors")

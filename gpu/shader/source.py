@@ -34,7 +34,7 @@ from halfstep.contract.powers import BOUNDS, CLOCKS, MADE, MADE_OF_FORMULA, term
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
-from halfstep.contract.veils import VEIL_ROUNDS, VEIL_STEPS
+from halfstep.contract.veils import VEIL_STEPS
 from halfstep.shader.expand import expand
 from halfstep.shader.fetch import (
     FETCHED,
@@ -188,7 +188,8 @@ def constants(needs: Needs) -> str:
     for name, first in byte_offsets(needs.outputs).items():
         numbers[f"BYTES_{name.upper()}"] = first, "bytes of a pixel before this output"
     lines = [f"const {name}: u32 = {n}u;  // {meaning}" for name, (n, meaning) in numbers.items()]
-    lines.append(f"const VEIL_ROUNDS: i32 = {VEIL_ROUNDS};  // the most rounds of loops for veils")
+    rounds = needs.veil_rounds
+    lines.append(f"const VEIL_ROUNDS: i32 = {rounds};  // after so many, no more veils are tried")
     lines.append(f"const HALVINGS: Run = {halvings};  // roundings of the method's halvings")
     lines.append(f"const SEARCHES: Run = {needs.format.run};  // roundings of the conveyor")
     return "".join(f"{line}\n" for line in lines)
