@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.contract.expressions import Operation
+from halfstep.contract.expressions import Operation, is_tame
 from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.host.prepare import prepare
+from halfstep.host.roundings import counted
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.expression import parsed
@@ -69,6 +70,8 @@ JETS = [
     "sqrt(x^2 + y^2) - 0.5",
     "tan(x/3) - (y + 2)^-2 + (z + 2)^1.5",
     "x^5 - 3*x^4*y + z^2 - 7*x",
+    "sin(3*x)*cos(2*y) - cos(z)^2/2 + sin(4*(x - y)*cos(z))",
+    "x*sin(5*y + cos(7*z)) - 2 - 3*sin(z)*sin(2*x)*cos(y)",
 ]
 
 
@@ -85,6 +88,11 @@ def test_jets_hold_what_they_claim(text: str, rng: np.random.Generator) -> None:
         for axis, name in enumerate("xyz"):
             form[f"level_{name}"] = np.array([level[axis], 0, 0], np.float32)
             form[f"along_{name}"] = np.array([along[axis], 0, 0], np.float32)
+        if is_tame(made.program):
+            points = (np.array([each, 0 * each, 0 * each]).T for each in (level, along))
+            errors = counted(*made, *map(np.asarray, points), 0.0)
+            for name, error in zip(("value", "slope", "bend"), errors, strict=True):
+                form[f"{name}_error"] = np.float32(error)
         m, h = np.float32(rng.uniform(-1, 1)), np.float32(2.0 ** -rng.uniform(0, 14))
         zero = np.zeros((1, 1), np.float32)
         trace = trace_of(form, zero, zero)
@@ -126,6 +134,20 @@ def test_jets_hold_what_they_claim(text: str, rng: np.random.Generator) -> None:
                 count += 1
     assert known > 15
     assert count > 100
+
+
+@pytest.mark.parametrize(
+    ("text", "tame"),
+    [
+        ("sin(4*x)*cos(4*y) + sin(4*y)*cos(4*z) + sin(4*z)*cos(4*x)", True),
+        ("cos(x)^2 + 3*z*sin(y - x*cos(z)) - 1", True),
+        ("(x - cos(4*z))^2 + (y - sin(4*z))^2 - 0.06", False),
+        ("sin(x*y)", False),
+        ("sin(x) + exp(y)", False),
+    ],
+)
+def test_tame_formulas_grow_no_faster_than_the_coordinates(text: str, tame: bool) -> None:
+    assert is_tame(compiled(parsed(text, {})).program) == tame
 
 
 def exactly(text: str, x: Any, y: Any, z: Any) -> Any:
@@ -224,7 +246,11 @@ WAYS = {
 FAULTS = [
     ("surety_of", "jet.value > off", "jet.value < off", "error", "sheet"),
     ("walked_formula", "judged_jet(jet)", "judged_jet(negated_jet(jet))", "solid", "sheet"),
-    ("finished_formula", "-value, turned", "value, turned", "depth", "inside a ball"),
+    ("finished_formula", "value, found.met", "-value, found.met", "depth", "sheet"),
+    ("finished_formula", "abs(value) > rest", "abs(value) < rest", "depth", "cut"),
+    ("expression_near", "opposite_jet(turned, jet)", "jet", "depth", "inside a ball"),
+    ("some_halved", "half.size, some", "half.size, b4(true)", "depth", "cut"),
+    ("formula_near", "form.formula == 0u", "form.formula == 1u", "depth", "two of them"),
     ("finished_formula", "u < high", "u < low", "depth", "sheet"),
     ("surety_of", "-reach, reach", "reach, -reach", "error", "sheet"),
     ("slope_of_formula", "trace.x.level + u", "trace.y.level + u", "normal", "sheet"),
@@ -232,11 +258,11 @@ FAULTS = [
     ("slope_of_formula", "form.axes[1]", "form.axes[3]", "normal", "two of them"),
     ("track_of", "y * level[2]", "y * level[1]", "depth", "sheet"),
     ("trace_of", "form.along_y", "form.along_x", "depth", "sheet"),
-    ("expression_value", "trace.z.along", "trace.y.along", "depth", "sheet"),
+    ("expression_value", "trace.z.level", "trace.y.level", "depth", "cut"),
     ("expression_jet", "opposite_jet(turned, jet)", "jet", "depth", "inside a ball"),
     ("outline_of_formula", "form.left, form.right", "form.right, form.left", "solid", "sheet"),
     ("jet_on", "track.level_size, track.along_size", "m, m", "error", "sheet"),
-    ("visit_formula", "!inside, start, stop, last", "inside, start, stop, last", "exit", "cut"),
+    ("visit_formula", "!inside, begin, end, last", "inside, begin, end, last", "exit", "cut"),
     ("visit_formula", "first <= f4(0.0)", "first > f4(0.0)", "error", "sheet"),
     ("formula_jet", "form.formula == 0u", "form.formula == 1u", "depth", "two of them"),
     ("formula_value", "form.formula == 1u", "form.formula == 0u", "depth", "two of them"),

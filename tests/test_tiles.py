@@ -49,6 +49,7 @@ def test_lists_hold_what_touches_a_tile(count: int, rng: np.random.Generator) ->
             rectangle=np.concatenate([i, j], axis=1),
             count=count,
             is_loose=np.zeros(count, bool),
+            covered=None,
         )
         packed: Any = SimpleNamespace(setup=constants, order=order, classes=classes)
         starts, members = tile_lists(packed, present, first_row, rows)

@@ -155,3 +155,13 @@ fn world_slope(form: Polynomial, x: f4, y: f32, u: f4, slopes: Slopes) -> Vector
     (slopes.x * form.axes[2] + slopes.y * form.axes[5]) + ahead * form.axes[8],
   );
 }
+
+// The least u at which some ray of a tile may meet F = 0, by the tile's member for the solid.
+fn first_place(member: u32) -> f32 {
+  return f32((member >> ROW_BITS) & (PIECES - 1u)) * (2.0 / f32(PIECES)) - 1.0;
+}
+
+// The greatest u at which some ray of the tile may.
+fn last_place(member: u32) -> f32 {
+  return f32((member >> (ROW_BITS + PIECE_BITS)) + 1u) * (2.0 / f32(PIECES)) - 1.0;
+}

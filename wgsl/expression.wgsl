@@ -1,7 +1,7 @@
 // A formula along rays: jets and values, the cell with its first root, and the root by halvings.
 //
-// gpu/shader/formulas.py writes `formula_jet`, `formula_value` and `formula_grade` for the
-// formulas of a scene.
+// gpu/shader/formulas.py writes `formula_jet`, `formula_near`, `formula_value` and
+// `formula_grade` for the formulas of a scene.
 
 // The widest cell that is tried about a u at which F must have one sign: the whole interval.
 const WIDEST: f32 = 2.0;
@@ -61,6 +61,7 @@ fn expression_jet(form: Expression, trace: Trace, turned: b4, m: f4, h: f4) -> J
     jet_on(trace.x, form.host_error, m, h),
     jet_on(trace.y, form.host_error, m, h),
     jet_on(trace.z, form.host_error, m, h),
+    h,
   );
   return opposite_jet(turned, jet);
 }
@@ -99,8 +100,31 @@ fn walked_formula(
   return cell;
 }
 
+// F, or -F where turned, about the middle m of a cell, for halvings of the cell: the jet of a tame
+// formula, else the value alone.
+fn expression_near(form: Expression, trace: Trace, turned: b4, m: f4, h: f4) -> Jet {
+  let jet = formula_near(
+    form,
+    jet_on(trace.x, form.host_error, m, h),
+    jet_on(trace.y, form.host_error, m, h),
+    jet_on(trace.z, form.host_error, m, h),
+    h,
+  );
+  return opposite_jet(turned, jet);
+}
+
+// Half a cell in some pixels: the far one, or else the near one.
+fn some_halved(old: Cell, some: b4, far: b4) -> Cell {
+  let half = half_of(old, far);
+  var cell = old;
+  cell.first = select(old.first, half.first, some);
+  cell.size = select(old.size, half.size, some);
+  return cell;
+}
+
 // The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen. That
-// form has one root between `cap_start` and `cap_stop`.
+// form has one root between `cap_start` and `cap_stop`. The sign of F in the middle of a cell
+// decides. A jet tells it for halves of the cell, too, as long as it is larger than its error.
 fn finished_formula(
   form: Expression,
   trace: Trace,
@@ -120,15 +144,37 @@ fn finished_formula(
   var cell = begun_cell(found, is_cap, steps);
   let low = select(cap_start, start, found.met);
   let high = select(cap_stop, stop, found.met);
-  for (var k = 0u; k < steps; k++) {
+  var middle = f4(0.0);
+  var unit = f4(0.0);
+  var near = NO_JET;
+  var known = b4(false);
+  var rest = f4(0.0);
+  // First the caps; then each round begins with another jet.
+  for (var round = 0u; round < steps + 1u; round++) {
+    var some = cell.size > i4(0);
+    for (var k = 0u; k < steps; k++) {
+      let u = middle_of(cell, last_step);
+      let s = (u - middle) * unit;
+      let value = (near.bend * s + near.slope) * s + near.value;
+      let told = known & (abs(value) > rest + (ROOM * near.bend_error) * (s * s));
+      let is_middle = b4(round > 0u && k == 0u);
+      some = some & (cell.size > i4(0)) & (!found.met | is_middle | told | (u < low) | (u >= high));
+      if !any(some) {
+        break;
+      }
+      let above = select((a * u + b) * u + c, value, found.met) > f4(0.0);
+      cell = some_halved(cell, some, (u < high) & ((u < low) | above));
+    }
     if all(cell.size == i4(0)) {
       break;
     }
-    let u = middle_of(cell, last_step);
-    let value = expression_value(form, trace, u);
-    let of_f = select(value, -value, turned);
-    let above = select((a * u + b) * u + c, of_f, found.met) > f4(0.0);
-    cell = half_of(cell, (u < high) & ((u < low) | above));
+    let half = f4(i4(1) << u4(cell.size)) * last_step;
+    middle = middle_of(cell, last_step);
+    unit = 1.0 / half;
+    near = expression_near(form, trace, turned, middle, half);
+    known = (near.state & u4(STEEP | UNDEFINED)) == u4(0u);
+    let sizes = (abs(near.value) + abs(near.slope)) + abs(near.bend);
+    rest = ROOM * (near.value_error + near.slope_error) + (8.0 * EPSILON) * sizes;
   }
   return position_in(cell, steps);
 }

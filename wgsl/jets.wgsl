@@ -96,6 +96,12 @@ fn number_jet(k: f32) -> Jet {
   return Jet(f4(k), zero, zero, f4(max(EPSILON * abs(k), FAINTEST)), zero, zero, u4(0u));
 }
 
+// The jet of which only the value is known.
+fn jet_of_value(value: f4) -> Jet {
+  let zero = f4(0.0);
+  return Jet(value, zero, zero, zero, zero, zero, u4(STEEP));
+}
+
 // a + k
 fn raised_jet(a: Jet, k: f32) -> Jet {
   var jet = a;

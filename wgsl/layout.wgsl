@@ -12,6 +12,9 @@ const SHADE_AT_LAMP: u32 = 2u;
 const SHADE_ENCLOSES: u32 = 4u;
 const SHADE_FLAT: u32 = 8u;
 const SHADE_CONVEX: u32 = 16u;
+const ROW_BITS: u32 = 22u;
+const PIECE_BITS: u32 = 5u;
+const PIECES: u32 = 32u;
 const SLAB_BITS: u32 = 15u;
 const SLAB_LIT: u32 = 1073741824u;
 
@@ -169,6 +172,9 @@ struct Expression {
   sheet: u32,  // 1 if F = 0 is shown from both sides, else 0
   ball: u32,  // number of the ball that bounds it, behind planes; 0 for none
   formula: u32,  // number of its formula in the scene
+  value_error: f32,  // error of the values of arcs, if its formula is tame
+  slope_error: f32,  // error of their slopes, for each half width of a cell
+  bend_error: f32,  // error of their bends, for its square
   level_x: array<f32, 3>,  // local coordinate at u = 0: coefficients of 1, x, y
   level_y: array<f32, 3>,  // the same
   level_z: array<f32, 3>,  // the same

@@ -42,9 +42,16 @@ fn next_entry(first: u32, end: u32, j: i32) -> u32 {
   return entry;
 }
 
+// The row among the solids in a member of a tile's lists.
+fn row_in(member: u32) -> u32 {
+  var row = member;
+  row = member & ((1u << ROW_BITS) - 1u);  //? stretches
+  return row;
+}
+
 // The row among the solids of an entry of a tile's lists.
 fn row_of(tile: Tile, entry: u32) -> u32 {
-  let member = tile_solids[entry];
+  let member = row_in(tile_solids[entry]);
   var is_region = false;
   {  //? list_region
     is_region = (entry >= tile.starts[LIST_REGION]) & (entry < tile.starts[LIST_REGION + 1u]);
@@ -163,10 +170,11 @@ fn render(
     let first = tile.starts[LIST_POLYNOMIAL];
     let end = tile.starts[LIST_POLYNOMIAL + 1u];
     for (var entry = first; entry < end; entry++) {
-      let solid = solid_at(tile_solids[entry]);
+      let member = tile_solids[entry];
+      let solid = solid_at(row_in(member));
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      visit_polynomial(solid, j - solid.center_y);
+      visit_polynomial(solid, j - solid.center_y, member);
       keep_block(solid);
     }
   }
@@ -174,10 +182,11 @@ fn render(
     let first = tile.starts[LIST_FORMULA];
     let end = tile.starts[LIST_FORMULA + 1u];
     for (var entry = first; entry < end; entry++) {
-      let solid = solid_at(tile_solids[entry]);
+      let member = tile_solids[entry];
+      let solid = solid_at(row_in(member));
       // each quad
       x_0 = i_0 - i4(solid.center_x);
-      visit_formula(solid, j - solid.center_y);
+      visit_formula(solid, j - solid.center_y, member);
       keep_block(solid);
     }
   }
@@ -256,7 +265,7 @@ fn render(
     let first = tile.starts[0];
     let end = tile.starts[CLASSES];
     for (var entry = first; entry < end; entry++) {
-      find_points(location_at(tile_solids[entry]), j);  //? !regions
+      find_points(location_at(row_in(tile_solids[entry])), j);  //? !regions
       find_points(location_at(row_of(tile, entry)), j);  //? regions
     }
     // each quad

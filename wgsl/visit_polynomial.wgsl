@@ -1,5 +1,5 @@
 // A solid that a polynomial or a formula bounds -> its visible point: clip, walk, halve.
-fn visit_polynomial(solid: Solid, y: i32) {
+fn visit_polynomial(solid: Solid, y: i32, member: u32) {
   let form = polynomial_at(solid.polynomial);  //? !formula
   let formula = expression_at(solid.polynomial);  //? formula
   var outline: Outline;
@@ -72,13 +72,17 @@ fn visit_polynomial(solid: Solid, y: i32) {
     let within = (i4(outline.left) <= x_0) & (x_0 <= i4(outline.right))
       & b4((outline.top <= y) & (y <= outline.bottom));
     some = some & within;
+    // F may be 0 only here.
+    let begin = max(start, f4(first_place(member)));
+    let end = min(stop, f4(last_place(member)));
+    let searched = some & !on_entry & (begin < end);
     let seen = opposite(inside, curve);  //? !formula
     var cell: Cell;
-    cell = cells_about(start, some & !on_entry, MADE, solid.steps);  //? !formula
-    cell = cells_about(start, some & !on_entry, MADE_OF_FORMULA, solid.steps);  //? formula
-    cell = walked(seen, start, stop, cell, solid.steps, solid.last_step);  //? !formula
+    cell = cells_about(begin, searched, MADE, solid.steps);  //? !formula
+    cell = cells_about(begin, searched, MADE_OF_FORMULA, solid.steps);  //? formula
+    cell = walked(seen, begin, end, cell, solid.steps, solid.last_step);  //? !formula
     cell = walked_formula(  //? formula
-      formula, trace, inside, start, stop, cell, solid.steps, solid.last_step
+      formula, trace, inside, begin, end, cell, solid.steps, solid.last_step
     );
     let on_exit = inside & !cell.met & (id_out > i4(0)) & b4(!is_sheet);
     var c = select(-piece_0.c_out, piece_0.c_in, on_entry);
@@ -95,8 +99,8 @@ fn visit_polynomial(solid: Solid, y: i32) {
     var position = i4(0);
     position = finished(  //? !formula
       seen,
-      start,
-      stop,
+      begin,
+      end,
       cell,
       on_entry | on_exit,
       c,
@@ -111,8 +115,8 @@ fn visit_polynomial(solid: Solid, y: i32) {
       formula,
       trace,
       inside,
-      start,
-      stop,
+      begin,
+      end,
       cell,
       on_entry | on_exit,
       c,
@@ -131,10 +135,10 @@ fn visit_polynomial(solid: Solid, y: i32) {
     let next = select(i4(0), leaf + 1, cell.met);  //? exit
     var last = cells_from(next, hit & !stays, solid.steps);  //? exit
     last = walked(  //? exit & !formula
-      leaving, start, stop, last, solid.steps, solid.last_step
+      leaving, begin, end, last, solid.steps, solid.last_step
     );
     last = walked_formula(  //? exit & formula
-      formula, trace, !inside, start, stop, last, solid.steps, solid.last_step
+      formula, trace, !inside, begin, end, last, solid.steps, solid.last_step
     );
     var out_c = -piece_0.c_out;  //? exit
     var out_b = -piece_0.b_out;  //? exit
@@ -147,8 +151,8 @@ fn visit_polynomial(solid: Solid, y: i32) {
     var left_at = i4(0);  //? exit
     left_at = finished(  //? exit & !formula
       leaving,
-      start,
-      stop,
+      begin,
+      end,
       last,
       hit & !stays & (id_out > i4(0)),
       out_c,
@@ -163,8 +167,8 @@ fn visit_polynomial(solid: Solid, y: i32) {
       formula,
       trace,
       !inside,
-      start,
-      stop,
+      begin,
+      end,
       last,
       hit & !stays & (id_out > i4(0)),
       out_c,

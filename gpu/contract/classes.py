@@ -27,5 +27,7 @@ class Class(IntEnum):
 REGIONS = frozenset(klass for klass in Class if klass.name.startswith("REGION"))
 # Words that programs have at most, by class.
 SHORT = {Class.REGION_4: 4, Class.REGION_8: 8}
+# Classes whose members of lists have stretches of depth (``contract.stretches``).
+STRETCHED = frozenset({Class.POLYNOMIAL, Class.FORMULA})
 # Classes whose lists come behind that of REGION, so that its code draws them, too.
 BEHIND_REGION = (*SHORT, Class.REGION_KNOWN)

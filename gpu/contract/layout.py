@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from halfstep.contract.formats import FLOAT32, Format
+from halfstep.contract.stretches import PIECE_BITS, PIECES, ROW_BITS
 
 # A workgroup renders a tile of TILE x TILE pixels. An invocation renders a block of it: some quads
 # side by side, each of LANES pixels in a row.
@@ -319,6 +320,9 @@ EXPRESSION = Record(
         Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
         Field("ball", "u32", 1, "number of the ball that bounds it, behind planes; 0 for none"),
         Field("formula", "u32", 1, "number of its formula in the scene"),
+        Field("value_error", "f32", 1, "error of the values of arcs, if its formula is tame"),
+        Field("slope_error", "f32", 1, "error of their slopes, for each half width of a cell"),
+        Field("bend_error", "f32", 1, "error of their bends, for its square"),
         Field("level_x", "f32", 3, "local coordinate at u = 0: coefficients of 1, x, y"),
         Field("level_y", "f32", 3, "the same"),
         Field("level_z", "f32", 3, "the same"),
@@ -551,6 +555,8 @@ def wgsl() -> str:
     lines += [f"const TILE: u32 = {TILE}u;", f"const LANES: u32 = {LANES}u;"]
     lines += [f"const FLAG_{flag.name}: u32 = {flag.value}u;" for flag in Flag]
     lines += [f"const SHADE_{shade.name}: u32 = {shade.value}u;" for shade in Shade]
+    bits = {"ROW_BITS": ROW_BITS, "PIECE_BITS": PIECE_BITS, "PIECES": PIECES}
+    lines += [f"const {name}: u32 = {value}u;" for name, value in bits.items()]
     lines += [f"const SLAB_BITS: u32 = {SLAB_BITS}u;", f"const SLAB_LIT: u32 = {SLAB_LIT}u;"]
     for record in RECORDS:
         lines += ["", record.wgsl()]

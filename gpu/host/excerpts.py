@@ -26,7 +26,7 @@ from halfstep.host.pack import MOST_CLASSES, Packed
 from halfstep.host.reach import squares_of
 from halfstep.host.regions import Program
 from halfstep.host.signs import Rays, signs
-from halfstep.host.tiles import Classes, Pairs, tile_lists, tile_pairs
+from halfstep.host.tiles import Classes, Pairs, tile_lists, tile_members
 from halfstep.host.written import Left, Written, whole_length
 
 # A copy has excerpts if its surfaces times its tiles reach this number. Below it, excerpts cost the
@@ -74,7 +74,7 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     copies = packed.setup.copies
     if packed.regions is None or copies is None:
         return Lists(packed.present, *tile_lists(packed, packed.present, first_row, rows), None)
-    pairs = tile_pairs(packed, first_row, rows)
+    pairs, members = tile_members(packed, packed.present, first_row, rows)
     across, down = -(-packed.setup.view.width // TILE), -(-rows // TILE)
     tile = pairs.y * across + pairs.x
     slot = np.searchsorted(packed.present, packed.classes)[pairs.row]
@@ -107,13 +107,13 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     lists = np.concatenate([tile[own][places], tile[rest]]) * len(classes)
     lists += np.concatenate([slots, slot[rest]])
     # Numbers of lists and of members in one number are sorted several times as fast.
-    both = np.concatenate([rank[record], len(order) + pairs.row[rest]])
+    both = np.concatenate([rank[record], len(order) + np.arange(len(rest))])
     both = np.sort(lists << MEMBER_BITS | both) & ((1 << MEMBER_BITS) - 1)
-    members = np.concatenate([order, np.arange(len(packed.order))])[both]
+    members = np.concatenate([order.astype(np.uint32), members[rest]])[both]
     starts = np.zeros(across * down * len(classes) + 1, np.uint32)
     np.cumsum(np.bincount(lists, minlength=len(starts) - 1), out=starts[1:])
     known = known if Class.REGION_KNOWN in classes else None
-    return Lists(classes, starts, members.astype(np.uint32), regions, known)
+    return Lists(classes, starts, members, regions, known)
 
 
 def _blocks(packed: Packed, copies: Copies, pairs: Pairs, first_tile: int) -> _Blocks:

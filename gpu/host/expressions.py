@@ -143,13 +143,18 @@ class FormulaAtEye:
         reach = np.concatenate([np.ones((1, *sight.offsets.shape[1:])), sight.offsets])
         self._steepest = np.einsum("iap,ip->ap", np.abs(sight.rays[1:]), reach)
 
-    def nearest(self, far: float) -> Floats:
-        """A lower bound (E,) of the depth, up to ``far``, at which any ray meets F = 0."""
+    def nearest(self, far: float, low: Floats) -> Floats:
+        """A lower bound (E,) of the depth, up to ``far``, at which any ray meets F = 0.
+
+        It is 0 where a search would end at a depth that is less than ``low`` (E,).
+        """
 
         def passes(depth: Floats) -> Bools:
             found = self._ranges(depth * self._steepest[:, None])
             return np.asarray((found.low > 0) | (found.high < 0))
 
+        if not passes(low[None]).any():
+            return np.zeros(len(self._of))
         return furthest(passes, len(self._of), far)
 
     def _ranges(self, reach: Floats) -> Range:

@@ -14,6 +14,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Array, Bools, Floats, Ints
 from halfstep.errors import SceneError
+from halfstep.host.cover import Cover, covers
 from halfstep.host.edges import EDGES
 from halfstep.host.expressions import Expressions, expressions, with_members
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
@@ -93,6 +94,7 @@ class Geometry:
     polynomials: Polynomials | None  # of the solids that have one of any degree
     # Of the solids that have a formula that is no polynomial, and of surfaces of groups.
     expressions: Expressions | None
+    covers: Mapping[int, Cover]  # of the solids that have a polynomial or a formula
 
     @property
     def count(self) -> int:
@@ -186,6 +188,7 @@ def build(scene: Scene) -> Geometry:
         regions=None,
         polynomials=polynomials(solids),
         expressions=expressions(solids),
+        covers=covers(solids),
     )
 
 

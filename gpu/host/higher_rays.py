@@ -169,7 +169,7 @@ class _Eye(NamedTuple):
         """Add what is known of some."""
         far = float((sight.middle + sight.half).max(initial=0.0))
         self.outside[some], self.sure[some] = found.outside, found.sure
-        self.nearest[some] = found.nearest(far)
+        self.nearest[some] = found.nearest(far, np.zeros(len(some)))
 
 
 def _polynomials(

@@ -6,10 +6,11 @@ import numpy as np
 
 from halfstep.contract import layout
 from halfstep.contract.arrays import Ints, Records
-from halfstep.contract.expressions import PackedExpressions
+from halfstep.contract.expressions import PackedExpressions, is_tame
 from halfstep.host.expressions import FormulasOnRays
 from halfstep.host.forms import FAINT
 from halfstep.host.pack_polynomials import joined_records
+from halfstep.host.roundings import counted
 from halfstep.host.setup import Setup
 
 # Shaders know nothing of points with larger coordinates.
@@ -64,8 +65,12 @@ def _records(seen: FormulasOnRays, rectangle: Ints, center: Ints) -> Records:
         records[f"along_{name}"] = np.where(near, seen.along[axis], 0.0).T
     axes = seen.rotation.reshape(9, -1).T
     records["axes"] = np.where(np.abs(axes) < FAINT, 0.0, axes)
-    for record, place in zip(records, seen.of.tolist(), strict=True):
+    for row, (record, place) in enumerate(zip(records, seen.of.tolist(), strict=True)):
         formula = known.formulas[place]
         record["formula"] = known.programs.index(formula.program)
         record["numbers"][: len(formula.numbers)] = formula.numbers
+        if is_tame(formula.program):
+            points = seen.level[..., row], seen.along[..., row]
+            errors = counted(*formula, *points, float(record["host_error"]))
+            record["value_error"], record["slope_error"], record["bend_error"] = errors
     return records

@@ -292,8 +292,11 @@ class AtEye:
         reach = np.concatenate([np.ones((1, *sight.offsets.shape[1:])), sight.offsets])
         self._steepest = np.einsum("iap,ip->ap", np.abs(self._rays[1:]), reach)
 
-    def nearest(self, far: float) -> Floats:
-        """A lower bound (P,) of the depth, up to ``far``, at which any ray meets F = 0."""
+    def nearest(self, far: float, low: Floats) -> Floats:
+        """A lower bound (P,) of the depth, up to ``far``, at which any ray meets F = 0.
+
+        It is 0 where a search would end at a depth that is less than ``low`` (P,).
+        """
         least = _value(self._sizes, self._size)
 
         def passes(depth: Floats) -> Bools:
@@ -301,6 +304,8 @@ class AtEye:
             reached = _value(self._sizes, places)
             return np.asarray(reached - least < self._level)
 
+        if not passes(low[None]).any():
+            return np.zeros(len(least))
         return furthest(passes, len(least), far)
 
 

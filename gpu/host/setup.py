@@ -20,6 +20,7 @@ from halfstep.contract.arrays import I32, Bools, Floats, Ints
 from halfstep.host.bounds import bounds, rectangles
 from halfstep.host.camera import View
 from halfstep.host.copies import Copies, copies
+from halfstep.host.cover import Covered, covered
 from halfstep.host.edges import edge_forms, end_lines
 from halfstep.host.expressions import FormulaAtEye, FormulasOnRays, formulas_on_rays
 from halfstep.host.forms import (
@@ -100,6 +101,7 @@ class Setup:
     copies: Copies | None  # the copies of groups, which are the last of the scene's solids
     polynomials: OnRays | None  # of solids whose F is a polynomial, but no quadric
     formulas: FormulasOnRays | None  # of solids whose F is another formula
+    covered: Covered | None  # boxes of both that are large enough
 
     @property
     def count(self) -> int:
@@ -163,10 +165,10 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
     at_eye = np.empty(0, np.int64) if algebraic is None else algebraic.row
     at_eye = at_eye[starts_at_eye[at_eye]]
     if len(at_eye):
-        _see_polynomials(facts, at_eye, geometry, ix, sight)
+        _see_polynomials(facts, at_eye, geometry, ix, sight, low)
     formulas = _formulas(geometry, ix, sight)
     if formulas is not None:
-        _see_formulas(facts, formulas, starts_at_eye, geometry, ix, sight)
+        _see_formulas(facts, formulas, starts_at_eye, geometry, ix, sight, low)
 
     return Setup(
         view=view,
@@ -204,6 +206,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         copies=groups,
         polynomials=algebraic,
         formulas=formulas,
+        covered=covered(geometry.covers, ix, sight, rectangle, center),
     )
 
 
@@ -390,15 +393,17 @@ def _polynomials(
     )
 
 
-def _see_polynomials(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:
+def _see_polynomials(
+    facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight, low: Floats
+) -> None:
     """Add the signs of polynomials at the eye to ``facts``, in rows whose rays start there.
 
-    The eye is never inside of a sheet.
+    The eye is never inside of a sheet. ``low`` (V,) has the least depths of the solids.
     """
     known = geometry.polynomials
     assert known is not None
     own = known.at(np.searchsorted(known.solid, ix[row]))
-    _see(facts, row, AtEye(own, sight.at(row)), own.is_sheet, sight)
+    _see(facts, row, AtEye(own, sight.at(row)), own.is_sheet, sight, low)
     _see_balls(facts, row[own.is_in_ball], geometry, ix, sight)
 
 
@@ -421,24 +426,30 @@ def _see_formulas(
     geometry: Geometry,
     ix: Ints,
     sight: Sight,
+    low: Floats,
 ) -> None:
     """Add the signs of formulas at the eye, as `_see_polynomials` does."""
     from_eye = starts_at_eye[formulas.row]
     row, of, known = formulas.row[from_eye], formulas.of[from_eye], formulas.known
     if len(row):
-        _see(facts, row, FormulaAtEye(known, of, sight.at(row)), known.is_sheet[of], sight)
+        _see(facts, row, FormulaAtEye(known, of, sight.at(row)), known.is_sheet[of], sight, low)
         _see_balls(facts, row[known.is_in_ball[of]], geometry, ix, sight)
 
 
 def _see(
-    facts: _Eye, row: Ints, at_eye: AtEye | FormulaAtEye, is_sheet: Bools, sight: Sight
+    facts: _Eye,
+    row: Ints,
+    at_eye: AtEye | FormulaAtEye,
+    is_sheet: Bools,
+    sight: Sight,
+    low: Floats,
 ) -> None:
     seen = sight.at(row)
     far = float((seen.middle + seen.half).max(initial=0.0))
     facts.inside[row] &= ~at_eye.outside & ~is_sheet
     facts.outside_quadric[row] = at_eye.outside
     facts.sure[row] &= at_eye.sure
-    facts.nearest[row] = np.minimum(facts.nearest[row], at_eye.nearest(far))
+    facts.nearest[row] = np.minimum(facts.nearest[row], at_eye.nearest(far, low[row]))
 
 
 def _see_balls(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:

@@ -13,8 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.classes import BEHIND_REGION, Class
+from halfstep.contract.classes import BEHIND_REGION, STRETCHED, Class
 from halfstep.contract.layout import TILE, TILE_WORDS
+from halfstep.contract.stretches import EVERYWHERE, members_of
+from halfstep.host.cover import tiles_of
 from halfstep.host.pack import Packed
 from halfstep.host.reach import Reach, squares_of
 
@@ -42,7 +44,7 @@ def tile_lists(packed: Packed, classes: Classes, first_row: int, rows: int) -> t
     """
     tiles_x = -(-packed.setup.view.width // TILE)
     tiles_y = -(-rows // TILE)
-    pairs = tile_pairs(packed, first_row, rows)
+    pairs, members = tile_members(packed, classes, first_row, rows)
     slot = np.searchsorted(np.array(classes, np.int64), packed.classes)
     group = (pairs.y * tiles_x + pairs.x) * len(classes) + slot[pairs.row]
     count = tiles_x * tiles_y * len(classes)
@@ -50,7 +52,37 @@ def tile_lists(packed: Packed, classes: Classes, first_row: int, rows: int) -> t
     by_group = np.argsort(group.astype(np.min_scalar_type(count)), kind="stable")
     starts = np.zeros(count + 1, np.uint32)
     np.cumsum(np.bincount(group, minlength=count), out=starts[1:])
-    return starts, pairs.row[by_group].astype(np.uint32)
+    return starts, members[by_group]
+
+
+def tile_members(packed: Packed, classes: Classes, first_row: int, rows: int) -> tuple[Pairs, U32]:
+    """Every solid with every tile that may see it, in the order of the solids, and as members."""
+    pairs = tile_pairs(packed, first_row, rows)
+    if STRETCHED.isdisjoint(classes):
+        return pairs, pairs.row.astype(np.uint32)
+    tiles_x = -(-packed.setup.view.width // TILE)
+    return _covered(packed, pairs, first_row, (-(-rows // TILE), tiles_x))
+
+
+def _covered(
+    packed: Packed, pairs: Pairs, first_row: int, tiles: tuple[int, int]
+) -> tuple[Pairs, U32]:
+    """The solids with tiles that may see them, as their covers tell, and these as members."""
+    boxes = packed.setup.covered
+    first, last = np.zeros((2, len(pairs.row)), np.int64)
+    last[np.isin(packed.classes, [*STRETCHED])[pairs.row]] = EVERYWHERE[1]
+    kept = np.ones(len(pairs.row), bool)
+    chosen = [] if boxes is None else np.flatnonzero(np.isin(packed.order, boxes.row)).tolist()
+    for row in chosen:
+        assert boxes is not None
+        found = tiles_of(boxes, int(packed.order[row]), first_row, tiles)
+        assert found is not None
+        own = slice(*np.searchsorted(pairs.row, [row, row + 1]).tolist())
+        places = pairs.y[own], pairs.x[own]
+        kept[own], first[own], last[own] = (each[places] for each in found)
+    some = np.flatnonzero(kept)
+    pairs = _at(pairs, some)
+    return pairs, members_of(pairs.row, first[some], last[some])
 
 
 class TileGroup(NamedTuple):
@@ -152,7 +184,7 @@ class _Spans(NamedTuple):
 
 
 def tile_pairs(packed: Packed, first_row: int, rows: int) -> Pairs:
-    """Every solid with every tile that may see it, in the order of the solids."""
+    """Every solid with every tile of its rectangle that may see it, in the order of the solids."""
     i0, i1, j0, j1 = packed.setup.rectangle[packed.order].T
     within = (j1 >= first_row) & (j0 < first_row + rows)
     j0, j1 = np.maximum(j0 - first_row, 0), np.minimum(j1 - first_row, rows - 1)

@@ -14,6 +14,7 @@ from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.contract.regions import PackedRegions
+from halfstep.contract.stretches import rows_of
 from halfstep.contract.veils import PackedVeils
 from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
@@ -40,10 +41,11 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
         of_polynomial = packed.classes == Class.POLYNOMIAL
         rounds[of_polynomial] += (walks * (CLOCKS + 1 + steps) + tried)[of_polynomial]
     # A formula takes a round for each side of an error bound, for each end of the interval and for
-    # each axis. If there are several programs, each of these rounds asks every program.
+    # each axis. Each halving may take a jet, and a look whether the jet tells the next one. If
+    # there are several programs, each of these rounds asks every program.
     if Class.FORMULA in needs.classes:
         of_formula = packed.classes == Class.FORMULA
-        asked = walks * (CLOCKS + 1 + steps) + 2 * tried + 8
+        asked = walks * (CLOCKS + 3 + 3 * steps) + 2 * tried + 8
         rounds[of_formula] += (asked * (1 + 2 * len(needs.programs)))[of_formula]
     # One round comes to the solid in the tile's list, and one more if places of points are needed.
     return np.asarray(rounds + 1 + ("places" in needs.facts))
@@ -209,11 +211,11 @@ def _sums(rounds: Ints) -> Ints:
 def rounds_of_members(needs: Needs, packed: Packed, lists: Lists) -> Ints:
     """The most rounds (M,) that each of the M members of the tiles' lists takes."""
     if lists.regions is None:
-        return rounds_of_solids(needs, packed)[lists.members]
+        return rounds_of_solids(needs, packed)[rows_of(lists.members)]
     slot = np.repeat(np.arange(len(lists.starts) - 1) % len(lists.classes), np.diff(lists.starts))
     is_region = np.isin(lists.classes, [*REGIONS])[slot]
     rounds = np.empty(len(lists.members), np.int64)
     regions = rounds_of_regions(needs, packed, lists.regions)
     rounds[is_region] = regions[lists.members[is_region]]
-    rounds[~is_region] = rounds_of_solids(needs, packed)[lists.members[~is_region]]
+    rounds[~is_region] = rounds_of_solids(needs, packed)[rows_of(lists.members[~is_region])]
     return rounds

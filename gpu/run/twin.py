@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from halfstep.contract.arrays import Array, Bools, Bytes, Ints, Planes
-from halfstep.contract.classes import REGIONS, Class
+from halfstep.contract.classes import REGIONS, STRETCHED, Class
 from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
 from halfstep.contract.planes import DEVICE_OUTPUTS, Kept
 from halfstep.contract.srgb import srgb_table
 from halfstep.contract.stages import VISITS
+from halfstep.contract.stretches import ROW
 from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.run.needs import needs_of
@@ -22,7 +23,7 @@ from halfstep.scene import Scene
 from halfstep.twin import bounce, encode, finish, finish_regions, keep, shadows
 from halfstep.twin.chosen import Chosen, chosen_for, module
 from halfstep.twin.keep import Nearest
-from halfstep.twin.lanes import F32
+from halfstep.twin.lanes import F32, U32
 from halfstep.twin.normal import Vector
 from halfstep.twin.place import Point
 from halfstep.twin.region import NO_REGION, NOTHING_MET
@@ -60,15 +61,18 @@ class Band:
         tile, slot = np.divmod(
             np.repeat(np.arange(len(lists.starts) - 1), np.diff(lists.starts)), len(classes)
         )
-        order = np.lexsort([lists.members, slot])
-        found = np.stack([slot[order], lists.members[order]])
+        row = lists.members & np.uint32(ROW)
+        order = np.lexsort([row, slot])
+        found = np.stack([slot[order], row[order]])
         first = np.flatnonzero(np.diff(found, axis=1, prepend=-1).any(axis=0))
         for entries in np.split(order, first[1:]) if len(order) else []:
-            klass, member = classes[slot[entries[0]]], int(lists.members[entries[0]])
-            self._try(klass, member, tile[entries])
+            self._try(classes[slot[entries[0]]], lists.members[entries], tile[entries])
 
-    def _try(self, klass: Class, member: int, tiles: Ints) -> None:
-        """Try a solid, or a region by its record, on the pixels of some tiles."""
+    def _try(self, klass: Class, members: U32, tiles: Ints) -> None:
+        """Try a solid, or a region by its record, on the pixels of some tiles.
+
+        ``members`` (T,) has the members of the tiles' lists.
+        """
         rows, width = self._shape
         top, left = np.divmod(tiles, -(-width // TILE))
         down, right = np.divmod(np.arange(TILE * TILE), TILE)
@@ -80,7 +84,7 @@ class Band:
         facts = self._facts | visit.facts
         run = getattr(module(visit.file), visit.file)
         rest: tuple[Any, ...] = (self._packed.half_spaces,)
-        row = member
+        row = member = int(members[0]) & ROW
         regions = self._lists.regions
         region: tuple[Any, ...] = ()
         if klass in REGIONS:
@@ -94,7 +98,10 @@ class Band:
         solid = self._packed.solids[row]
         x = i - solid["center_x"]
         y = j + np.int32(self._first_row) - solid["center_y"]
-        seen: Seen = run(*region, solid, *rest, x, y, self._chosen, facts)
+        own: tuple[Any, ...] = ()
+        if klass in STRETCHED:
+            own = (np.repeat(members, TILE)[:, None],)
+        seen: Seen = run(*region, solid, *rest, x, y, *own, self._chosen, facts)
         claims = seen.claims
         # Tiles at the right and lower edge have pixels outside the picture.
         here = np.minimum(j, rows - 1), np.minimum(i, width - 1)

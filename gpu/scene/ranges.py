@@ -63,19 +63,29 @@ def is_positive(
             return False
         left = found.low <= 0
         if radius is not None:
-            nearest = np.maximum(np.maximum(low, -high), 0.0)
-            left &= (nearest**2).sum(axis=0) <= radius**2
+            left &= ~is_beside(low, high, radius)
         if not left.any():
             return True
-        low, high = low[:, left], high[:, left]
-        middle = (low + high) / 2
-        halves = np.stack([np.stack([low, middle]), np.stack([middle, high])])
-        parts = np.indices((2, 2, 2)).reshape(3, 8)
-        low, high = (
-            np.concatenate([halves[parts[:, k], end, np.arange(3)] for k in range(8)], axis=1)
-            for end in (0, 1)
-        )
+        low, high = halves(low[:, left], high[:, left])
     return False
+
+
+def is_beside(low: Floats, high: Floats, radius: float) -> Bools:
+    """Whether boxes (3, B) have no point in the ball of a radius about the origin, (B,)."""
+    nearest = np.maximum(np.maximum(low, -high), 0.0)
+    return np.asarray((nearest**2).sum(axis=0) > radius**2)
+
+
+def halves(low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Boxes (3, 8 B): each of some (3, B), halved along all axes."""
+    middle = (low + high) / 2
+    ends = np.stack([np.stack([low, middle]), np.stack([middle, high])])
+    parts = np.indices((2, 2, 2)).reshape(3, 8)
+    first, last = (
+        np.concatenate([ends[parts[:, k], end, np.arange(3)] for k in range(8)], axis=1)
+        for end in (0, 1)
+    )
+    return first, last
 
 
 def _widened(found: Range) -> Range:

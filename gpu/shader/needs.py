@@ -6,7 +6,7 @@ import functools
 from dataclasses import dataclass
 from functools import cached_property
 
-from halfstep.contract.classes import REGIONS, Class
+from halfstep.contract.classes import REGIONS, STRETCHED, Class
 from halfstep.contract.expressions import Program
 from halfstep.contract.formats import Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
@@ -115,6 +115,8 @@ class Needs:
             wanted.add("position")
         if self.balls:
             wanted.add("ball")
+        if not STRETCHED.isdisjoint(self.classes):
+            wanted.add("stretches")
         return frozenset(wanted)
 
     @property

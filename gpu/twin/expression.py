@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from halfstep.contract.expressions import NO_NUMBER, PackedExpressions, Program
+from halfstep.contract.expressions import NO_NUMBER, PackedExpressions, Program, is_tame
 from halfstep.contract.powers import BOUNDS, CLOCKS
-from halfstep.twin import grades, jets
+from halfstep.twin import arcs, grades, jets
 from halfstep.twin.algebraic import begun_cell
 from halfstep.twin.cells import (
     CLIPPING,
@@ -25,7 +25,7 @@ from halfstep.twin.cells import (
     position_in,
     span_of,
 )
-from halfstep.twin.certify import UNBOUNDED
+from halfstep.twin.certify import EPSILON, ROOM, UNBOUNDED
 from halfstep.twin.elementary import (
     cosine_of,
     exponential_of,
@@ -38,9 +38,12 @@ from halfstep.twin.elementary import (
 from halfstep.twin.grades import Grade
 from halfstep.twin.jets import (
     FAINTEST,
+    NO_JET,
+    STEEP,
     UNDEFINED,
     Jet,
     coordinate_jet,
+    jet_of_value,
     judged_jet,
     opposite_jet,
     reach_of,
@@ -124,9 +127,15 @@ def jet_on(track: Track, host_error: np.float32, m: F32, h: F32) -> Jet:
     return coordinate_jet(*track, host_error, m, h)
 
 
-def formula_jet(formula: Formula, x: Jet, y: Jet, z: Jet) -> Jet:
-    """The jet of the last operation."""
-    return _result(formula, [x, y, z], lambda name: getattr(jets, f"{name}_jet"))
+def formula_jet(formula: Formula, x: Jet, y: Jet, z: Jet, h: F32) -> Jet:
+    """The jet of the last operation; for a tame formula by its arc."""
+    axes = [x, y, z]
+    if not is_tame(formula.program):
+        return _result(formula, axes, lambda name: getattr(jets, f"{name}_jet"))
+    found = [arcs.arc_of(axis) for axis in axes]
+    arc = _result(formula, found, lambda name: getattr(arcs, f"{name}_arc"))
+    form = formula.form
+    return arcs.jet_of_arc(arc, form["value_error"], form["slope_error"], form["bend_error"], h)
 
 
 def formula_grade(formula: Formula, x: Grade, y: Grade, z: Grade) -> Grade:
@@ -154,7 +163,8 @@ def _result(
 def expression_jet(formula: Formula, trace: Trace, turned: Bools, m: F32, h: F32) -> Jet:
     """F, or -F where turned, in the cell from m - h to m + h."""
     error = formula.form["host_error"]
-    jet = formula_jet(formula, *(jet_on(track, error, m, h) for track in trace))
+    x, y, z = (jet_on(track, error, m, h) for track in trace)
+    jet = formula_jet(formula, x, y, z, h)
     return opposite_jet(turned, jet)
 
 
@@ -184,6 +194,25 @@ def walked_formula(
     return cell._replace(sure=cell.sure & ~cell.going)
 
 
+def expression_near(formula: Formula, trace: Trace, turned: Bools, m: F32, h: F32) -> Jet:
+    """F, or -F where turned, about the middle of a cell, for halvings of the cell.
+
+    It is the jet of a tame formula, else the value alone.
+    """
+    if is_tame(formula.program):
+        return expression_jet(formula, trace, turned, m, h)
+    value = expression_value(formula, trace, m)
+    return opposite_jet(turned, jet_of_value(value))
+
+
+def some_halved(old: Cell, some: Bools, far: Bools) -> Cell:
+    """Half a cell in some pixels: the far one, or else the near one."""
+    half = half_of(old, far)
+    return old._replace(
+        first=np.where(some, half.first, old.first), size=np.where(some, half.size, old.size)
+    )
+
+
 def finished_formula(
     formula: Formula,
     trace: Trace,
@@ -202,16 +231,40 @@ def finished_formula(
 ) -> I32:
     """The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen.
 
-    That form has one root between ``cap_start`` and ``cap_stop``.
+    That form has one root between ``cap_start`` and ``cap_stop``. The sign of F in the middle of a
+    cell decides. A jet tells it for halves of the cell, too, as long as it is larger than its
+    error.
     """
     cell = begun_cell(found, is_cap, steps)
     low, high = np.where(found.met, start, cap_start), np.where(found.met, stop, cap_stop)
-    for _ in range(steps):
-        u = middle_of(cell, last_step)
-        value = expression_value(formula, trace, u)
-        of_f = np.where(turned, -value, value)
-        above = np.where(found.met, of_f, (a * u + b) * u + c) > 0
-        cell = half_of(cell, (u < high) & ((u < low) | above))
+    like = np.zeros_like(low)
+    middle = unit = rest = like
+    near = NO_JET._replace(value=like)
+    known = np.zeros(like.shape, bool)
+    # First the caps; then each round begins with another jet.
+    for number in range(steps + 1):
+        some = cell.size > 0
+        for k in range(steps):
+            u = middle_of(cell, last_step)
+            s = (u - middle) * unit
+            value = (near.bend * s + near.slope) * s + near.value
+            told = known & (np.abs(value) > rest + (ROOM * near.bend_error) * (s * s))
+            is_middle = number > 0 and k == 0
+            told = ~found.met | is_middle | told
+            some = some & (cell.size > 0) & (told | (u < low) | (u >= high))
+            if not some.any():
+                break
+            above = np.where(found.met, value, (a * u + b) * u + c) > 0
+            cell = some_halved(cell, some, (u < high) & ((u < low) | above))
+        if (cell.size == 0).all():
+            break
+        half = (np.int32(1) << cell.size).astype(np.float32) * last_step
+        middle, unit = middle_of(cell, last_step), np.float32(1) / half
+        near = expression_near(formula, trace, turned, middle, half)
+        known = (near.state & (STEEP | UNDEFINED)) == 0
+        sizes = (np.abs(near.value) + np.abs(near.slope)) + np.abs(near.bend)
+        rest = ROOM * (near.value_error + near.slope_error)
+        rest = rest + (np.float32(8) * EPSILON) * sizes
     return position_in(cell, steps)
 
 

@@ -162,6 +162,12 @@ def number_jet(k: np.float32) -> Jet:
     return Jet(np.asarray(k), zero, zero, error, zero, zero, np.zeros((), np.uint32))
 
 
+def jet_of_value(value: F32) -> Jet:
+    """The jet of which only the value is known."""
+    zero = np.zeros_like(value)
+    return Jet(value, zero, zero, zero, zero, zero, np.full(value.shape, STEEP))
+
+
 def raised_jet(a: Jet, k: np.float32) -> Jet:
     """a + k"""
     value = a.value + k

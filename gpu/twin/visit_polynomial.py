@@ -22,6 +22,8 @@ from halfstep.twin.algebraic import (
     Chord,
     chord_of,
     finished,
+    first_place,
+    last_place,
     later_slack,
     line_place,
     line_slack,
@@ -53,7 +55,7 @@ from halfstep.twin.expression import (
     trace_of,
     walked_formula,
 )
-from halfstep.twin.lanes import F32, I32, Bools, Form, FormErrors
+from halfstep.twin.lanes import F32, I32, U32, Bools, Form, FormErrors
 from halfstep.twin.normal import NO_VECTOR, Vector, either, turned
 from halfstep.twin.piece import clip, from_the_eye, remains, whole_interval
 from halfstep.twin.sight import Seen, Sight
@@ -162,10 +164,14 @@ def visit_polynomial(
     rest: PackedPolynomials | PackedExpressions,
     x: I32,
     y: I32,
+    member: U32,
     chosen: Chosen,
     facts: Collection[str],
 ) -> Seen:
-    """What rays see of a solid: clip, walk through cells, halve."""
+    """What rays see of a solid: clip, walk through cells, halve.
+
+    ``member`` has the members of the lists of the pixels' tiles.
+    """
     form = rest.records[int(solid["polynomial"])]
     near_u, far_u = solid["near_u"], solid["far_u"]
     steps, last_step = int(solid["steps"]), solid["last_step"]
@@ -231,8 +237,10 @@ def visit_polynomial(
     within = (outline.left <= x) & (x <= outline.right)
     within = within & ((outline.top <= y) & (y <= outline.bottom))
     some = some & within
-    cell = cells_about(start, some & ~on_entry, of_f.made, steps)
-    cell = of_f.walked(inside, start, stop, cell, steps, last_step)
+    # F may be 0 only here.
+    begin, end = np.maximum(start, first_place(member)), np.minimum(stop, last_place(member))
+    cell = cells_about(begin, some & ~on_entry & (begin < end), of_f.made, steps)
+    cell = of_f.walked(inside, begin, end, cell, steps, last_step)
     on_exit = inside & ~cell.met & (id_out > 0) & (not is_sheet)
     c_cap = np.where(on_entry, piece.c_in, -piece.c_out)
     b_cap = np.where(on_entry, piece.b_in, -piece.b_out)
@@ -247,8 +255,8 @@ def visit_polynomial(
         cap_stop = np.where(on_ball & on_entry, chord.middle, cap_stop)
     position = of_f.finished(
         inside,
-        start,
-        stop,
+        begin,
+        end,
         cell,
         on_entry | on_exit,
         c_cap,
@@ -267,7 +275,7 @@ def visit_polynomial(
         behind = (position + np.int32(1 << steps)) >> np.int32(1)
         behind = np.where(cell.met, behind + np.int32(1), np.int32(0))
         last = cells_from(behind, hit & ~stays, steps)
-        last = of_f.walked(~inside, start, stop, last, steps, last_step)
+        last = of_f.walked(~inside, begin, end, last, steps, last_step)
         c_out, b_out = -piece.c_out, -piece.b_out
         a_out = np.zeros_like(c_out)
         out_start = a_out - BEYOND
@@ -277,8 +285,8 @@ def visit_polynomial(
             out_start = np.where(leaves, chord.middle, out_start)
         exit_position = of_f.finished(
             ~inside,
-            start,
-            stop,
+            begin,
+            end,
             last,
             hit & ~stays & (id_out > 0),
             c_out,
