@@ -51,7 +51,7 @@ fn row_in(member: u32) -> u32 {
 
 // The row among the solids of an entry of a tile's lists.
 fn row_of(tile: Tile, entry: u32) -> u32 {
-  let member = row_in(tile_solids[entry]);
+  let member = tile_solids[entry];
   var is_region = false;
   {  //? list_region
     is_region = (entry >= tile.starts[LIST_REGION]) & (entry < tile.starts[LIST_REGION + 1u]);
@@ -76,7 +76,8 @@ fn row_of(tile: Tile, entry: u32) -> u32 {
     let end = tile.starts[LIST_REGION_KNOWN + 1u];
     is_region = is_region | ((entry >= first) & (entry < end));
   }
-  return select(member, region_at(select(0u, member, is_region)).solid, is_region);
+  let solid = region_at(select(0u, member, is_region)).solid;
+  return select(row_in(member), solid, is_region);
 }
 
 // One workgroup renders one tile, one invocation a block of it.

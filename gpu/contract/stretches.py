@@ -14,7 +14,7 @@ from halfstep.contract.arrays import Ints
 
 ROW_BITS, PIECE_BITS = 22, 5
 PIECES = 1 << PIECE_BITS
-ROW = (1 << ROW_BITS) - 1
+MOST_ROWS = 1 << ROW_BITS
 # The first and the last piece where rays may meet F = 0 anywhere, and where they do nowhere.
 EVERYWHERE, NOWHERE = (0, PIECES - 1), (PIECES - 1, 0)
 
@@ -26,4 +26,4 @@ def members_of(row: Ints, first: Ints, last: Ints) -> NDArray[np.uint32]:
 
 def rows_of(member: NDArray[np.uint32]) -> NDArray[np.uint32]:
     """The rows in members."""
-    return member & np.uint32(ROW)
+    return member & np.uint32(MOST_ROWS - 1)

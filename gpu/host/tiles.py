@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from halfstep.contract.classes import BEHIND_REGION, STRETCHED, Class
 from halfstep.contract.layout import TILE, TILE_WORDS
-from halfstep.contract.stretches import EVERYWHERE, members_of
+from halfstep.contract.stretches import EVERYWHERE, MOST_ROWS, members_of
+from halfstep.errors import SceneError
 from halfstep.host.cover import tiles_of
 from halfstep.host.pack import Packed
 from halfstep.host.reach import Reach, squares_of
@@ -56,10 +57,19 @@ def tile_lists(packed: Packed, classes: Classes, first_row: int, rows: int) -> t
 
 
 def tile_members(packed: Packed, classes: Classes, first_row: int, rows: int) -> tuple[Pairs, U32]:
-    """Every solid with every tile that may see it, in the order of the solids, and as members."""
+    """Every solid with every tile that may see it, in the order of the solids, and as members.
+
+    Raises:
+        SceneError: the members have no room for the number of solids.
+    """
     pairs = tile_pairs(packed, first_row, rows)
     if STRETCHED.isdisjoint(classes):
         return pairs, pairs.row.astype(np.uint32)
+    if len(packed.order) > MOST_ROWS:
+        raise SceneError(
+            f"{len(packed.order):,} solids, of which some are tori or have formulas, are more than "
+            f"{MOST_ROWS:,}"
+        )
     tiles_x = -(-packed.setup.view.width // TILE)
     return _covered(packed, pairs, first_row, (-(-rows // TILE), tiles_x))
 

@@ -15,7 +15,7 @@ from halfstep.contract.layout import TILE
 from halfstep.contract.planes import DEVICE_OUTPUTS, Kept
 from halfstep.contract.srgb import srgb_table
 from halfstep.contract.stages import VISITS
-from halfstep.contract.stretches import ROW
+from halfstep.contract.stretches import rows_of
 from halfstep.host.excerpts import lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.run.needs import needs_of
@@ -61,7 +61,8 @@ class Band:
         tile, slot = np.divmod(
             np.repeat(np.arange(len(lists.starts) - 1), np.diff(lists.starts)), len(classes)
         )
-        row = lists.members & np.uint32(ROW)
+        is_stretched = np.isin(classes, [*STRETCHED])[slot]
+        row = np.where(is_stretched, rows_of(lists.members), lists.members)
         order = np.lexsort([row, slot])
         found = np.stack([slot[order], row[order]])
         first = np.flatnonzero(np.diff(found, axis=1, prepend=-1).any(axis=0))
@@ -84,14 +85,16 @@ class Band:
         facts = self._facts | visit.facts
         run = getattr(module(visit.file), visit.file)
         rest: tuple[Any, ...] = (self._packed.half_spaces,)
-        row = member = int(members[0]) & ROW
+        row = member = int(members[0])
         regions = self._lists.regions
         region: tuple[Any, ...] = ()
         if klass in REGIONS:
             assert regions is not None
             region, rest = (member, regions.records[member]), (regions,)
             row = int(regions.records[member]["solid"])
-        elif klass == Class.POLYNOMIAL:
+        elif klass in STRETCHED:
+            row = int(rows_of(members[:1])[0])
+        if klass == Class.POLYNOMIAL:
             rest = (self._packed.polynomials,)
         elif klass == Class.FORMULA:
             rest = (self._packed.expressions,)
