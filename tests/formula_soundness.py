@@ -69,4 +69,4 @@ def drawn(rng: np.random.Generator, name: str, place: str) -> tuple[Scene, Formu
 
 
 if __name__ == "__main__":
-    sys.exit(run(__doc__, drawn, [*FORMULAS], PLACES))
+    sys.exit(run(__doc__, {"float32": drawn}, [*FORMULAS], PLACES))

@@ -1,12 +1,12 @@
 """A program that tests the promise of ``error`` for tori and polynomials over many rays.
 
-    python -m tests.polynomial_soundness --pairs 10000000
+    python -m tests.polynomial_soundness --pairs 10000000 [--format fixed32]
 
 It draws scenes of one solid: all surfaces of `tests.algebraic_surfaces`, and tori of R/r from 1.01
 to 1000 at scales from 1e-3 to 1e6, placed and turned, a third of them cut, a third of the others in
 a ball in place of a box. Cameras look from outside, from within the bounds, from a surface, and
-through a narrow field of view at an outline. The twin renders each with 8 to 20 halvings, and
-`tests.polynomial_oracle` judges every certain pixel. Exit 1 if one is wrong.
+through a narrow field of view at an outline. The twin renders each with 8 to 20 halvings, or up to
+26 in fixed32, and `tests.polynomial_oracle` judges every certain pixel. Exit 1 if one is wrong.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
 import halfstep
+from halfstep.contract.formats import FIXED32, FLOAT32
 from halfstep.frames.frame import Frame
 from halfstep.scene import Scene
 from tests.algebraic_surfaces import SURFACES, AlgebraicSurface, solid_of, torus_of
@@ -29,6 +31,8 @@ SIZE = (48, 36)
 OUTPUTS = ("solid", "surface", "depth", "error")
 # Places of the camera.
 PLACES = ("outside", "within", "outline", "on a surface")
+# The most halvings of a number format.
+MOST_STEPS = {FLOAT32.name: 20, FIXED32.name: 26}
 
 Counts = dict[tuple[str, str], Count]  # by name of a surface and place
 
@@ -63,7 +67,9 @@ def random_solid(rng: np.random.Generator, name: str) -> tuple[dict[str, Any], A
     return solid, surface
 
 
-def random_scene(rng: np.random.Generator, name: str, place: str) -> tuple[Scene, AlgebraicSurface]:
+def random_scene(
+    rng: np.random.Generator, name: str, place: str, number_format: str = FLOAT32.name
+) -> tuple[Scene, AlgebraicSurface]:
     """A scene of one solid, seen from a place."""
     solid, surface = random_solid(rng, name)
     size = solid["major"] if name == "torus" else surface.reach
@@ -81,7 +87,10 @@ def random_scene(rng: np.random.Generator, name: str, place: str) -> tuple[Scene
         "format": 1,
         "camera": camera,
         "image": {"width": SIZE[0], "height": SIZE[1]},
-        "accuracy": {"steps": int(rng.integers(8, 21))},
+        "accuracy": {
+            "steps": int(rng.integers(8, MOST_STEPS[number_format] + 1)),
+            "number_format": number_format,
+        },
         "solid": [solid],
     }
     scene = Scene.from_dict(table)
@@ -102,9 +111,11 @@ def random_scene(rng: np.random.Generator, name: str, place: str) -> tuple[Scene
     return scene, surface
 
 
-def drawn(rng: np.random.Generator, name: str, place: str) -> tuple[Scene, PolynomialOracle]:
+def drawn(
+    rng: np.random.Generator, name: str, place: str, number_format: str = FLOAT32.name
+) -> tuple[Scene, PolynomialOracle]:
     """A random scene and its oracle."""
-    scene, surface = random_scene(rng, name, place)
+    scene, surface = random_scene(rng, name, place, number_format)
     return scene, PolynomialOracle(scene, surface.function)
 
 
@@ -130,12 +141,14 @@ def judged(
             print(f"{total:,} rays, {wrong} wrong, {spent:.0f} s", flush=True)  # noqa: T201
 
 
-def run(about: str | None, draw: Draw, known: Sequence[str], places: Sequence[str]) -> int:
+def run(
+    about: str | None, draws: Mapping[str, Draw], known: Sequence[str], places: Sequence[str]
+) -> int:
     """Run a program that judges random scenes; return its exit code.
 
     Args:
         about: what the program does.
-        draw: gives a random scene and its oracle, by name and place.
+        draws: by number format, what gives a random scene and its oracle, by name and place.
         known: the names of surfaces.
         places: the places of the camera.
     """
@@ -143,10 +156,13 @@ def run(about: str | None, draw: Draw, known: Sequence[str], places: Sequence[st
     parser.add_argument("--pairs", type=int, default=1_000_000, help="rays to judge")
     parser.add_argument("--seed", type=int, default=1998)
     parser.add_argument("--surfaces", help="names, with commas between them")
+    parser.add_argument("--format", choices=[*draws], default=FLOAT32.name, help="number format")
     options = parser.parse_args()
     names = options.surfaces.split(",") if options.surfaces else known
     counts = {(name, place): Count() for name in names for place in places}
-    judged(draw, counts, np.random.default_rng(options.seed), options.pairs, say=True)
+    judged(
+        draws[options.format], counts, np.random.default_rng(options.seed), options.pairs, say=True
+    )
     for (name, place), count in counts.items():
         print(f"{name}, {place}: {count}")  # noqa: T201
     for place in places:
@@ -159,4 +175,5 @@ def run(about: str | None, draw: Draw, known: Sequence[str], places: Sequence[st
 
 
 if __name__ == "__main__":
-    sys.exit(run(__doc__, drawn, [*SURFACES, "torus"], PLACES))
+    draws = {each: partial(drawn, number_format=each) for each in MOST_STEPS}
+    sys.exit(run(__doc__, draws, [*SURFACES, "torus"], PLACES))

@@ -54,7 +54,7 @@ def kinds() -> list[str]:
 def stages() -> list[str]:
     """The WGSL files of a shader in order, each with its first sentence."""
     files = [name for each in STAGES for name in (each.file, *each.others)]
-    files += dict.fromkeys(each.file for each in VISITS.values())
+    files += dict.fromkeys(name for each in VISITS.values() for name in each.files)
     return _table(
         ("file", "what it does"),
         ((f"`{name}.wgsl`", _first_sentence(stage(name))) for name in files),

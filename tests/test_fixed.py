@@ -41,6 +41,8 @@ FRAMES = {
     "gallery": (12, "visible"),
     "one_cone": (30, "visible"),
     "edge_eye_inside_cylinder": (18, "visible"),
+    "one_torus": (20, "visible"),
+    "clebsch_cubic": (16, "visible"),
     "one_plane": (26, "article"),
     "one_box": (9, "article"),
     "one_hyperboloid_one_sheet": (14, "article"),

@@ -362,7 +362,6 @@ def test_faults_of_what_goes_with_a_formula(keys: dict[str, Any], text: str) -> 
 @pytest.mark.parametrize(
     ("option", "value", "text"),
     [
-        ("number_format", "fixed32", '"fixed32" cannot draw a torus yet; use float32'),
         ("method", "article", '"article" cannot tell the roots of a torus apart; use visible'),
         ("steps", 23, "23 is not <= 22, the most with a torus"),
     ],

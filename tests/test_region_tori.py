@@ -271,7 +271,7 @@ def test_what_cannot_bound_cells_is_refused(table: dict[str, Any], fault: str) -
 @pytest.mark.parametrize(
     ("key", "value", "fault"),
     [
-        ("number_format", "fixed32", '"fixed32" cannot draw a formula and a torus yet'),
+        ("number_format", "fixed32", '"fixed32" cannot draw cells of tori and formulas yet'),
         ("method", "article", '"article" cannot tell the roots of a formula and a torus apart'),
         ("steps", 23, "23 is not <= 22"),
     ],

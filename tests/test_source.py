@@ -242,7 +242,7 @@ def test_no_built_in_leaves_the_device_a_choice(combined: set[str]) -> None:
 def test_from_pixel_to_key_fixed32_has_no_float(method: str) -> None:
     """Every operation that decides what a ray shows, and where, is one of integers."""
     for klass in Class:
-        if (method, klass) not in VISITS or klass in POLYNOMIALS:
+        if (method, klass) not in VISITS or klass == Class.FORMULA:
             continue
         outputs = frozenset({"surface", "key", "exit"})
         # No surface of an order above two is drawn in integers.
@@ -301,8 +301,8 @@ def _combinations() -> Iterator[Needs]:
     outputs = [ALL, *(frozenset({"tag", name}) for name in DEVICE_OUTPUTS.keys() | OUTPUT_BYTES)]
     for method, sets in (("visible", visible), ("article", article)):
         for classes, form, wanted in product(sets, FORMATS, outputs):
-            if form is FIXED32:  # cannot draw them
-                classes = tuple(klass for klass in classes if klass not in POLYNOMIALS)
+            if form is FIXED32:  # cannot draw formulas
+                classes = tuple(klass for klass in classes if klass != Class.FORMULA)
             yield replace(NEEDS, classes=classes, method=method, format=form, outputs=wanted)
     wanted = frozenset({"surface", "image"})
     for classes, form in product(visible, (FLOAT32, FLOAT32_EXACT)):
@@ -349,13 +349,16 @@ WIDE = {
 }
 # Files that need another file in place of the usual one.
 WITH = {"near_key_short": {"keys_short"}}
+INTEGER = {"bernstein"}
 EXACT = {"polynomial_exact", "forms_exact", "halve_incremental"}
 
 
 def as_it_lies(name: str) -> str:
     """A file with what it needs of others and of Python, all unexpanded."""
-    form = FIXED32 if name.endswith("_fixed") else FLOAT32_EXACT if name in EXACT else FLOAT32
-    classes = tuple(klass for klass in Class if form is not FIXED32 or klass not in POLYNOMIALS)
+    form = FLOAT32_EXACT if name in EXACT else FLOAT32
+    if name.endswith("_fixed") or name in INTEGER:
+        form = FIXED32
+    classes = tuple(klass for klass in Class if form is not FIXED32 or klass != Class.FORMULA)
     if name in WIDE:
         # Blocks of regions are of one quad.
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
@@ -367,7 +370,7 @@ def as_it_lies(name: str) -> str:
     texts = [constants(need), formulas(need), fetches(need)]
     for klass in Class:
         if (method, klass) in VISITS:
-            file = VISITS[method, klass].file
+            file = VISITS[method, klass].file_in(form)
             texts.append(stage(file).replace(f"fn {file}(", f"fn visit_{klass.name.lower()}("))
     texts += [
         stage(file) for file in files_of(form, {name} | WITH.get(name, set())) if file != name

@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from halfstep.contract import program as words
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.layout import Flag, Shade
-from halfstep.contract.powers import BOUNDS, CLOCKS, term_count
+from halfstep.contract.powers import (
+    BOUNDS,
+    CLOCKS,
+    PLACE_HALVINGS,
+    SEARCH_HALVINGS,
+    WEIGHT_BITS,
+    term_count,
+)
 from halfstep.contract.srgb import SRGB_ENTRIES, srgb_quads, srgb_table
 from halfstep.contract.stages import FACTS, STAGES, VISITS, Kind, files_of
 from halfstep.contract.veils import VEIL_STEPS
@@ -76,7 +83,7 @@ WIDE_BITS, VALUE_BITS, BITS = 61, 29, {"a": 26, "g": 28, "u": 30, "near_u": 30, 
 OF_FORMAT = {
     FLOAT32: ("arithmetic", "polynomial", "forms", "halve", "beam"),
     FLOAT32_EXACT: ("polynomial_exact", "forms_exact", "halve_incremental"),
-    FIXED32: ("arithmetic_fixed", "forms_fixed", "halve_fixed", "beam_fixed"),
+    FIXED32: ("arithmetic_fixed", "forms_fixed", "halve_fixed", "beam_fixed", "bernstein"),
 }
 ON_VALUES = tuple(stage.file for stage in STAGES if stage.kind is Kind.VALUES)
 ALIKE = tuple(stage.file for stage in STAGES if stage.kind is Kind.NUMBERS)
@@ -137,6 +144,8 @@ const TERMS: u32 = {term_count(DEGREE)}u;
 const NUMBERS: u32 = 4u;
 const CLOCKS: u32 = {CLOCKS}u;
 const BOUNDS: u32 = {BOUNDS}u;
+const SEARCH_HALVINGS: u32 = {SEARCH_HALVINGS}u;
+const PLACE_HALVINGS: u32 = {PLACE_HALVINGS}u;
 {"".join(f"const {name}: u32 = {getattr(words, name)}u;{chr(10)}" for name in WORD)}
 var<private> programs: array<u32, {WORDS}>;
 var<private> frame: Frame;
@@ -493,6 +502,42 @@ FAULTS = [
     ("algebraic.begun_cell", "i4(0), found.first", "i4(1), found.first"),
     ("algebraic.outline_of", "form.left, form.right", "form.right, form.left"),
     ("algebraic.world_slope", "form.axes[4]", "form.axes[3]"),
+    ("bernstein.shifted_product", ">> 1u", ">> 2u"),
+    ("bernstein.weights_on_rays", "row * down + half", "row * down"),
+    ("bernstein.weights_on_rays", "total, right", "total, vec4<i64>(down)"),
+    ("bernstein.opposite_weights", "-weights[j], some", "-weights[0], some"),
+    ("bernstein.either_weights", "other[j], chosen[j]", "chosen[j], other[j]"),
+    ("bernstein.halves_of", "far[i - k] + far[i - k + 1u]", "far[i - k] + far[i - k]"),
+    ("bernstein.halves_of", "near[k] = far[0]", "near[k] = far[1]"),
+    ("bernstein.weight_at", "- 1u - k", "- k"),
+    ("bernstein.weight_at", "place == i4(END)", "place != i4(END)"),
+    ("bernstein.steepest_weight", "0.5 *", "1.5 *"),
+    ("bernstein.slope_about", "slack < room", "slack > room"),
+    ("bernstein.place_of", "k < PLACE_HALVINGS - 1u", "k < PLACE_HALVINGS - 2u"),
+    ("bernstein.line_place_of", "i4(0), b, c", "i4(0), c, b"),
+    ("bernstein.leaf_from", "min(place, i4(END - 1))", "place"),
+    ("bernstein.leaf_until", "END - 1", "END"),
+    ("bernstein.gap_between", "* PLACE_UNIT", "* WEIGHT_UNIT"),
+    ("bernstein.begun_search", "b4(true)", "b4(false)"),
+    ("bernstein.next_search", "found[j] > more", "found[j] >= more"),
+    ("bernstein.next_search", "found[j] < -more", "found[j] < more"),
+    ("bernstein.next_search", "is_leaf | vague", "is_leaf"),
+    ("bernstein.next_search", "at_stop, covers", "at_stop, !covers"),
+    ("bernstein.next_search", "falls & is_sure", "falls"),
+    ("bernstein.next_search", "cell.size + 1", "cell.size + 2"),
+    ("bernstein.next_search", "<= start", "< start"),
+    ("bernstein.next_search", "weights, again)", "old.weights, again)"),
+    ("bernstein.sought_cell", "& !search.cell.going;", "& search.cell.going;"),
+    ("bernstein.sought_cell", "SEARCH_HALVINGS", "1u"),
+    ("bernstein.narrowed_root", "middle > vec4<i64>(0li)", "middle >= vec4<i64>(error)"),
+    ("bernstein.narrowed_root", "middle < vec4<i64>(-error)", "middle < vec4<i64>(error)"),
+    ("bernstein.rooted_leaf", "i4(0), cell.size", "i4(1), cell.size"),
+    ("bernstein.rooted_leaf", "k < steps", "k + 1u < steps"),
+    ("bernstein.bound_of", "- leaf - 1", "- leaf"),
+    ("bernstein.is_before", "ball.c - ball.g", "ball.c + ball.g"),
+    ("bernstein.later_place", "other_slack, slack, gap", "slack, other_slack, gap"),
+    ("bernstein.slopes_of_weights", "slope_y * x + slope_row", "slope_y * x + row"),
+    ("bernstein.slopes_of_weights", "value[i + 1u] - value[i]", "value[i + 1u] + value[i]"),
     ("higher.ended", "ends.points[k], point", "point, ends.points[k]"),
     ("higher.pair_of", "ends.total > before + i4(1)", "ends.total > before"),
     ("higher.closed_trail", "point, closes & !now", "point, closes & now"),
@@ -663,6 +708,10 @@ class Draw:
         """Values of what means something by its name; None of what does not."""
         rng, shape, one = self._rng, leaf.shape, self._one
         cells = 1 << (STEPS if leaf.ndim == 1 else STEPS[:, None])
+        if self._function.file == "bernstein":
+            of_weights = self._of_weights(name, leaf)
+            if of_weights is not None:
+                return of_weights
         of_shadows = self._function.file in SHADOWS and self._of_shadows(place, name, leaf)
         if isinstance(of_shadows, np.ndarray):
             return of_shadows
@@ -789,6 +838,41 @@ class Draw:
                 return self._light(leaf)
             case _:
                 return None
+
+    def _of_weights(self, name: str, leaf: Array) -> Array | None:
+        """The same of weights of Bernstein's polynomials, and of places and leaves on rays."""
+        rng, shape, most = self._rng, leaf.shape, 2.0**WEIGHT_BITS
+        end = 1 << (PLACE_HALVINGS - 1)
+        cells = 1 << (STEPS if leaf.ndim == 1 else STEPS[:, None])
+        match name:
+            case "k":
+                values = np.rint(rng.uniform(-1, 1, shape) * most / term_count(DEGREE))
+                return np.where(rng.random(shape) < 0.2, 0, values)
+            case "shift":
+                return BLOCK % 17
+            case "error":
+                # A whole search that is in doubt takes long.
+                bits = 12 if self._function.name == "sought_cell" else WEIGHT_BITS - 4
+                return np.rint(np.exp2(rng.uniform(0, bits, shape)))
+            case "at_stop" | "a" | "b" if leaf.itemsize == 8:
+                return np.rint(rng.uniform(-1, 1, shape) * most)
+            case _ if leaf.itemsize == 8:
+                values = rng.uniform(-1, 1, shape) * rng.choice([1, 2.0**-20], (ROWS, 1, 4))
+                kind = rng.random((ROWS, 1, 4))
+                ordered = np.sort(values, axis=1)
+                values = np.where(kind < 0.4, ordered[:, ::-1], values)
+                return np.rint(np.where(kind > 0.8, ordered, values) * most)
+            case "place" | "later" | "earlier":
+                ends = rng.choice([-end, end], shape)
+                return np.where(rng.random(shape) < 0.1, ends, rng.integers(-end, end, shape))
+            case "start" | "stop":
+                return rng.integers(0, cells, shape)
+            case "low" | "high":
+                return rng.integers(0, cells + 1, shape)
+            case "gap" | "slack" | "other_slack":
+                size = np.exp2(rng.uniform(-30, 0, shape))
+                return size * (rng.choice([-1, 1], shape) if name == "gap" else 1)
+        return None
 
     def _of_shadows(self, place: str, name: str, leaf: Array) -> Array | None:
         """The same of what is on the grid of the world, and before lights."""
@@ -988,7 +1072,7 @@ def _as_twin(values: Array, hint: Any) -> Any:
         return [values[:, k] for k in range(values.shape[1])]
     if hint in (int, bool):
         return hint(values[0])
-    if hint in (np.float32, Value):
+    if hint in (np.float32, np.int64, Value):
         return values[0]
     if values.ndim == 1:
         return values[:, None]
@@ -1053,7 +1137,7 @@ def test_the_device_gives_the_bits_of_the_twin(
 def test_no_stage_is_left_out() -> None:
     tested = {file for files in FILES.values() for file in files}
     there = {path.stem for path in (Path(__file__).parents[1] / "wgsl").glob("*.wgsl")}
-    visits = {visit.file for visit in VISITS.values()}
+    visits = {name for visit in VISITS.values() for name in visit.files}
     assert visits <= there
     joining = {
         name for item in STAGES if item.kind not in ALONE for name in (item.file, *item.others)

@@ -130,10 +130,11 @@ struct Appearance {
 
 // The polynomial of a solid or of a surface: F = Σ term (u - middle)^j x^a y^b.
 struct Polynomial {
-  @align(32) host_error: f32,  // error of F from the set-up, in its units
+  @align(32) host_error: f32,  // error of F from the set-up, in its units; in integers, all
   rounding: f32,  // error of F from rounding, of the sum of all |terms|
   middle: f32,  // u about which F is expanded
   scale: f32,  // scale of pixel offsets, so that |x| and |y| are at most 1
+  shift: u32,  // it is 2^-shift
   left: i32,  // least offset of its rectangle
   right: i32,  // greatest offset
   top: i32,  // least offset down
@@ -143,7 +144,7 @@ struct Polynomial {
   axes: array<f32, 9>,  // unit vectors of the camera, world: right, down, forward
   tangents: array<f32, 3>,  // tangents: right and down at x = y = 0; of x or y = 1
   stretch: array<f32, 2>,  // width of x = 1 in halves of the interval: in the middle; per u
-  terms: array<f32, TERMS>,  // as gpu/contract/powers.py orders them
+  terms: array<Length, TERMS>,  // as gpu/contract/powers.py orders them
 }
 
 // A surface of a region whose order is above two; its form has a record of its own.

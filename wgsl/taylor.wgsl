@@ -23,7 +23,7 @@ struct Slopes {
 }
 
 // The polynomial with the terms k on the rays of pixels.
-fn on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
+fn on_rays(k: array<Length, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
   var powers: array<f4, POWERS>;
   // written out
   for (var j = 0u; j < DEGREE + 1u; j++) {
@@ -43,7 +43,7 @@ fn on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
 }
 
 // Sums of the magnitudes of the terms that `on_rays` sums.
-fn sizes_on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
+fn sizes_on_rays(k: array<Length, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
   let size_x = abs(x);
   let size_y = abs(y);
   var sizes: array<f4, POWERS>;
@@ -65,7 +65,7 @@ fn sizes_on_rays(k: array<f32, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
 }
 
 // Derivatives of the polynomial at u.
-fn slopes_on_rays(k: array<f32, TERMS>, x: f4, y: f32, u: f4) -> Slopes {
+fn slopes_on_rays(k: array<Length, TERMS>, x: f4, y: f32, u: f4) -> Slopes {
   var value = f4(0.0);
   var in_x = f4(0.0);
   var in_y = f4(0.0);

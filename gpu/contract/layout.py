@@ -270,10 +270,11 @@ POLYNOMIAL = Record(
     "Polynomial",
     "The polynomial of a solid or of a surface: F = Σ term (u - middle)^j x^a y^b.",
     (
-        Field("host_error", "f32", 1, "error of F from the set-up, in its units"),
+        Field("host_error", "f32", 1, "error of F from the set-up, in its units; in integers, all"),
         Field("rounding", "f32", 1, "error of F from rounding, of the sum of all |terms|"),
         Field("middle", "f32", 1, "u about which F is expanded"),
         Field("scale", "f32", 1, "scale of pixel offsets, so that |x| and |y| are at most 1"),
+        Field("shift", "u32", 1, "it is 2^-shift"),
         Field("left", "i32", 1, "least offset of its rectangle"),
         Field("right", "i32", 1, "greatest offset"),
         Field("top", "i32", 1, "least offset down"),
@@ -285,7 +286,7 @@ POLYNOMIAL = Record(
         Field(
             "stretch", "f32", 2, "width of x = 1 in halves of the interval: in the middle; per u"
         ),
-        Field("terms", "f32", "TERMS", "as gpu/contract/powers.py orders them"),
+        Field("terms", "Length", "TERMS", "as gpu/contract/powers.py orders them"),
     ),
 )
 

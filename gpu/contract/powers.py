@@ -20,6 +20,12 @@ BOUNDS = 8
 # can be judged, and even fewer where F is a formula.
 MADE = 2
 MADE_OF_FORMULA = 4
+# In integers, the weights of Bernstein's polynomials have so many bits behind the point, so that
+# their products with pixel offsets of up to 2^16 stay within 64 bits.
+WEIGHT_BITS = 46
+# Likewise, the most halvings of one search for a root, and those that lead to any place on a ray.
+SEARCH_HALVINGS = 512
+PLACE_HALVINGS = 31
 
 
 def term_count(degree: int) -> int:

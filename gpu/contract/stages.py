@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from halfstep.contract.classes import SHORT, Class
-from halfstep.contract.formats import Format
+from halfstep.contract.formats import FIXED32, Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
 
 
@@ -64,6 +64,7 @@ STAGES = (
     Stage(Kind.NUMBERS, "taylor"),
     Stage(Kind.NUMBERS, "cells"),
     Stage(Kind.NUMBERS, "algebraic"),
+    Stage(Kind.VALUES, "bernstein"),
     Stage(Kind.NUMBERS, "higher"),
     Stage(Kind.NUMBERS, "elementary"),
     Stage(Kind.NUMBERS, "jets"),
@@ -105,6 +106,16 @@ class Visit:
     file: str
     facts: frozenset[str]
     words: int = 0  # of a short program
+    fixed: str = ""  # the stage in integers, if it is another
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The stages of all number formats."""
+        return (self.file, self.fixed) if self.fixed else (self.file,)
+
+    def file_in(self, number_format: Format) -> str:
+        """The stage in a number format."""
+        return self.fixed if self.fixed and number_format is FIXED32 else self.file
 
 
 def _visit(file: str, *facts: str) -> Visit:
@@ -119,7 +130,9 @@ VISITS = {
     ("visible", Class.POLYHEDRON): _visit("visit_cut", "flat"),
     ("visible", Class.POLYHEDRON_INSIDE): _visit("visit_cut", "flat", "opened", "leaving"),
     ("visible", Class.PATCH): _visit("visit_patch"),
-    ("visible", Class.POLYNOMIAL): _visit("visit_polynomial"),
+    ("visible", Class.POLYNOMIAL): Visit(
+        "visit_polynomial", frozenset(), fixed="visit_polynomial_fixed"
+    ),
     ("visible", Class.FORMULA): _visit("visit_polynomial", "formula"),
     ("article", Class.QUADRIC): _visit("visit_article", "curved"),
     ("article", Class.POLYHEDRON): _visit("visit_article", "flat"),

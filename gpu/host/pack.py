@@ -187,7 +187,7 @@ def pack(
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
-    polynomials = pack_polynomials(setup, half_spaces)
+    polynomials = pack_polynomials(setup, half_spaces, number_format)
     expressions = pack_expressions(setup, half_spaces)
     solids = solids.take(order)  # a fancy index copies member by member
     veils = None if lit is None else lit.veils

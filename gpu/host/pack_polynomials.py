@@ -8,8 +8,10 @@ import numpy as np
 
 from halfstep.contract import layout
 from halfstep.contract.arrays import Ints, Records
+from halfstep.contract.formats import FIXED32, Format
 from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.contract.powers import term_count
+from halfstep.host.bernstein import weights_of
 from halfstep.host.forms import FAINT
 from halfstep.host.polynomials import OnRays
 from halfstep.host.setup import Setup
@@ -19,7 +21,9 @@ EPSILON = 2.0**-24
 ROOM = 1.03
 
 
-def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | None:
+def pack_polynomials(
+    setup: Setup, half_spaces: Records, number_format: Format
+) -> PackedPolynomials | None:
     """Records of the polynomials of a frame; None if the scene has none.
 
     Polynomials of copies of groups come behind those of solids.
@@ -29,12 +33,13 @@ def pack_polynomials(setup: Setup, half_spaces: Records) -> PackedPolynomials | 
     of_solids = setup.polynomials
     if of_solids is not None:
         edges, center = setup.rectangle[of_solids.row], setup.center[of_solids.row]
-        parts.append(_records(of_solids, edges, center))
+        parts.append(_records(of_solids, edges, center, number_format))
         balls = np.where(of_solids.is_in_ball, setup.plane_count[of_solids.row] + 1, 0)
         parts[0]["ball"] = balls
     if higher is not None and higher.forms is not None:
         some = ~higher.is_formula
-        parts.append(_records(higher.forms, higher.rectangle[some], higher.center[some]))
+        found = higher.rectangle[some], higher.center[some]
+        parts.append(_records(higher.forms, *found, number_format))
     if not parts:
         return None
     forms = (of_solids, None if higher is None else higher.forms)
@@ -82,15 +87,18 @@ def pack_higher(setup: Setup, steps: Ints) -> Records | None:
     return records
 
 
-def _records(known: OnRays, rectangle: Ints, center: Ints) -> Records:
+def _records(known: OnRays, rectangle: Ints, center: Ints, number_format: Format) -> Records:
     """Records of polynomials with rectangles (P, 4) and middles (P, 2)."""
     record = layout.POLYNOMIAL.counted(TERMS=term_count(known.degree))
-    records = np.zeros(len(known.row), record.dtype())
-    records["terms"] = known.terms
-    records["host_error"] = known.host_error
+    records = np.zeros(len(known.row), record.dtype(number_format))
+    if number_format is FIXED32:
+        records["terms"], records["host_error"] = weights_of(known)
+    else:
+        records["terms"], records["host_error"] = known.terms, known.host_error
     records["rounding"] = ROOM * EPSILON * (5 * known.own_degree + 7)
     records["middle"] = known.middle
     records["scale"] = known.scale
+    records["shift"] = np.rint(-np.log2(known.scale))
     edges = rectangle - np.repeat(center, 2, axis=1)
     for name, edge in zip(("left", "right", "top", "bottom"), edges.T, strict=True):
         records[name] = edge

@@ -82,7 +82,8 @@ class OnRays:
     own_degree: Ints  # (P,)
     middle: Floats  # (P,), u about which F is expanded, in powers of u - middle
     terms: Floats  # (P, T), as ``contract.powers`` orders them
-    host_error: Floats  # (P,), error of F made by this set-up
+    host_error: Floats  # (P,), error of F made by this set-up where |u - middle| <= along
+    along: Floats  # (P,)
     scale: Floats  # (P,), scale that brings pixel offsets to at most 1
     frame: Floats  # (P, 3, 3), right, down and forward, world
     tangents: Floats  # (P, 3), right and down of the middle pixel; of an offset of 1
@@ -208,6 +209,7 @@ def on_rays(
         middle=place,
         terms=forms[places(known.degree)].T,
         host_error=error,
+        along=along,
         scale=1.0 / reach,
         frame=np.broadcast_to(camera_from_world, (len(row), 3, 3)),
         tangents=aside.T,

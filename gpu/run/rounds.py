@@ -11,8 +11,9 @@ import numpy as np
 
 from halfstep.contract.arrays import Bools, Ints
 from halfstep.contract.classes import REGIONS, Class
+from halfstep.contract.formats import FIXED32
 from halfstep.contract.mirrors import MIRROR_STEPS
-from halfstep.contract.powers import BOUNDS, CLOCKS
+from halfstep.contract.powers import BOUNDS, CLOCKS, PLACE_HALVINGS, SEARCH_HALVINGS
 from halfstep.contract.regions import PackedRegions
 from halfstep.contract.stretches import rows_of
 from halfstep.contract.veils import PackedVeils
@@ -39,7 +40,11 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
     tried = (BOUNDS + 1) * ("error" in needs.outputs)
     if Class.POLYNOMIAL in needs.classes:
         of_polynomial = packed.classes == Class.POLYNOMIAL
-        rounds[of_polynomial] += (walks * (CLOCKS + 1 + steps) + tried)[of_polynomial]
+        asked = walks * (CLOCKS + 1 + steps) + tried
+        if needs.format is FIXED32:
+            # The four roots of half-spaces and a ball, and F at both ends.
+            asked = walks * (SEARCH_HALVINGS + 1 + steps) + 6 * (PLACE_HALVINGS + 1)
+        rounds[of_polynomial] += asked[of_polynomial]
     # A formula takes a round for each side of an error bound, for each end of the interval and for
     # each axis. Each halving may take a jet, and a look whether the jet tells the next one. If
     # there are several programs, each of these rounds asks every program.

@@ -83,7 +83,8 @@ class Band:
         i = (left[:, None] * TILE + right).reshape(shape).astype(np.int32)
         visit = VISITS[self._method, klass]
         facts = self._facts | visit.facts
-        run = getattr(module(visit.file), visit.file)
+        file = visit.file_in(self._packed.format)
+        run = getattr(module(file), file)
         rest: tuple[Any, ...] = (self._packed.half_spaces,)
         row = member = int(members[0])
         regions = self._lists.regions

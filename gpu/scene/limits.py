@@ -22,7 +22,8 @@ MAX_SHADOWS = 32
 MAX_LITERALS = 1 << 16
 
 
-# Cells of polynomials need positions on a ray that float32 holds exactly: up to so many halvings.
+# In float32, cells of polynomials need positions on a ray that it holds exactly: up to so many
+# halvings.
 MOST_STEPS_OF_CELLS = 22
 
 
@@ -38,13 +39,19 @@ def algebraic_faults(
         return []
     names = " and ".join(sorted(known))
     faults: list[Fault] = []
-    if accuracy.number_format != "float32":
-        text = f"{show(accuracy.number_format)} cannot draw {names} yet; use float32"
-        faults.append((("accuracy", "number_format"), text))
+    is_float = accuracy.number_format == "float32"
+    if not is_float:
+        shown, loc = show(accuracy.number_format), ("accuracy", "number_format")
+        if any(isinstance(solid, Algebraic) and not solid.has_polynomial for solid in solids):
+            text = "a formula that is no polynomial"
+            faults.append((loc, f"{shown} cannot draw {text}; use float32"))
+        if of_cells:
+            text = "cells of tori and formulas"
+            faults.append((loc, f"{shown} cannot draw {text} yet; use float32"))
     if accuracy.method != "visible":
         text = f"{show(accuracy.method)} cannot tell the roots of {names} apart; use visible"
         faults.append((("accuracy", "method"), text))
-    if accuracy.steps is not None and accuracy.steps > MOST_STEPS_OF_CELLS:
+    if accuracy.steps is not None and accuracy.steps > MOST_STEPS_OF_CELLS and is_float:
         text = f"{accuracy.steps} is not <= {MOST_STEPS_OF_CELLS}, the most with {names}"
         faults.append((("accuracy", "steps"), text))
     return faults

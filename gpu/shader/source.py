@@ -30,7 +30,15 @@ from halfstep.contract import program
 from halfstep.contract.classes import SHORT, Class
 from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
-from halfstep.contract.powers import BOUNDS, CLOCKS, MADE, MADE_OF_FORMULA, term_count
+from halfstep.contract.powers import (
+    BOUNDS,
+    CLOCKS,
+    MADE,
+    MADE_OF_FORMULA,
+    PLACE_HALVINGS,
+    SEARCH_HALVINGS,
+    term_count,
+)
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
@@ -141,8 +149,9 @@ def _visits(needs: Needs) -> Iterator[str]:
         if klass == Class.REGION_KNOWN:
             known = needs.known or program.NOTHING_KNOWN
             words = {"WORDS": len(known.words), "flats": known.planes, "curves": known.quadrics}
-        text = expand(stage(visit.file), needs.facts | visit.facts, needs.quads, words)
-        yield text.replace(f"fn {visit.file}(", f"fn visit_{klass.name.lower()}(")
+        file = visit.file_in(needs.format)
+        text = expand(stage(file), needs.facts | visit.facts, needs.quads, words)
+        yield text.replace(f"fn {file}(", f"fn visit_{klass.name.lower()}(")
 
 
 def constants(needs: Needs) -> str:
@@ -169,6 +178,8 @@ def constants(needs: Needs) -> str:
         "PAIRS": (needs.pairs, "the most pairs of ends of a surface of an order above two"),
         "NUMBERS": (needs.numbers, "constants that a formula has room for"),
         "CLOCKS": (CLOCKS, "the most cells that a pixel tries"),
+        "SEARCH_HALVINGS": (SEARCH_HALVINGS, "the most halvings of a search in integers"),
+        "PLACE_HALVINGS": (PLACE_HALVINGS, "halvings that lead to any place"),
         "BOUNDS": (BOUNDS, "the most error bounds that a pixel tries"),
         "MADE": (MADE, "halvings of the interval down to a ray's first cell"),
         "MADE_OF_FORMULA": (MADE_OF_FORMULA, "the same for a formula that is no polynomial"),
