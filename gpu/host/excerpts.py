@@ -158,10 +158,10 @@ def _tried(
     assert packed.regions is not None
     left, right, top, bottom = packed.setup.rectangle[copies.row].T // TILE
     tiles = (right - left + 1) * (bottom - top + 1)
-    program = copies.regions.of[copies.copy]
-    surfaces = copies.regions.surface_count[program]
+    programs = copies.regions.of[copies.copy]
+    surfaces = copies.regions.surface_count[programs]
     lengths = np.array([whole_length(one) for one in copies.regions.programs], np.int64)
-    is_short = lengths[program] <= max(SHORT.values())
+    is_short = lengths[programs] <= max(SHORT.values())
     least = np.where(is_short, LEAST_TESTS_SHORT, LEAST_TESTS)
     is_large = (tiles * surfaces >= least) | (surfaces > MOST_WHOLE)
     is_stretched = is_large | (tiles >= LEAST_TILES)
@@ -177,7 +177,6 @@ def _tried(
     # A whole program gives the same names of surfaces in all tiles if its rays start alike.
     records = packed.regions.records
     first, last = (records[name].astype(np.int64)[copy] for name in ("first", "last"))
-    programs = copies.regions.of[copies.copy]
     large = is_large[copy]
     for number, own in _by_number(programs[copy]):
         some, whole = own[large[own]], own[~large[own]]

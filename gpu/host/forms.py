@@ -185,7 +185,8 @@ def curved_alike(
         forms *= scale
         forms *= sizes >= least
         error = of_points + HOST_ROUNDINGS * (terms + np.abs(constant))
-        yield Curved(*forms, scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
+        a, g, c = forms
+        yield Curved(a, g, c, scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
 
 
 class Linear(NamedTuple):

@@ -276,8 +276,9 @@ class Formula:
         found: list[tuple[int, bool, Ints | slice]] = []
         for ix, node in enumerate(self.nodes):
             if node.kind is not Literal:
-                members: Ints | slice = np.array(node.members, np.int64)
-                if node.members and np.ptp(members) == len(members) - 1:
+                numbers = np.array(node.members, np.int64)
+                members: Ints | slice = numbers
+                if node.members and np.ptp(numbers) == len(numbers) - 1:
                     members = slice(node.members[0], node.members[-1] + 1)  # it is not copied
                 found.append((ix, node.kind is Intersection, members))
         return found
@@ -358,7 +359,8 @@ class Formula:
     def _by_surface(self) -> tuple[Ints, Ints, Ints]:
         """The literals by surface, the surfaces, and where the literals of each begin."""
         order = np.argsort(self.literal_surfaces, kind="stable")
-        return order, *np.unique(self.literal_surfaces[order], return_index=True)
+        used, first = np.unique(self.literal_surfaces[order], return_index=True)
+        return order, used, first
 
     def holds(self, decided: Decided) -> Bools:
         """The cells (C, P) that hold on all visible pieces."""

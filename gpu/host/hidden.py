@@ -187,7 +187,7 @@ class Hiding:
         """Depth keys of grid points of copies."""
         own = self._own[copy]
         start, shift = self._starts
-        return start[own] + (2 * point.astype(np.uint64) << shift[own])
+        return np.asarray(start[own] + (2 * point.astype(np.uint64) << shift[own]))
 
     def _hides(self, copy: Ints, left: Ints, top: Ints) -> tuple[U64, Ints]:
         """The keys from which copies hide all of squares (P,), and the indices of these."""
