@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from halfstep.cli import main
 from halfstep.errors import SceneError, UsageError
 from halfstep.models import Look, load
 from halfstep.models.source import Source
-from halfstep.models.surfer import decoded, properties_of
+from halfstep.models.surfer import MAX_BYTES, decoded, properties_of
 from halfstep.scene import Implicit, Scene
 
 Floats = NDArray[np.float64]
@@ -221,6 +222,22 @@ def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
         "camera_height: 0 is not between 1e-09 and 1e+09",
         'scale_factor: "x" is not a number',
     ]
+
+
+def test_a_long_file_is_refused_soon(tmp_path: Path) -> None:
+    path = tmp_path / "long.jsurf"
+    begin = "#surfer\nsurface_equation="
+    start = time.process_time()
+    fault = r"^long\.jsurf: line \d+, column \d+: surface_equation"
+    for text in ("(", "9", "-", "x\\\n", "\\\n", "\na=b"):
+        whole = begin + text * MAX_BYTES
+        path.write_text(whole[:MAX_BYTES], encoding="utf-8")
+        with pytest.raises(SceneError, match=fault):
+            load(path)
+    assert time.process_time() - start < 30
+    path.write_text(whole, encoding="utf-8")
+    with pytest.raises(SceneError, match=r"^long\.jsurf: larger than 256 KiB$"):
+        load(path)
 
 
 def test_any_bytes_are_text_or_refused(tmp_path: Path) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from halfstep.models.markup import MOST_FAULTS, Document, Element, Value
+from halfstep.models.markup import Document, Element, Value
+from halfstep.models.source import MOST_FAULTS
 from halfstep.scene.faults import show
 from halfstep.scene.formula import MAX_ID
 from halfstep.scene.values import LARGEST

@@ -17,7 +17,7 @@ from typing import NamedTuple, NoReturn
 from xml.parsers import expat
 
 from halfstep.errors import SceneError
-from halfstep.models.source import chunks_of
+from halfstep.models.source import ENOUGH_FAULTS, MOST_FAULTS, chunks_of, others
 from halfstep.scene.faults import show
 
 MAX_NESTING = 64
@@ -30,9 +30,6 @@ _TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
 _BEFORE_TEXT = re.compile(_TAG.pattern + rb"(?:\s|<!--.*?-->|<\?.*?\?>)*", re.DOTALL)
 _WORD_END = re.compile(r"\s|$")
 _BLANKS = bytes.maketrans(b"\t\r\n", b"   ")
-# The most faults that a message lists, and the number at which reading ends.
-MOST_FAULTS = 50
-ENOUGH_FAULTS = 1000
 _NONE: Mapping[str, str] = {}
 
 
@@ -162,10 +159,7 @@ class Document:
             begun = begun.rpartition("\n")[2]
             where = f"line {ends + 1}, column {len(begun) + 1}"
             lines.append(f"{self.name}: {where}: {what}")
-        if len(found) > MOST_FAULTS:
-            least = "at least " * (len(found) >= ENOUGH_FAULTS)
-            lines.append(f"{self.name}: {least}{len(found) - MOST_FAULTS} more faults")
-        raise SceneError(*lines)
+        raise SceneError(*lines, *others(self.name, len(found)))
 
 
 def titled(element: Element) -> str:

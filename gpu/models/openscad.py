@@ -93,9 +93,9 @@ class _Parser:
 
     def _call(self) -> Call | None:
         """Parse one call; None if a mark hides it."""
-        marks = ""
+        marks: set[str] = set()
         while self._kind == "sign" and self._token in "%#!*":
-            marks += self._token
+            marks.add(self._token)
             self._step()
         if self._kind != "word":
             raise self._unexpected("a call")

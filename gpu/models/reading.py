@@ -50,7 +50,8 @@ def load(path_or_name: str | os.PathLike[str], look: Look | None = None) -> Scen
             case ".csg":
                 model = openscad_scene.scene_tables(read_source(path, given), seen)
             case ".jsurf":
-                return surfer.scene_of(read_source(path, given, surfer.decoded), seen)
+                text = read_source(path, given, surfer.decoded, surfer.MAX_BYTES)
+                return surfer.scene_of(text, seen)
             case _:
                 geometry = read_geometry(path, given)
                 plot = None if seen.plot is None else read_plot(path, given, seen.plot)

@@ -47,6 +47,10 @@ class Property(NamedTuple):
     places: list[int]
 
 
+# A formula has at most 4096 characters, and a file some tens of keys.
+MAX_BYTES = 1 << 18
+
+
 def decoded(content: bytes) -> str:
     """The text of a properties file, which is Latin-1 with escapes for all other characters."""
     return content.decode("latin-1")
@@ -88,22 +92,22 @@ def properties_of(source: Source) -> dict[str, Property]:
 
 def _lines(text: str) -> Iterator[tuple[str, list[int]]]:
     """The lines that are not empty or comments, continued lines joined, and each one's indices."""
-    joined, places = "", [0]
+    parts: list[str] = []
+    places = [0]
     for match in re.finditer(r"[^\r\n]*(?:\r\n|\r|\n|$)", text):
         line = match[0].rstrip("\r\n")
         start = len(line) - len(line.lstrip(" \t\f"))
-        if not joined and line[start : start + 1] in ("", "#", "!"):
+        if not parts and line[start : start + 1] in ("", "#", "!"):
             continue
-        joined += line[start:]
-        places = [*places[:-1], *range(match.start() + start, match.start() + len(line) + 1)]
-        ends = len(joined) - len(joined.rstrip("\\"))
-        if ends % 2:
-            joined, places = joined[:-1], places[:-1]
-            continue
-        yield joined, places
-        joined, places = "", [0]
-    if joined:
-        yield joined, places
+        # An even number of backslashes is left before, so those of this line alone decide.
+        is_continued = (len(line) - len(line[start:].rstrip("\\")) - start) % 2
+        places[-1:] = range(match.start() + start, match.start() + len(line) + 1 - is_continued)
+        parts += filter(None, [line[start : len(line) - is_continued]])
+        if not is_continued:
+            yield "".join(parts), places
+            parts, places = [], [0]
+    if parts:
+        yield "".join(parts), places
 
 
 def _unescaped(text: str, places: list[int]) -> Property:
