@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import halfstep
 from halfstep.contract.layout import TILE
@@ -57,7 +58,7 @@ def test_boxes_hold_all_of_a_solid(name: str, rng: np.random.Generator) -> None:
     if solid.is_in_ball():
         inside &= (points**2).sum(axis=0) <= high[0] ** 2
     away = np.abs(points[:, :, None] - boxes.middle[:, None]) <= boxes.half[:, None]
-    within = away.all(axis=0)
+    within: NDArray[np.bool_] = np.asarray(away.all(axis=0))
     if not solid.is_sheet():
         assert within[inside].any(axis=1).all()
         assert inside.any()
@@ -117,7 +118,13 @@ def test_a_box_that_is_lost_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
         found = made(*given)
         assert found is not None
         kept = np.arange(len(found.row)) % 2 == 0
-        return cover.Covered(*(each[..., kept] for each in found))
+        return found._replace(
+            row=found.row[kept],
+            edges=found.edges[:, kept],
+            first=found.first[kept],
+            last=found.last[kept],
+            crossed=found.crossed[kept],
+        )
 
     monkeypatch.setattr("halfstep.host.setup.covered", without_some)
     other = halfstep.render(scene, outputs=("solid",), backend="numpy")

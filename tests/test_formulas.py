@@ -89,8 +89,9 @@ def test_jets_hold_what_they_claim(text: str, rng: np.random.Generator) -> None:
             form[f"level_{name}"] = np.array([level[axis], 0, 0], np.float32)
             form[f"along_{name}"] = np.array([along[axis], 0, 0], np.float32)
         if is_tame(made.program):
-            points = (np.array([each, 0 * each, 0 * each]).T for each in (level, along))
-            errors = counted(*made, *map(np.asarray, points), 0.0)
+            points = np.zeros((2, 3, 3))
+            points[:, :, 0] = level, along
+            errors = counted(made.program, made.numbers, points[0], points[1], 0.0)
             for name, error in zip(("value", "slope", "bend"), errors, strict=True):
                 form[f"{name}_error"] = np.float32(error)
         m, h = np.float32(rng.uniform(-1, 1)), np.float32(2.0 ** -rng.uniform(0, 14))

@@ -24,8 +24,9 @@ from halfstep.scene.ranges import Range, halves, is_beside, range_of
 
 # At most so many boxes are tested at once, times the operations of a formula, and so many at all.
 MOST_TESTED, MOST_BOXES = 2**16, 2**11
-# Solids with smaller rectangles are not preselected: the host would take longer than the device.
-LEAST_PIXELS = 2**12
+# Solids with smaller rectangles are not preselected, and no more than so many of the largest: the
+# host would take longer than the device.
+LEAST_PIXELS, MOST_SOLIDS = 2**12, 8
 # Boxes are widened by this part of their size, and of their distance, against rounding.
 ROOM, ROUNDING = 2.0**-10, 2.0**-40
 
@@ -100,7 +101,7 @@ def _cover(
 def covered(
     known: Mapping[int, Cover], solid: Ints, sight: Sight, rectangle: Ints, center: Ints
 ) -> Covered | None:
-    """The boxes of the visible solids that are large enough; None if there are none.
+    """The boxes of the largest visible solids, in order; None if no solid is large enough.
 
     Args:
         known: the covers by solid.
@@ -110,10 +111,12 @@ def covered(
         center: (2, V), pixel where x = y = 0.
     """
     i0, i1, j0, j1 = rectangle
-    is_large = (i1 - i0 + 1) * (j1 - j0 + 1) >= LEAST_PIXELS
-    rows = [row for row in np.flatnonzero(is_large).tolist() if int(solid[row]) in known]
+    pixels = (i1 - i0 + 1) * (j1 - j0 + 1)
+    is_large = np.flatnonzero(pixels >= LEAST_PIXELS).tolist() if known else []
+    rows = [row for row in is_large if int(solid[row]) in known]
     if not rows:
         return None
+    rows = sorted(sorted(rows, key=lambda row: -int(pixels[row]))[:MOST_SOLIDS])
     parts = [
         _on_screen(known[int(solid[row])], row, sight, rectangle[:, row], center[:, row])
         for row in rows
@@ -147,7 +150,8 @@ def _on_screen(cover: Cover, row: int, sight: Sight, rectangle: Ints, center: In
     pieces = np.clip(pieces, 0, PIECES - 1).astype(np.int64)
     some = (edges[0] <= edges[1]) & (edges[2] <= edges[3])
     owner = np.full(int(some.sum()), row)
-    return Covered(owner, edges[:, some].astype(np.int64), *pieces[:, some], cover.crossed[some])
+    first, last = pieces[:, some]
+    return Covered(owner, edges[:, some].astype(np.int64), first, last, cover.crossed[some])
 
 
 def tiles_of(boxes: Covered, row: int, first_row: int, shape: tuple[int, int]) -> Tiles | None:

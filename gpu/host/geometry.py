@@ -210,10 +210,11 @@ def with_regions(solids: Geometry, regions: Regions) -> Geometry:
 
     return replace(
         solids,
-        **{
-            name: behind(getattr(solids, name), False)
-            for name in ("has_quadric", "is_patch", "is_ellipsoid", "is_empty", "is_loose")
-        },
+        has_quadric=behind(solids.has_quadric, False),
+        is_patch=behind(solids.is_patch, False),
+        is_ellipsoid=behind(solids.is_ellipsoid, False),
+        is_empty=behind(solids.is_empty, False),
+        is_loose=behind(solids.is_loose, False),
         quadric=behind(solids.quadric, 0.0),
         plane_start=behind(solids.plane_start, 0),
         plane_count=behind(solids.plane_count, 0),

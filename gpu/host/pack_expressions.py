@@ -70,7 +70,12 @@ def _records(seen: FormulasOnRays, rectangle: Ints, center: Ints) -> Records:
         record["formula"] = known.programs.index(formula.program)
         record["numbers"][: len(formula.numbers)] = formula.numbers
         if is_tame(formula.program):
-            points = seen.level[..., row], seen.along[..., row]
-            errors = counted(*formula, *points, float(record["host_error"]))
+            errors = counted(
+                formula.program,
+                formula.numbers,
+                seen.level[..., row],
+                seen.along[..., row],
+                float(record["host_error"]),
+            )
             record["value_error"], record["slope_error"], record["bend_error"] = errors
     return records

@@ -101,7 +101,7 @@ class Setup:
     copies: Copies | None  # the copies of groups, which are the last of the scene's solids
     polynomials: OnRays | None  # of solids whose F is a polynomial, but no quadric
     formulas: FormulasOnRays | None  # of solids whose F is another formula
-    covered: Covered | None  # boxes of both that are large enough
+    covered: Covered | None  # boxes of the largest of both
 
     @property
     def count(self) -> int:

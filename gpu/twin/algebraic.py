@@ -9,7 +9,7 @@ import numpy as np
 from halfstep.contract.stretches import PIECE_BITS, PIECES, ROW_BITS
 from halfstep.twin.cells import Cell, narrowed, position_in
 from halfstep.twin.certify import EPSILON, ROOM, UNBOUNDED
-from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.normal import Vector
 from halfstep.twin.taylor import Curve, Slopes, cap_or
 
@@ -172,13 +172,13 @@ def world_slope(form: np.void, x: F32, y: F32, u: F32, slopes: Slopes) -> Vector
     )
 
 
-def first_place(member: np.uint32) -> np.float32:
+def first_place(member: U32) -> F32:
     """The least u at which some ray of a tile may meet F = 0, by the tile's member."""
     piece = member >> np.uint32(ROW_BITS) & np.uint32(PIECES - 1)
-    return np.float32(piece) * np.float32(2 / PIECES) - np.float32(1)
+    return piece.astype(np.float32) * np.float32(2 / PIECES) - np.float32(1)
 
 
-def last_place(member: np.uint32) -> np.float32:
+def last_place(member: U32) -> F32:
     """The greatest u at which some ray of the tile may."""
     piece = (member >> np.uint32(ROW_BITS + PIECE_BITS)) + np.uint32(1)
-    return np.float32(piece) * np.float32(2 / PIECES) - np.float32(1)
+    return piece.astype(np.float32) * np.float32(2 / PIECES) - np.float32(1)

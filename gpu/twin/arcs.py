@@ -114,12 +114,15 @@ def product_arc(a: Arc, b: Arc) -> Arc:
     """a b"""
     bend_a, bend_b = most_bent(a), most_bent(b)
     around_a, around_b = np.abs(a.slope) + bend_a, np.abs(b.slope) + bend_b
-    rest = np.abs(a.value) * b.rest + np.abs(b.value) * a.rest
+    rest: F32 = np.add(
+        np.abs(a.value) * b.rest + np.abs(b.value) * a.rest,
+        _THREE * (bend_b * around_a + bend_a * around_b),
+    )
     return Arc(
         a.value * b.value,
         a.value * b.slope + b.value * a.slope,
         (a.value * b.bend + b.value * a.bend) + a.slope * b.slope,
-        rest + _THREE * (bend_b * around_a + bend_a * around_b),
+        rest,
     )
 
 
@@ -138,7 +141,7 @@ def turned_arc(a: Arc, value: F32, first: F32) -> Arc:
     around = np.abs(a.slope) + bend
     steep = around + bend
     change = np.minimum(around, _TWO)
-    rest: F32 = np.abs(first) * a.rest + change * bend
+    rest: F32 = np.add(np.abs(first) * a.rest, change * bend)
     rest = np.add(rest, (_TWO * np.abs(value)) * (bend * around))
     rest = np.add(rest, (_HALF * change) * (steep * steep))
     return Arc(
