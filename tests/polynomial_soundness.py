@@ -32,7 +32,7 @@ OUTPUTS = ("solid", "surface", "depth", "error")
 # Places of the camera.
 PLACES = ("outside", "within", "outline", "on a surface")
 # The most halvings of a number format.
-MOST_STEPS = {FLOAT32.name: 20, FIXED32.name: 26}
+MOST_STEPS: dict[str, int] = {FLOAT32.name: 20, FIXED32.name: 26}
 
 Counts = dict[tuple[str, str], Count]  # by name of a surface and place
 
