@@ -84,6 +84,34 @@ def test_most_hits_are_certain(name: str, rng: np.random.Generator) -> None:
     assert count.certain_hits >= least * count.hits, str(count)
 
 
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+def test_certain_misses_of_a_ball_are_misses(number_format: str) -> None:
+    """A solid that fills its ball, magnified 1e3 to 1e6 times at the ball's silhouette."""
+    rng = np.random.default_rng(3)
+    count = Count()
+    for _ in range(60):
+        away, radius = rng.uniform(3, 30), rng.uniform(0.5, 1.5)
+        beside, turn = np.arcsin(radius / away), rng.uniform(0, 2 * np.pi)
+        toward = [np.sin(beside) * np.cos(turn), np.cos(beside), np.sin(beside) * np.sin(turn)]
+        center = np.array([0.0, -away, 0.0])
+        camera = {"center": center.tolist(), "look_at": (center + toward).tolist()}
+        solid = {"kind": "implicit", "formula": "x + y - 100", "bounds": {"radius": radius}}
+        scene = Scene.from_dict(
+            {
+                "format": 1,
+                "image": {"width": 48, "height": 36},
+                "camera": {**camera, "fov_degrees": 10.0 ** rng.uniform(-4.5, -2)},
+                "accuracy": {"steps": int(rng.integers(8, 17)), "number_format": number_format},
+                "solid": [{**solid, "color": [1, 1, 1]}],
+            }
+        )
+        frame = halfstep.render(scene, outputs=CLAIMED, backend="numpy")
+        PolynomialOracle(scene, lambda x, y, z: x + y - 100 + 0 * z).judge(frame, count, "ball")
+    assert count.wrong == []
+    assert count.certain_hits > 0.9 * count.hits > 40_000
+    assert count.certain_misses > 0.99 * (count.pixels - count.hits)
+
+
 @pytest.mark.parametrize("fault", FALSE)
 def test_the_judge_sees_a_fault(fault: str) -> None:
     scene = scene_of(solid_of("clebsch"), (2, -3, 1.5))

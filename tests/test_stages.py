@@ -23,6 +23,7 @@ from halfstep.contract.powers import (
     CLOCKS,
     PLACE_HALVINGS,
     SEARCH_HALVINGS,
+    SLOPE_HALVINGS,
     WEIGHT_BITS,
     term_count,
 )
@@ -146,6 +147,7 @@ const CLOCKS: u32 = {CLOCKS}u;
 const BOUNDS: u32 = {BOUNDS}u;
 const SEARCH_HALVINGS: u32 = {SEARCH_HALVINGS}u;
 const PLACE_HALVINGS: u32 = {PLACE_HALVINGS}u;
+const SLOPE_HALVINGS: u32 = {SLOPE_HALVINGS}u;
 {"".join(f"const {name}: u32 = {getattr(words, name)}u;{chr(10)}" for name in WORD)}
 var<private> programs: array<u32, {WORDS}>;
 var<private> frame: Frame;
@@ -515,11 +517,13 @@ FAULTS = [
     ("bernstein.slope_about", "slack < room", "slack > room"),
     ("bernstein.place_of", "k < PLACE_HALVINGS - 1u", "k < PLACE_HALVINGS - 2u"),
     ("bernstein.line_place_of", "i4(0), b, c", "i4(0), c, b"),
+    ("bernstein.stretch_begin", "PIECES - 1u", "PIECES - 2u"),
+    ("bernstein.stretch_end", "2u - 1u", "2u - 2u"),
     ("bernstein.leaf_from", "min(place, i4(END - 1))", "place"),
     ("bernstein.leaf_until", "END - 1", "END"),
     ("bernstein.gap_between", "* PLACE_UNIT", "* WEIGHT_UNIT"),
     ("bernstein.begun_search", "b4(true)", "b4(false)"),
-    ("bernstein.next_search", "found[j] > more", "found[j] >= more"),
+    ("bernstein.next_search", "found[j] > more", "found[j] > -more"),
     ("bernstein.next_search", "found[j] < -more", "found[j] < more"),
     ("bernstein.next_search", "is_leaf | vague", "is_leaf"),
     ("bernstein.next_search", "at_stop, covers", "at_stop, !covers"),
@@ -855,7 +859,8 @@ class Draw:
                 bits = 12 if self._function.name == "sought_cell" else WEIGHT_BITS - 4
                 return np.rint(np.exp2(rng.uniform(0, bits, shape)))
             case "at_stop" | "a" | "b" if leaf.itemsize == 8:
-                return np.rint(rng.uniform(-1, 1, shape) * most)
+                small = rng.choice([1, 2.0**-20], shape)
+                return np.rint(rng.uniform(-1, 1, shape) * small * most)
             case _ if leaf.itemsize == 8:
                 values = rng.uniform(-1, 1, shape) * rng.choice([1, 2.0**-20], (ROWS, 1, 4))
                 kind = rng.random((ROWS, 1, 4))

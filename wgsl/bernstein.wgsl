@@ -9,8 +9,6 @@ const END: i32 = 1073741824;
 // A unit of a weight, and of a place.
 const WEIGHT_UNIT: f32 = 0x1p-46f;
 const PLACE_UNIT: f32 = 0x1p-30f;
-// A slope is asked of an interval after so many halvings.
-const SLOPE_HALVINGS: u32 = 6u;
 
 // Weights on both halves of an interval.
 struct Halves {
@@ -154,6 +152,18 @@ fn place_of(root: Root) -> i4 {
 fn line_place_of(c: i4, b: i4, end: i32, number: i4) -> i4 {
   let line = Root(number > i4(0), number, i4(0), b, c, b4(false));
   return select(place_of(line), i4(end), number == i4(0));
+}
+
+// The first place at which some ray of a tile may meet F = 0, by the tile's member for the solid.
+fn stretch_begin(member: u32) -> i32 {
+  let piece = i32((member >> ROW_BITS) & (PIECES - 1u));
+  return (piece - i32(PIECES / 2u)) << (PLACE_HALVINGS - PIECE_BITS);
+}
+
+// The last place at which some ray of the tile may.
+fn stretch_end(member: u32) -> i32 {
+  let piece = i32(member >> (ROW_BITS + PIECE_BITS));
+  return (piece - i32(PIECES / 2u - 1u)) << (PLACE_HALVINGS - PIECE_BITS);
 }
 
 // The leaf that begins at a place or has it inside.

@@ -249,8 +249,10 @@ fn visit_polynomial(solid: Solid, y: i32, member: u32) {
     let sure_cell = cell.sure & select(sure_miss, sure_root, cell.met);  //? error
     let certain = select(sure_cell, ordered, on_entry) & sure_start & bounds_sure  //? error
       & (outside | inside | on_entry);  //? error
-    let none = ends_0.empty & !remains(piece_0);  //? error
-    let known = none | (ends_0.sure & ((ordered & !some) | certain));  //? error
+    // Whether a ray misses the ball, `beside` tells.  //? error
+    let none = !remains(piece_0);  //? error
+    let known = (ends_0.empty & none)  //? error
+      | (ends_0.sure & ((ordered & none) | (some & certain)));  //? error
     var entry_bound = line_bound(  //? error
       piece_0.c_in, piece_0.b_in, ends_0.error_in, solid.last_step
     );

@@ -1,5 +1,5 @@
 // A solid that a polynomial bounds -> its visible point, in integers: clip, walk, halve.
-fn visit_polynomial_fixed(solid: Solid, y: i32) {
+fn visit_polynomial_fixed(solid: Solid, y: i32, member: u32) {
   let form = polynomial_at(solid.polynomial);
   let outline = outline_of(form);
   // each quad
@@ -65,15 +65,20 @@ fn visit_polynomial_fixed(solid: Solid, y: i32) {
     some = some & within;
     let begin = leaf_from(start, solid.steps);
     let end = leaf_until(stop, solid.steps);
+    // F may be 0 only here.
+    let from_place = max(start, i4(stretch_begin(member)));
+    let to_place = min(stop, i4(stretch_end(member)));
+    let searched_from = leaf_from(from_place, solid.steps);
+    let searched_to = leaf_until(to_place, solid.steps);
     let last = weight_at(weights, stop);
     let at_stop = select(last, -last, inside);
     let sought = sought_cell(
       opposite_weights(inside, weights),
       error,
       at_stop,
-      begin,
-      end,
-      some & !on_entry,
+      searched_from,
+      searched_to,
+      some & !on_entry & (from_place < to_place),
       solid.steps,
     );
     let met = sought.cell.met;
@@ -85,14 +90,14 @@ fn visit_polynomial_fixed(solid: Solid, y: i32) {
     let hit = some & (met | on_entry | on_exit);
     let surface = select(select(i4(0), id_out, on_exit), id_in, on_entry);
     let stays = inside | b4(is_sheet);  //? exit
-    let behind = select(begin, rooted.cell.first + 1, met);  //? exit
+    let behind = select(searched_from, rooted.cell.first + 1, met);  //? exit
     let left = sought_cell(  //? exit
       opposite_weights(!inside, weights),
       error,
       -at_stop,
       behind,
-      end,
-      hit & !stays & (behind <= end),
+      searched_to,
+      hit & !stays & (behind <= searched_to) & (from_place < to_place),
       solid.steps,
     );
     var leaving = rooted_leaf(left, error, solid.steps).cell;  //? exit

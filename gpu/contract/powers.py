@@ -26,6 +26,8 @@ WEIGHT_BITS = 46
 # Likewise, the most halvings of one search for a root, and those that lead to any place on a ray.
 SEARCH_HALVINGS = 512
 PLACE_HALVINGS = 31
+# A slope is asked of an interval after so many halvings.
+SLOPE_HALVINGS = 6
 
 
 def term_count(degree: int) -> int:

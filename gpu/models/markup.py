@@ -129,17 +129,17 @@ class Document:
             pattern = rb"""\s%s\s*=\s*["']""" % re.escape(value.key.encode())
             tag = _TAG.match(self._content, at)
             end = at if tag is None else tag.end()
-            match = re.compile(pattern).search(self._content, at, end)
-            at = match.end() if match else at
+            found = re.compile(pattern).search(self._content, at, end)
+            at = found.end() if found else at
         else:
             text, at = holder.text, holder.at
-            begin = _BEFORE_TEXT.match(self._content, at) if text else None
-            at = begin.end() if begin else at
+            before = _BEFORE_TEXT.match(self._content, at) if text else None
+            at = before.end() if before else at
         # Only up to the end of the word must the document have the text as it is, unescaped.
         begin = len(text) - len(text.lstrip()) + column
-        end = _WORD_END.search(text, begin)
-        assert end is not None
-        raw = text[: end.start()].encode()
+        word = _WORD_END.search(text, begin)
+        assert word is not None
+        raw = text[: word.start()].encode()
         there = self._content[at : at + len(raw)]
         # XML turns line ends in an attribute into blanks.
         is_plain = b"&" not in there and there.translate(_BLANKS) == raw.translate(_BLANKS)

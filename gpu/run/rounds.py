@@ -13,7 +13,7 @@ from halfstep.contract.arrays import Bools, Ints
 from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.formats import FIXED32
 from halfstep.contract.mirrors import MIRROR_STEPS
-from halfstep.contract.powers import BOUNDS, CLOCKS, PLACE_HALVINGS, SEARCH_HALVINGS
+from halfstep.contract.powers import BOUNDS, CLOCKS, PLACE_HALVINGS, SEARCH_HALVINGS, SLOPE_HALVINGS
 from halfstep.contract.regions import PackedRegions
 from halfstep.contract.stretches import rows_of
 from halfstep.contract.veils import PackedVeils
@@ -42,8 +42,9 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
         of_polynomial = packed.classes == Class.POLYNOMIAL
         asked = walks * (CLOCKS + 1 + steps) + tried
         if needs.format is FIXED32:
-            # The four roots of half-spaces and a ball, and F at both ends.
+            # The four roots of half-spaces and a ball, F at both ends, and a slope about each.
             asked = walks * (SEARCH_HALVINGS + 1 + steps) + 6 * (PLACE_HALVINGS + 1)
+            asked += 2 * (SLOPE_HALVINGS + 1)
         rounds[of_polynomial] += asked[of_polynomial]
     # A formula takes a round for each side of an error bound, for each end of the interval and for
     # each axis. Each halving may take a jet, and a look whether the jet tells the next one. If

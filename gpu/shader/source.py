@@ -37,6 +37,7 @@ from halfstep.contract.powers import (
     MADE_OF_FORMULA,
     PLACE_HALVINGS,
     SEARCH_HALVINGS,
+    SLOPE_HALVINGS,
     term_count,
 )
 from halfstep.contract.shadows import GROUP
@@ -180,6 +181,7 @@ def constants(needs: Needs) -> str:
         "CLOCKS": (CLOCKS, "the most cells that a pixel tries"),
         "SEARCH_HALVINGS": (SEARCH_HALVINGS, "the most halvings of a search in integers"),
         "PLACE_HALVINGS": (PLACE_HALVINGS, "halvings that lead to any place"),
+        "SLOPE_HALVINGS": (SLOPE_HALVINGS, "halvings before a slope is asked of an interval"),
         "BOUNDS": (BOUNDS, "the most error bounds that a pixel tries"),
         "MADE": (MADE, "halvings of the interval down to a ray's first cell"),
         "MADE_OF_FORMULA": (MADE_OF_FORMULA, "the same for a formula that is no polynomial"),

@@ -34,11 +34,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.powers import PLACE_HALVINGS, SEARCH_HALVINGS
+from halfstep.contract.powers import PLACE_HALVINGS, SEARCH_HALVINGS, SLOPE_HALVINGS
+from halfstep.contract.stretches import PIECE_BITS, PIECES, ROW_BITS
 from halfstep.twin.cells import Cell, half_of, largest_at
 from halfstep.twin.certify import ROOM
 from halfstep.twin.halve_fixed import begun, halved, reached
-from halfstep.twin.lanes import F32, I32, I64, Bools, Form, FormErrors
+from halfstep.twin.lanes import F32, I32, I64, U32, Bools, Form, FormErrors
 from halfstep.twin.root import Root
 from halfstep.twin.taylor import Slopes
 
@@ -52,8 +53,6 @@ WEIGHT_UNIT = np.float32(2.0**-46)
 PLACE_UNIT = np.float32(2.0**-30)
 # One half.
 HALF = np.float32(0.5)
-# A slope is asked of an interval after so many halvings.
-SLOPE_HALVINGS = 6
 
 
 class Halves(NamedTuple):
@@ -187,6 +186,18 @@ def line_place_of(c: I32, b: I32, end: np.int32, number: I32) -> I32:
         np.zeros(c.shape, bool),
     )
     return np.where(number == 0, end, place_of(line))
+
+
+def stretch_begin(member: U32) -> I32:
+    """The first place at which some ray of a tile may meet F = 0, by the tile's member."""
+    piece = (member >> np.uint32(ROW_BITS)) & np.uint32(PIECES - 1)
+    return (piece.astype(np.int32) - np.int32(PIECES // 2)) << np.int32(PLACE_HALVINGS - PIECE_BITS)
+
+
+def stretch_end(member: U32) -> I32:
+    """The last place at which some ray of the tile may."""
+    piece = (member >> np.uint32(ROW_BITS + PIECE_BITS)).astype(np.int32)
+    return (piece - np.int32(PIECES // 2 - 1)) << np.int32(PLACE_HALVINGS - PIECE_BITS)
 
 
 def leaf_from(place: I32, steps: int) -> I32:

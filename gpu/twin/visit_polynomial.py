@@ -337,7 +337,9 @@ def visit_polynomial(
         sure_miss = (past | (stop_slack == 0)) & (ordered | ~on_exit)
         certain = np.where(on_entry, ordered, cell.sure & np.where(cell.met, sure_root, sure_miss))
         certain = certain & sure_start & bounds_sure & (outside | inside | on_entry)
-        known = (ends.empty & ~remains(piece)) | (ends.sure & ((ordered & ~some) | certain))
+        # Whether a ray misses the ball, ``beside`` tells.
+        none = ~remains(piece)
+        known = (ends.empty & none) | (ends.sure & ((ordered & none) | (some & certain)))
         plane_in = line_bound(piece.c_in, piece.b_in, ends.error_in, last_step)
         plane_out = line_bound(piece.c_out, piece.b_out, ends.error_out, last_step)
         if ball is not None and ball_errors is not None:

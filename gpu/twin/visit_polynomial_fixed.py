@@ -28,6 +28,8 @@ from halfstep.twin.bernstein import (
     slope_about,
     slopes_of_weights,
     sought_cell,
+    stretch_begin,
+    stretch_end,
     weight_at,
     weights_on_rays,
 )
@@ -45,7 +47,7 @@ from halfstep.twin.certify import (
     surely_ordered,
 )
 from halfstep.twin.chosen import Chosen
-from halfstep.twin.lanes import I32, Form, FormErrors
+from halfstep.twin.lanes import I32, U32, Form, FormErrors
 from halfstep.twin.normal import NO_VECTOR, either, turned
 from halfstep.twin.piece import clip, from_the_eye, remains, whole_interval
 from halfstep.twin.root import ellipsoid_entry, ellipsoid_exit
@@ -66,10 +68,14 @@ def visit_polynomial_fixed(
     rest: PackedPolynomials,
     x: I32,
     y: I32,
+    member: U32,
     chosen: Chosen,
     facts: Collection[str],
 ) -> Seen:
-    """What rays see of a solid: clip, walk through cells, halve."""
+    """What rays see of a solid: clip, walk through cells, halve.
+
+    ``member`` has the members of the lists of the pixels' tiles.
+    """
     form = rest.records[int(solid["polynomial"])]
     near_u, far_u = solid["near_u"], solid["far_u"]
     steps, last_step = int(solid["steps"]), solid["last_step"]
@@ -134,10 +140,15 @@ def visit_polynomial_fixed(
     within = within & ((outline.top <= y) & (y <= outline.bottom))
     some = some & within
     begin, end = leaf_from(start, steps), leaf_until(stop, steps)
+    # F may be 0 only here.
+    from_place = np.maximum(start, stretch_begin(member))
+    to_place = np.minimum(stop, stretch_end(member))
+    searched_from, searched_to = leaf_from(from_place, steps), leaf_until(to_place, steps)
+    searched = some & ~on_entry & (from_place < to_place)
     final = weight_at(weights, stop)
     seen = opposite_weights(inside, weights)
     at_stop = np.where(inside, -final, final)
-    sought = sought_cell(seen, error, at_stop, begin, end, some & ~on_entry, steps)
+    sought = sought_cell(seen, error, at_stop, searched_from, searched_to, searched, steps)
     met = sought.cell.met
     on_exit = inside & ~met & (id_out > 0) & (not is_sheet)
     rooted = rooted_leaf(sought, error, steps)
@@ -149,11 +160,11 @@ def visit_polynomial_fixed(
     left, exit_position = hit, position
     if "exit" in facts:
         stays = inside | is_sheet
-        behind = np.where(met, rooted.cell.first + np.int32(1), begin)
-        going = hit & ~stays & (behind <= end)
+        behind = np.where(met, rooted.cell.first + np.int32(1), searched_from)
+        going = hit & ~stays & (behind <= searched_to) & (from_place < to_place)
         back = opposite_weights(~inside, weights)
         back_at_stop = np.where(inside, final, -final)
-        last = sought_cell(back, error, back_at_stop, behind, end, going, steps)
+        last = sought_cell(back, error, back_at_stop, behind, searched_to, going, steps)
         leaving = rooted_leaf(last, error, steps).cell
         leaving = leaving._replace(first=np.where(last.cell.met, leaving.first, end))
         exit_position = np.where(stays, position, position_in(leaving, steps))
