@@ -435,7 +435,7 @@ def test_excerpts_show_what_whole_programs_show(
     outputs = ("depth", "depth_exit", "cell", "place", "surface", "error")
     hits = shorter = renamed = 0
     scenes = [halfstep.load(name) for name in ("die", "nested_differences", "bracket")]
-    for _ in range(12):
+    for _ in range(7):
         matrices, cells = random_cells(rng)
         if any(box_of(normal_form(cell, plain(len(matrices))), matrices) is None for cell in cells):
             continue

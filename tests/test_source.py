@@ -289,7 +289,7 @@ def combinations() -> Iterator[Needs]:
     """
     for need in _combinations():
         yield need
-        for broadcast, uniform in ((4, False), (8, False), (8, True)):
+        for broadcast, uniform in ((4, True), (8, False)):
             yield replace(need, broadcast=broadcast, uniform=uniform)
 
 

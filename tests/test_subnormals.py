@@ -78,7 +78,8 @@ def test_a_bundled_scene(scene: str, method: str) -> None:
 @pytest.mark.slow
 def test_the_ends_of_every_range(method: str) -> None:
     for name, _, views in extremes():
-        for number, view in enumerate(views):
+        for number in {*range(0, len(views), 3), len(views) - 1}:
+            view = views[number]
             found = flushed(view.scene, method=method, steps=view.steps)
             assert found == {}, f"{name}, view {number}"
 

@@ -20,7 +20,7 @@ from halfstep.host.pack import Packed
 from halfstep.host.prepare import prepare
 from halfstep.host.tiles import frequent_sets, tile_groups, tile_lists
 from halfstep.run import gpu as run_gpu
-from halfstep.run import needs
+from halfstep.run import needs, parts
 from halfstep.run.framebuffer import FrameBuffer
 from halfstep.scene import load, with_overrides
 from halfstep.shader.needs import Needs
@@ -199,7 +199,7 @@ def test_what_stays_blank_is_not_rendered_again(
     outputs = ("image", "normal", "depth")
     expected = [halfstep.render(scene, outputs=outputs, backend="gpu") for scene in scenes]
     whole = -(-SIZE[0] // TILE) * -(-SIZE[1] // TILE)
-    monkeypatch.setattr(run_gpu, "tile_groups", counted)
+    monkeypatch.setattr(parts, "tile_groups", counted)
     with halfstep.Renderer(figure, outputs=outputs, backend="gpu") as renderer:
         turns = [0, 0, 0, 1, 2, 3, 0, 4, *rng.integers(0, len(scenes), 80).tolist()]
         for turn, which in enumerate(turns):

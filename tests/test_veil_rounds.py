@@ -108,15 +108,15 @@ def test_a_low_limit_changes_no_bit(
     parts: list[int], adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     options: dict[str, Any] = {"size": SIZE, "backend": "gpu", "adapter": adapter.summary.index}
-    outputs = ("image", "shadow", "position", "error")
+    outputs = ("shadow", "position")
     whole = halfstep.render(tunnel(8), outputs=outputs, **options)
     assert not parts
     assert wrong_on_wall(whole) == 0
     monkeypatch.setattr(run_gpu, "loop_limit", lambda _: 3000)
     with halfstep.Renderer(tunnel(8), outputs=outputs, **options) as renderer:
-        for _ in range(3):
+        for _ in range(2):
             assert not list(different(renderer.render(), whole))
-    assert len(parts) >= 3 * 2
+    assert len(parts) >= 2 * 2
 
 
 def test_frames_in_parts_are_those_of_numpy(
@@ -147,8 +147,9 @@ def test_a_veil_that_takes_too_many_rounds_is_told(
     adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     leave(4, monkeypatch)
+    options: dict[str, Any] = {"size": SIZE, "outputs": ("shadow",), "backend": "gpu"}
     with pytest.raises(DeviceError) as caught:
-        halfstep.render(tunnel(2), size=SIZE, backend="gpu", adapter=adapter.summary.index)
+        halfstep.render(tunnel(2), adapter=adapter.summary.index, **options)
     assert str(caught.value).startswith(f"adapter {adapter.summary}: the driver ends loops after ")
     assert str(caught.value).endswith(
         " rounds, and one copy of a group of cells may take more to hide a light; use a group of "

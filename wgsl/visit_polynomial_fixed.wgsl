@@ -140,7 +140,8 @@ fn visit_polynomial_fixed(solid: Solid, y: i32, member: u32) {
     bounds_sure = (sure_chord & caps_sure) | !is_ball;  //? error & ball
     let apart = gap_between(start, stop) > ROOM * (start_slack + stop_slack);  //? error & ball
     let past = is_before(ball, errors);  //? error & ball
-    beside = is_ball & ((sure_chord & !way_in.hit) | (ends_0.sure & apart) | past);  //? error & ball
+    let missed = (sure_chord & !way_in.hit) | (ends_0.sure & apart) | past;  //? error & ball
+    beside = is_ball & missed;  //? error & ball
     let off = f32(error);  //? error
     let start_slope = slope_about(weights, off, start, start_slack);  //? error
     let stop_slope = slope_about(weights, off, stop, stop_slack);  //? error

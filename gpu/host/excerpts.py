@@ -208,8 +208,8 @@ def _tried(
 def _by_number(numbers: Ints) -> Iterator[tuple[int, Ints]]:
     """Each of the numbers (P,), and the places where it is."""
     found = np.flatnonzero(np.bincount(numbers))
-    if len(found) == 1:
-        yield int(found[0]), np.arange(len(numbers))
+    if len(found) <= 1:
+        yield from ((number, np.arange(len(numbers))) for number in found.tolist())
         return
     # Numbers of 16 bits are sorted in linear time.
     order = np.argsort(numbers.astype(np.min_scalar_type(numbers.max(initial=0))), kind="stable")

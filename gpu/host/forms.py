@@ -160,8 +160,7 @@ def curved_alike(
     without[3, 3] = 0.0
     common = _quadric_forms(without, points, slopes, sight)
     of_points = 2 * steepest * sight.error
-    size = np.abs(without)
-    terms = quadric_value(size, path.largest, half_gradient(size, path.largest))
+    rounding = quadric_rounding(without, path.largest)
     least = NEGLIGIBLE / np.maximum(monomials, 1.0)
 
     gradient = np.empty((2, 3, 3, len(half)))
@@ -184,7 +183,7 @@ def curved_alike(
         sizes *= scale
         forms *= scale
         forms *= sizes >= least
-        error = of_points + HOST_ROUNDINGS * (terms + np.abs(constant))
+        error = of_points + (rounding + HOST_ROUNDINGS * np.abs(constant))
         a, g, c = forms
         yield Curved(a, g, c, scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
 
