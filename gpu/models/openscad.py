@@ -19,11 +19,11 @@ MAX_NESTING = 200
 _TOKEN = re.compile(
     r"""(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)
     |(?P<word>\$?[A-Za-z_]\w*)
-    |(?P<string>"(?:[^"\\]|\\.)*")
+    |(?P<string>"(?:[^"\\]|\\.)*+")
     |(?P<sign>[()\[\]{},;=%\#!*])""",
     re.VERBOSE,
 )
-_BLANK = re.compile(r"(?:\s|//[^\n]*|/\*.*?\*/)*", re.DOTALL)
+_BLANK = re.compile(r"(?:\s|//[^\n]*|/\*.*?\*/)*+", re.DOTALL)
 _WORDS = {"true": True, "false": False, "undef": None, "inf": float("inf"), "nan": float("nan")}
 # Marks that hide a call, and the mark that hides everything else.
 _HIDING, _ALONE = "%*", "!"
