@@ -12,8 +12,8 @@ import halfstep
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.excerpts import lists_of
 from halfstep.host.hidden import Hiding, Stretch
+from halfstep.host.merging import Program
 from halfstep.host.prepare import Solids, prepare
-from halfstep.host.regions import Program
 from halfstep.scene import Scene
 
 Table = dict[str, Any]

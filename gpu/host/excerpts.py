@@ -22,9 +22,9 @@ from halfstep.contract.regions import PackedRegions
 from halfstep.host.copies import Copies
 from halfstep.host.formulas import Decided
 from halfstep.host.hidden import Hiding
+from halfstep.host.merging import Program
 from halfstep.host.pack import MOST_CLASSES, Packed
 from halfstep.host.reach import squares_of
-from halfstep.host.regions import Program
 from halfstep.host.signs import Rays, signs
 from halfstep.host.tiles import Classes, Pairs, tile_lists, tile_members
 from halfstep.host.written import Left, Written, whole_length

@@ -21,6 +21,7 @@ from halfstep.contract.veils import VEIL_STEPS
 from halfstep.errors import SceneError
 from halfstep.host.formulas import Excerpt, Formula
 from halfstep.host.geometry import Geometry
+from halfstep.host.merging import COINCIDENT
 from halfstep.host.occluders import (
     Approach,
     Axes,
@@ -34,7 +35,7 @@ from halfstep.host.occluders import (
     spans_of_points,
     view_of_light,
 )
-from halfstep.host.regions import COINCIDENT, Regions
+from halfstep.host.regions import Regions
 from halfstep.host.world import World
 from halfstep.scene import Light, Scene
 

@@ -16,8 +16,8 @@ from halfstep.contract.regions import PackedRegions
 from halfstep.errors import SceneError
 from halfstep.host.copies import Copies
 from halfstep.host.formulas import Excerpt
+from halfstep.host.merging import Program
 from halfstep.host.pack import Packed
-from halfstep.host.regions import Program
 
 # Number of excerpts that are kept from frame to frame.
 MOST_KNOWN = 1 << 14

@@ -11,7 +11,7 @@ import numpy as np
 
 from halfstep.errors import SceneError
 from halfstep.host.higher import higher_of
-from halfstep.host.regions import cells_with_points
+from halfstep.host.merging import cells_with_points
 from halfstep.models.look import PLACE, Clip, Look, Table, both, camera_of, lights_of, plane
 from halfstep.scene import Fragment, Scene
 from halfstep.scene.formula import Formula, Sense
