@@ -1,13 +1,13 @@
 """Boxes that cover a solid with a polynomial or a formula: preselection by tile and by depth.
 
 A solid's bounds are halved along all axes. A part in which F > 0, by interval arithmetic, is left
-out. That is done once for all cameras. In a frame, each box that is left names the tiles whose rays
-may enter it, and the pieces of their interval.
+out. That is done once for all cameras, if the solid is large in a picture. In a frame, each box
+that is left names the tiles whose rays may enter it, and the pieces of their interval.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -57,16 +57,34 @@ class Tiles(NamedTuple):
     last: Ints  # last piece
 
 
-def covers(solids: Sequence[Solid]) -> dict[int, Cover]:
-    """The covers of the solids that have a polynomial or a formula, by index."""
-    found = {}
-    for ix, solid in enumerate(solids):
-        if isinstance(solid, Algebraic):
+class Covers(Mapping[int, Cover]):
+    """The covers of the solids that have a polynomial or a formula, by index.
+
+    Each is made when it is first asked for, because most of many solids are small in all pictures.
+    """
+
+    def __init__(self, solids: Sequence[Solid]) -> None:
+        """Of ``solids``, some of which have no cover."""
+        self._solids = {ix: one for ix, one in enumerate(solids) if isinstance(one, Algebraic)}
+        self._made: dict[int, Cover] = {}
+
+    def __len__(self) -> int:
+        return len(self._solids)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._solids)
+
+    def __contains__(self, ix: object) -> bool:
+        return ix in self._solids
+
+    def __getitem__(self, ix: int) -> Cover:
+        if ix not in self._made:
+            solid = self._solids[ix]
             low, high = solid.box()
             radius = float(high[0]) if solid.is_in_ball() else None
             formula = compiled(solid.expression())
-            found[ix] = _cover(*formula, (tuple(low), tuple(high)), radius, solid.is_sheet())
-    return found
+            self._made[ix] = _cover(*formula, (tuple(low), tuple(high)), radius, solid.is_sheet())
+        return self._made[ix]
 
 
 @lru_cache(maxsize=256)

@@ -14,7 +14,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Array, Bools, Floats, Ints
 from halfstep.errors import SceneError
-from halfstep.host.cover import Cover, covers
+from halfstep.host.cover import Cover, Covers
 from halfstep.host.edges import EDGES
 from halfstep.host.expressions import Expressions, expressions, with_members
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
@@ -188,7 +188,7 @@ def build(scene: Scene) -> Geometry:
         regions=None,
         polynomials=polynomials(solids),
         expressions=expressions(solids),
-        covers=covers(solids),
+        covers=Covers(solids),
     )
 
 

@@ -26,9 +26,7 @@ from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
 from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed, frame_record
-from halfstep.host.tiles import (
-    blank_tiles,
-)
+from halfstep.host.tiles import blank_tiles
 from halfstep.run import rounds, split, veils
 from halfstep.run.framebuffer import FrameBuffer, pixel_bytes, written_for
 from halfstep.run.needs import needs_of
