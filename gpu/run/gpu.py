@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import Array, Bools, Planes, Records
+from halfstep.contract.arrays import Bools, Planes, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.contract.layout import TILE
-from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import (
     INT64,
     Adapter,
@@ -18,10 +17,9 @@ from halfstep.device.adapters import (
     close_device,
     device_errors,
     open_device,
-    wgpu_errors,
 )
 from halfstep.device.compute import Compute
-from halfstep.device.handles import GpuBuffer, GpuDevice, GpuTexture
+from halfstep.device.handles import GpuBuffer, GpuDevice
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
 from halfstep.host.excerpts import Lists, lists_of
@@ -29,22 +27,13 @@ from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import blank_tiles
 from halfstep.run import rounds, split, veils
 from halfstep.run.framebuffer import FrameBuffer, pixel_bytes, written_for
+from halfstep.run.memory import Binding, Memory, contents_of, resource_of
 from halfstep.run.needs import needs_of
-from halfstep.run.parts import PART_BYTES, RECORD_BYTES, Part, parts_of
+from halfstep.run.parts import RECORD_BYTES, Part, parts_of
 from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
-from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
-from halfstep.shader.source import (
-    EXPRESSIONS_BINDING,
-    HIGHERS_BINDING,
-    LOCATIONS,
-    MIRROR_BINDINGS,
-    SHADOW_BINDINGS,
-    TEXTURE,
-    VEIL_BINDINGS,
-)
 
 # The largest frame buffer of a band, in bytes: large pictures must not take more memory.
 BAND_BYTES = 128 << 20
@@ -55,49 +44,6 @@ MAPPABLE = "mappable-primary-buffers"
 MOST_BROADCAST = 16
 # The most invocations whose rounds of loops a driver may count together.
 MOST_COUNTED = 64
-# The content of each binding, named in error messages. 5 and 6 are parts of the frame buffer.
-_NAMES = {
-    0: "frame",
-    1: "solids",
-    2: "half-spaces",
-    3: "tiles",
-    4: "lists of tiles",
-    7: "lights",
-    8: "sRGB table",
-    9: "regions",
-    10: "planes of regions",
-    11: "quadrics of regions",
-    12: "appearances of regions",
-    13: "programs of regions",
-    14: "polynomials",
-    15: "locations of solids",
-    16: "views of lights",
-    17: "occluders",
-    18: "slabs of occluders",
-    19: "boxes of occluders",
-    20: "rays from mirrors",
-    21: "bodies in mirrors",
-    22: "faces of bodies",
-    23: "balls around bodies",
-    24: "formulas",
-    25: "surfaces of regions of an order above two",
-    26: "veils of lights",
-    27: "veils",
-    28: "boxes of veils",
-    29: "copies before lights",
-    30: "planes of copies before lights",
-    31: "quadrics of copies before lights",
-}
-# A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
-_Binding = tuple[GpuBuffer, int, int] | object
-
-
-class _Texture(NamedTuple):
-    """A texture that holds records."""
-
-    handle: GpuTexture
-    view: object
-    rows: int
 
 
 class Device(Turns):
@@ -152,11 +98,10 @@ class Device(Turns):
         self._conveyor = conveyor
         self._shaders = ShaderStore(self._device, in_parts=self._is_software)
         # The bindings of the last frame, and their bind group, by the layout of its shaders.
-        self._bound: dict[object, tuple[dict[int, _Binding], object]] = {}
+        self._bound: dict[object, tuple[dict[int, Binding], object]] = {}
         # The frame buffer with its layout and background, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
-        self._buffers: dict[str, GpuBuffer] = {}
-        self._textures: dict[str, _Texture] = {}
+        self._memory = Memory(self._device, str(adapter.summary))
         self._timed = "timestamp-query" in self._device.features
         self._queries: object = None
         if self._timed:
@@ -173,7 +118,7 @@ class Device(Turns):
             return
         self._drop_buffers()
         self._shaders.clear()
-        del self._shaders  # it refers to the device
+        del self._shaders, self._memory  # they refer to the device
         self._queries = None
         close_device(device)
 
@@ -181,10 +126,7 @@ class Device(Turns):
         """Destroy all buffers and textures, and forget their content."""
         self._bound.clear()
         self._blank = None, np.zeros(0, bool)
-        while self._buffers:
-            self._buffers.popitem()[1].destroy()
-        while self._textures:
-            self._textures.popitem()[1].handle.destroy()
+        self._memory.clear()
 
     def check_format(self, number_format: Format) -> None:
         """Check that the device can work in a number format.
@@ -313,22 +255,13 @@ class Device(Turns):
         shaders, lists = self._shaders.of(needs), drawn.lists
         layout = FrameBuffer(needs.outputs, packed.setup.view.width, drawn.rows)
         with device_errors(self.adapter):
-            buffer = self._frame_buffer(layout)
+            buffer = self._memory.picture(layout.size, mapped=self._mapped)
         ground = buffer, layout, drawn.background
         blank = blank_tiles(lists.starts, lists.classes)
         left_out = self._left_out(shaders, ground, blank)
         tiles_x = layout.shape[1] // TILE
         records, parts = parts_of(shaders, packed, lists, tiles_x, left_out)
-        contents = {
-            0: drawn.record,
-            1: packed.solids,
-            2: packed.half_spaces,
-            3: records,
-            4: lists.members,
-            7: packed.lights,
-            8: srgb_quads(),
-        }
-        contents |= _special(packed, lists)
+        contents = contents_of(packed, lists, drawn.record, records)
         try:
             with device_errors(self.adapter):
                 pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
@@ -336,7 +269,7 @@ class Device(Turns):
                 bindings = {
                     number: bound[number]
                     if number in bound
-                    else self._upload(number, type_, contents[number])
+                    else self._memory.upload(number, type_, contents[number])
                     for number, type_ in shaders.types.items()
                 }
                 cleared = layout.span_of("shadow") if clears else None
@@ -384,75 +317,10 @@ class Device(Turns):
         held += [] if lists.regions is None else lists.regions.arrays
         return max(array.nbytes for array in held) > self.largest_binding
 
-    def _upload(self, number: int, type_: str, content: Array) -> _Binding:
-        """Write ``content`` to the buffer of binding ``number``, and return the part to bind."""
-        # WebGPU forbids an empty binding. No shader reads this record of zeros.
-        content = content if len(content) else np.zeros(1, content.dtype)
-        if type_ == TEXTURE:
-            return self._upload_texels(_NAMES[number], content)
-        size, bound = content.nbytes, None
-        if number == 3:
-            # Dispatches bind parts of one size, so the buffer needs room beyond the last part.
-            size, bound = size + PART_BYTES, PART_BYTES
-        elif number in (1, 2) and type_ == "uniform":
-            # The size that the shader declares.
-            size = bound = UNIFORM_BYTES
-        buffer = self._buffer(_NAMES[number], size, "UNIFORM|STORAGE|COPY_DST")
-        self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
-        return buffer, 0, bound or buffer.size
-
-    def _upload_texels(self, name: str, content: Array) -> object:
-        """Write records to the texture called ``name``, and return its view."""
-        texels = np.ascontiguousarray(content).view(np.uint8).reshape(-1, TEXEL)
-        across = 1 << ROW_BITS
-        rows, rest = divmod(len(texels), across)
-        texture = self._texture(name, rows + (rest > 0))
-        for first, down, wide in ((0, rows, across), (rows, int(rest > 0), rest)):
-            if down:
-                self._device.queue.write_texture(
-                    {"texture": texture.handle, "origin": (0, first, 0)},
-                    texels[first * across :][: down * wide],
-                    {"bytes_per_row": wide * TEXEL, "rows_per_image": down},
-                    (wide, down, 1),
-                )
-        return texture.view
-
-    def _texture(self, name: str, rows: int) -> _Texture:
-        """The kept texture called ``name``, replaced if it has fewer than ``rows`` rows."""
-        texture = self._textures.get(name)
-        if texture is None or texture.rows < rows:
-            if texture is not None:
-                self._textures.pop(name).handle.destroy()
-            size = (1 << ROW_BITS, rows, 1)
-            with wgpu_errors(f"adapter {self.adapter.summary}: {rows:,} rows for the {name}"):
-                handle = self._device.create_texture(
-                    label=name, size=size, format="rgba32uint", usage="TEXTURE_BINDING|COPY_DST"
-                )
-                texture = _Texture(handle, handle.create_view(), rows)
-            self._textures[name] = texture
-        return texture
-
-    def _frame_buffer(self, layout: FrameBuffer) -> GpuBuffer:
-        """The buffer that the shader writes a band to."""
-        access = "MAP_READ" if self._mapped else "COPY_SRC"
-        return self._buffer("picture", layout.size, f"STORAGE|QUERY_RESOLVE|COPY_DST|{access}")
-
-    def _buffer(self, name: str, size: int, usage: str) -> GpuBuffer:
-        """The kept buffer called ``name``, replaced if it has fewer than ``size`` bytes."""
-        buffer = self._buffers.get(name)
-        if buffer is None or buffer.size < size:
-            if buffer is not None:
-                self._buffers.pop(name).destroy()
-            with wgpu_errors(f"adapter {self.adapter.summary}: {size:,} bytes for the {name}"):
-                rounded = -(-size // 16) * 16
-                buffer = self._device.create_buffer(label=name, size=rounded, usage=usage)
-            self._buffers[name] = buffer
-        return buffer
-
     def _dispatch(
         self,
         parts: list[Part],
-        bindings: dict[int, _Binding],
+        bindings: dict[int, Binding],
         frame: GpuBuffer,
         layout: FrameBuffer,
         cleared: tuple[int, int] | None,
@@ -484,13 +352,13 @@ class Device(Turns):
             encoder.resolve_query_set(self._queries, 0, 2, frame, layout.times_at)
         memory = frame
         if not self._mapped:
-            memory = self._buffer("copy of the picture", layout.size, "MAP_READ|COPY_DST")
+            memory = self._memory.copy_of_picture(layout.size)
             encoder.copy_buffer_to_buffer(frame, 0, memory, 0, layout.size)
         self._device.queue.submit([encoder.finish()])
         memory.map_sync("READ", 0, layout.size)
         return memory
 
-    def _bind_group(self, shaders: Shaders, bindings: dict[int, _Binding]) -> object:
+    def _bind_group(self, shaders: Shaders, bindings: dict[int, Binding]) -> object:
         """The bind group of ``shaders``; frames most often reuse that of the last one."""
         layout = shaders.layout
         own = {number: bindings[number] for number in sorted(shaders.types)}
@@ -498,42 +366,12 @@ class Device(Turns):
             group = self._device.create_bind_group(
                 layout=layout,
                 entries=[
-                    {"binding": number, "resource": _resource(binding)}
+                    {"binding": number, "resource": resource_of(binding)}
                     for number, binding in own.items()
                 ],
             )
             self._bound[layout] = own, group
         return self._bound[layout][1]
-
-
-def _resource(binding: _Binding) -> object:
-    """A binding as wgpu takes it."""
-    if not isinstance(binding, tuple):
-        return binding
-    buffer, offset, size = binding
-    return {"buffer": buffer, "offset": offset, "size": size}
-
-
-def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
-    """The content of the bindings that only some scenes have, by binding number."""
-    found: dict[int, Array] = {}
-    if lists.regions is not None:
-        found |= dict(enumerate(lists.regions.arrays, start=9))
-        if lists.regions.higher is not None:
-            found[HIGHERS_BINDING] = lists.regions.higher
-    if packed.polynomials is not None:
-        found[14] = packed.polynomials.records
-    if packed.expressions is not None:
-        found[EXPRESSIONS_BINDING] = packed.expressions.records
-    if packed.locations is not None:
-        found[LOCATIONS] = packed.locations
-    if packed.mirrors is not None:
-        found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
-    if packed.shadows is not None:
-        found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
-    if packed.veils is not None:
-        found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
-    return found
 
 
 class _Drawn(NamedTuple):

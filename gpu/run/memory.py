@@ -1,0 +1,208 @@
+"""Buffers and textures of a device, kept from frame to frame, and what is written to them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.contract.arrays import Array, Records
+from halfstep.contract.srgb import srgb_quads
+from halfstep.device.adapters import wgpu_errors
+from halfstep.device.handles import GpuBuffer, GpuDevice, GpuTexture
+from halfstep.host.excerpts import Lists
+from halfstep.host.pack import Packed
+from halfstep.run.parts import PART_BYTES
+from halfstep.shader.fetch import ROW_BITS, TEXEL
+from halfstep.shader.needs import UNIFORM_BYTES
+from halfstep.shader.source import (
+    EXPRESSIONS_BINDING,
+    HIGHERS_BINDING,
+    LOCATIONS,
+    MIRROR_BINDINGS,
+    SHADOW_BINDINGS,
+    TEXTURE,
+    VEIL_BINDINGS,
+)
+
+# The content of each binding, named in error messages. 5 and 6 are parts of the frame buffer.
+_NAMES = {
+    0: "frame",
+    1: "solids",
+    2: "half-spaces",
+    3: "tiles",
+    4: "lists of tiles",
+    7: "lights",
+    8: "sRGB table",
+    9: "regions",
+    10: "planes of regions",
+    11: "quadrics of regions",
+    12: "appearances of regions",
+    13: "programs of regions",
+    14: "polynomials",
+    15: "locations of solids",
+    16: "views of lights",
+    17: "occluders",
+    18: "slabs of occluders",
+    19: "boxes of occluders",
+    20: "rays from mirrors",
+    21: "bodies in mirrors",
+    22: "faces of bodies",
+    23: "balls around bodies",
+    24: "formulas",
+    25: "surfaces of regions of an order above two",
+    26: "veils of lights",
+    27: "veils",
+    28: "boxes of veils",
+    29: "copies before lights",
+    30: "planes of copies before lights",
+    31: "quadrics of copies before lights",
+}
+# A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
+Binding = tuple[GpuBuffer, int, int] | object
+
+
+class _Texture(NamedTuple):
+    """A texture that holds records."""
+
+    handle: GpuTexture
+    view: object
+    rows: int
+
+
+class Memory:
+    """The buffers and textures of a device by name; each is replaced when it becomes too small."""
+
+    def __init__(self, device: GpuDevice, adapter: str) -> None:
+        """``adapter`` names the adapter in error messages."""
+        self._device = device
+        self._adapter = adapter
+        self._buffers: dict[str, GpuBuffer] = {}
+        self._textures: dict[str, _Texture] = {}
+
+    def clear(self) -> None:
+        """Destroy all buffers and textures."""
+        while self._buffers:
+            self._buffers.popitem()[1].destroy()
+        while self._textures:
+            self._textures.popitem()[1].handle.destroy()
+
+    def picture(self, size: int, *, mapped: bool) -> GpuBuffer:
+        """The buffer of ``size`` bytes that a shader writes a band to.
+
+        ``mapped``: the host maps this buffer itself, not a copy.
+
+        Raises:
+            DeviceError: the device refuses it.
+        """
+        access = "MAP_READ" if mapped else "COPY_SRC"
+        return self._buffer("picture", size, f"STORAGE|QUERY_RESOLVE|COPY_DST|{access}")
+
+    def copy_of_picture(self, size: int) -> GpuBuffer:
+        """The buffer of ``size`` bytes that the host maps where it cannot map the picture.
+
+        Raises:
+            DeviceError: the device refuses it.
+        """
+        return self._buffer("copy of the picture", size, "MAP_READ|COPY_DST")
+
+    def upload(self, number: int, type_: str, content: Array) -> Binding:
+        """Write ``content`` to the buffer of binding ``number``; return the part to bind."""
+        # WebGPU forbids an empty binding. No shader reads this record of zeros.
+        content = content if len(content) else np.zeros(1, content.dtype)
+        if type_ == TEXTURE:
+            return self._upload_texels(_NAMES[number], content)
+        size, bound = content.nbytes, None
+        if number == 3:
+            # Dispatches bind parts of one size, so the buffer needs room beyond the last part.
+            size, bound = size + PART_BYTES, PART_BYTES
+        elif number in (1, 2) and type_ == "uniform":
+            # The size that the shader declares.
+            size = bound = UNIFORM_BYTES
+        buffer = self._buffer(_NAMES[number], size, "UNIFORM|STORAGE|COPY_DST")
+        self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
+        return buffer, 0, bound or buffer.size
+
+    def _upload_texels(self, name: str, content: Array) -> object:
+        """Write records to the texture called ``name``, and return its view."""
+        texels = np.ascontiguousarray(content).view(np.uint8).reshape(-1, TEXEL)
+        across = 1 << ROW_BITS
+        rows, rest = divmod(len(texels), across)
+        texture = self._texture(name, rows + (rest > 0))
+        for first, down, wide in ((0, rows, across), (rows, int(rest > 0), rest)):
+            if down:
+                self._device.queue.write_texture(
+                    {"texture": texture.handle, "origin": (0, first, 0)},
+                    texels[first * across :][: down * wide],
+                    {"bytes_per_row": wide * TEXEL, "rows_per_image": down},
+                    (wide, down, 1),
+                )
+        return texture.view
+
+    def _texture(self, name: str, rows: int) -> _Texture:
+        """The kept texture called ``name``, replaced if it has fewer than ``rows`` rows."""
+        texture = self._textures.get(name)
+        if texture is None or texture.rows < rows:
+            if texture is not None:
+                self._textures.pop(name).handle.destroy()
+            size = (1 << ROW_BITS, rows, 1)
+            with wgpu_errors(f"adapter {self._adapter}: {rows:,} rows for the {name}"):
+                handle = self._device.create_texture(
+                    label=name, size=size, format="rgba32uint", usage="TEXTURE_BINDING|COPY_DST"
+                )
+                texture = _Texture(handle, handle.create_view(), rows)
+            self._textures[name] = texture
+        return texture
+
+    def _buffer(self, name: str, size: int, usage: str) -> GpuBuffer:
+        """The kept buffer called ``name``, replaced if it has fewer than ``size`` bytes."""
+        buffer = self._buffers.get(name)
+        if buffer is None or buffer.size < size:
+            if buffer is not None:
+                self._buffers.pop(name).destroy()
+            with wgpu_errors(f"adapter {self._adapter}: {size:,} bytes for the {name}"):
+                rounded = -(-size // 16) * 16
+                buffer = self._device.create_buffer(label=name, size=rounded, usage=usage)
+            self._buffers[name] = buffer
+        return buffer
+
+
+def resource_of(binding: Binding) -> object:
+    """A binding as wgpu takes it."""
+    if not isinstance(binding, tuple):
+        return binding
+    buffer, offset, size = binding
+    return {"buffer": buffer, "offset": offset, "size": size}
+
+
+def contents_of(packed: Packed, lists: Lists, frame: Records, tiles: Array) -> dict[int, Array]:
+    """What the bindings of a scene hold, by their numbers, but for the frame buffer.
+
+    ``frame`` is the record of the frame, and ``tiles`` has the words of its tiles.
+    """
+    found: dict[int, Array] = {
+        0: frame,
+        1: packed.solids,
+        2: packed.half_spaces,
+        3: tiles,
+        4: lists.members,
+        7: packed.lights,
+        8: srgb_quads(),
+    }
+    if lists.regions is not None:
+        found |= dict(enumerate(lists.regions.arrays, start=9))
+        if lists.regions.higher is not None:
+            found[HIGHERS_BINDING] = lists.regions.higher
+    if packed.polynomials is not None:
+        found[14] = packed.polynomials.records
+    if packed.expressions is not None:
+        found[EXPRESSIONS_BINDING] = packed.expressions.records
+    if packed.locations is not None:
+        found[LOCATIONS] = packed.locations
+    if packed.mirrors is not None:
+        found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
+    if packed.shadows is not None:
+        found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
+    if packed.veils is not None:
+        found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
+    return found
