@@ -16,7 +16,7 @@ import pytest
 import halfstep
 from halfstep.frames.frame import Frame
 from halfstep.frames.outputs import OUTPUTS
-from halfstep.host import pack, setup
+from halfstep.host import halfspaces, pack
 from halfstep.scene import Scene, bundled_scenes
 from halfstep.twin import normal, shade
 from halfstep.twin.lanes import F32
@@ -223,7 +223,7 @@ def test_unit_vectors() -> None:
     [
         (shade, "FAINT", lit_scenes, {"color"}),
         (pack, "FAINT", lit_scenes, {"color", "normal"}),
-        (setup, "NEGLIGIBLE", shaped_scenes, {"solid", "t"}),
+        (halfspaces, "NEGLIGIBLE", shaped_scenes, {"solid", "t"}),
     ],
 )
 @pytest.mark.slow

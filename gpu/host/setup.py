@@ -12,7 +12,6 @@ is tested whether it starts inside a solid, as at a near base plane that cuts th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,27 +20,20 @@ from halfstep.host.bounds import bounds, rectangles
 from halfstep.host.camera import View
 from halfstep.host.copies import Copies, copies
 from halfstep.host.cover import Covered, covered
-from halfstep.host.edges import edge_forms, end_lines
-from halfstep.host.expressions import FormulaAtEye, FormulasOnRays, formulas_on_rays
+from halfstep.host.expressions import FormulasOnRays, formulas_on_rays
+from halfstep.host.eye import eye_of, see_formulas, see_polynomials
 from halfstep.host.forms import (
     HOST_ROUNDINGS,
-    NEGLIGIBLE,
     Curved,
     Sight,
     curved,
-    depth_of,
-    half_gradient,
     length,
-    nearest_root,
-    power_of_two,
-    quadric_rounding,
-    quadric_value,
     rays_of,
-    scaled_error,
 )
 from halfstep.host.geometry import Geometry
+from halfstep.host.halfspaces import half_spaces
 from halfstep.host.higher_rays import higher_on_rays
-from halfstep.host.polynomials import AtEye, OnRays, on_rays
+from halfstep.host.polynomials import OnRays, on_rays
 
 # An interval starts at a multiple of 2^-START_BITS of its own length.
 START_BITS = 4
@@ -55,11 +47,6 @@ FLATNESS = 2.0**-4
 # Base planes are closed: a surface that lies in one is seen.  In units of u.
 BASE_PLANE_SLACK = 2.0**-20
 BASE_PLANE_ROUNDING = 2.0**-44
-# A plane that passes closer in front of the eye is moved this far from it, next to the largest
-# value of its form: in float32 rays would start behind it and miss it.
-EYE_CLEARANCE = 2.0**-20
-# A form that is smaller than this part of its values elsewhere is not scaled up.
-FAINTEST = 2.0**-64
 
 
 @dataclass(frozen=True)
@@ -143,12 +130,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
 
     alone = int(np.searchsorted(ix, geometry.solid_count))
     bent = _bent(geometry, ix[:alone], rotation[..., :alone], sight)
-    flat = _flat(geometry, ix, sight, starts_at_eye, rectangle, center)
-    at_eye = np.flatnonzero(starts_at_eye)
-    facts = _Eye.elsewhere(len(ix))
-    if len(at_eye):
-        for values, found in zip(facts, _eye(geometry, ix[at_eye], sight.at(at_eye)), strict=True):
-            values[at_eye] = found
+    flat = half_spaces(geometry, ix, sight, starts_at_eye, rectangle, center)
+    facts = eye_of(geometry, ix, sight, starts_at_eye)
     groups = None
     if geometry.regions is not None:
         row = np.arange(alone, len(ix))
@@ -162,13 +145,11 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         facts.sure[row] = ~unsure
         facts.nearest[row] = np.where(at_eye, groups.nearest, 0.0)
     algebraic = _polynomials(geometry, ix, view, center, sight, np.stack([low, high[ix]]))
-    at_eye = np.empty(0, np.int64) if algebraic is None else algebraic.row
-    at_eye = at_eye[starts_at_eye[at_eye]]
-    if len(at_eye):
-        _see_polynomials(facts, at_eye, geometry, ix, sight, low)
+    if algebraic is not None:
+        see_polynomials(facts, algebraic, starts_at_eye, geometry, ix, sight, low)
     formulas = _formulas(geometry, ix, sight)
     if formulas is not None:
-        _see_formulas(facts, formulas, starts_at_eye, geometry, ix, sight, low)
+        see_formulas(facts, formulas, starts_at_eye, geometry, ix, sight, low)
 
     return Setup(
         view=view,
@@ -225,130 +206,6 @@ def _of_all(values: Floats, count: int) -> Floats:
     return found
 
 
-@dataclass(frozen=True)
-class _Flat:
-    """The half-spaces of the visible solids, as in `Setup`."""
-
-    start: Ints  # (V,)
-    count: Ints  # (V,)
-    plane: Ints  # (N,)
-    c: Floats  # (3, N)
-    b: Floats  # (3, N)
-    error: Floats  # (N,)
-
-
-class _Eye(NamedTuple):
-    """The position of the eye relative to the solids, as in `Setup`."""
-
-    inside: Bools  # (V,)
-    outside_quadric: Bools  # (V,)
-    sure: Bools  # (V,)
-    nearest: Floats  # (V,)
-
-    @classmethod
-    def elsewhere(cls, count: int) -> _Eye:
-        """The values for solids whose rays start elsewhere."""
-        inside, outside_quadric = np.zeros((2, count), bool)
-        return cls(inside, outside_quadric, np.ones(count, bool), np.zeros(count))
-
-
-def _flat(
-    geometry: Geometry,
-    ix: Ints,
-    sight: Sight,
-    starts_at_eye: Bools,
-    rectangle: Ints,
-    center: Ints,
-) -> _Flat:
-    count, owner, plane = _lines_of(geometry, ix)
-    start = np.cumsum(count) - count
-    lines = np.empty((2, 3, len(plane)))
-    c, b = lines
-    if not len(plane):
-        return _Flat(start, count, plane, c, b, np.empty(0))
-    rows = geometry.planes.take(plane, axis=-1)
-    own = sight.at(owner)
-    rays, middle, half, offsets, error, _ = own
-
-    height, slopes = _heights(rows, rays)
-    level = height + slopes[0] * middle
-    across = np.abs(slopes[1]) * offsets[0] + np.abs(slopes[2]) * offsets[1]
-    if sight.parallel:
-        largest = np.maximum(np.abs(level) + across, np.abs(slopes[0]) * half)
-        steepest = length(slopes * np.stack([half, own.spread, own.spread]))
-    else:
-        largest = np.maximum(np.abs(level) + across * middle, (np.abs(slopes[0]) + across) * half)
-        steepest = length(slopes) * middle
-    # A plane seen edge on may be so small in its rectangle alone; scaled up, it would overflow
-    # beside it.
-    scale = power_of_two(np.maximum(largest, FAINTEST * steepest))
-    seen = np.flatnonzero(starts_at_eye[owner] & ~geometry.plane_bounds[plane])
-    two_sided = geometry.plane_two_sided[plane[seen]]
-    moved = np.zeros(len(owner))
-    moved[seen] = _eye_clearance(height[seen] * scale[seen], two_sided)
-
-    np.multiply(slopes, own.spread * scale, out=lines[0])
-    lines[0, 0] = level * scale + moved
-    np.multiply(slopes, half * scale, out=lines[1])
-    if sight.parallel:
-        lines[1, 1:] = 0.0
-    end_lines(lines, offsets, start[~geometry.has_quadric[ix] & (count > 1)])
-    size = np.abs(lines)
-    lines[:, 0] *= size[:, 0] >= NEGLIGIBLE
-    lines[:, 1:] *= size[:, 1:] >= NEGLIGIBLE / np.maximum(offsets, 1.0)
-    error *= 1 + geometry.plane_blur[plane] / HOST_ROUNDINGS
-    error = scaled_error(error * length(rows[:3]), scale)
-    error += 3 * NEGLIGIBLE
-    error += np.abs(moved)
-    edge = geometry.plane_edge[plane]
-    of_edge = np.flatnonzero(edge >= 0)
-    if len(of_edge):
-        its = owner[of_edge]
-        c[:, of_edge] = edge_forms(edge[of_edge], rectangle[:, its], center[:, its])
-        b[:, of_edge] = error[of_edge] = 0.0
-    return _Flat(start, count, plane, c, b, error)
-
-
-def _eye(geometry: Geometry, ix: Ints, sight: Sight) -> _Eye:
-    matrix = geometry.quadric.take(ix, axis=-1)
-    has_quadric, is_patch = geometry.has_quadric[ix], geometry.is_patch[ix]
-    eye, directions = sight.rays[0], sight.rays[1:]
-    rounding = HOST_ROUNDINGS * length(eye)
-    gradient = half_gradient(matrix, eye)
-    value = quadric_value(matrix, eye, gradient)
-    error = 2 * length(gradient) * rounding + quadric_rounding(matrix, np.abs(eye))
-    slope = 2 * np.einsum("ak,iak->ik", gradient, directions)
-    bend = np.einsum("iak,abk,jbk->ijk", directions, matrix[:3, :3], directions)
-    reach = np.concatenate([np.ones((1, len(ix))), sight.offsets])
-    nearest = nearest_root(
-        np.abs(value),
-        np.einsum("ik,ik->k", np.abs(slope), reach),
-        np.einsum("ijk,ik,jk->k", np.abs(bend), reach, reach),
-    )
-
-    _, owner, plane = _lines_of(geometry, ix)
-    rows = geometry.planes.take(plane, axis=-1)
-    height, slopes = _heights(rows, sight.rays[..., owner])
-    steepest = np.einsum("in,in->n", np.abs(slopes), reach[:, owner])
-    reached = depth_of(np.abs(height), steepest)
-    nearest_flat = np.full(len(ix), np.inf)
-    seen = ~geometry.plane_bounds[plane]
-    np.minimum.at(nearest_flat, owner[seen], reached[seen])
-
-    def all_of(condition: Bools) -> Bools:
-        return np.asarray(np.bincount(owner[~condition], minlength=len(ix)) == 0)
-
-    inside = all_of(height <= 0) & (~has_quadric | (value <= 0)) & ~is_patch
-    room = rounding[owner] + geometry.plane_blur[plane] * length(eye)[owner]
-    height_sure = all_of(np.abs(height) > length(rows[:3]) * room)
-    return _Eye(
-        inside=inside,
-        outside_quadric=value > 0,
-        sure=(~has_quadric | (np.abs(value) > error)) & (height_sure | ~inside),
-        nearest=np.minimum(np.where(has_quadric, nearest, np.inf), nearest_flat),
-    )
-
-
 def _copies(
     geometry: Geometry,
     view: View,
@@ -393,20 +250,6 @@ def _polynomials(
     )
 
 
-def _see_polynomials(
-    facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight, low: Floats
-) -> None:
-    """Add the signs of polynomials at the eye to ``facts``, in rows whose rays start there.
-
-    The eye is never inside of a sheet. ``low`` (V,) has the least depths of the solids.
-    """
-    known = geometry.polynomials
-    assert known is not None
-    own = known.at(np.searchsorted(known.solid, ix[row]))
-    _see(facts, row, AtEye(own, sight.at(row)), own.is_sheet, sight, low)
-    _see_balls(facts, row[own.is_in_ball], geometry, ix, sight)
-
-
 def _formulas(geometry: Geometry, ix: Ints, sight: Sight) -> FormulasOnRays | None:
     """Formulas of the visible solids along their rays; None if the scene has none."""
     known = geometry.expressions
@@ -417,67 +260,6 @@ def _formulas(geometry: Geometry, ix: Ints, sight: Sight) -> FormulasOnRays | No
         return None
     rotation = geometry.world_from_local.take(ix[row], axis=-1)
     return formulas_on_rays(known, row, known.places(ix[row]), sight.at(row), rotation)
-
-
-def _see_formulas(
-    facts: _Eye,
-    formulas: FormulasOnRays,
-    starts_at_eye: Bools,
-    geometry: Geometry,
-    ix: Ints,
-    sight: Sight,
-    low: Floats,
-) -> None:
-    """Add the signs of formulas at the eye, as `_see_polynomials` does."""
-    from_eye = starts_at_eye[formulas.row]
-    row, of, known = formulas.row[from_eye], formulas.of[from_eye], formulas.known
-    if len(row):
-        _see(facts, row, FormulaAtEye(known, of, sight.at(row)), known.is_sheet[of], sight, low)
-        _see_balls(facts, row[known.is_in_ball[of]], geometry, ix, sight)
-
-
-def _see(
-    facts: _Eye,
-    row: Ints,
-    at_eye: AtEye | FormulaAtEye,
-    is_sheet: Bools,
-    sight: Sight,
-    low: Floats,
-) -> None:
-    seen = sight.at(row)
-    far = float((seen.middle + seen.half).max(initial=0.0))
-    facts.inside[row] &= ~at_eye.outside & ~is_sheet
-    facts.outside_quadric[row] = at_eye.outside
-    facts.sure[row] &= at_eye.sure
-    facts.nearest[row] = np.minimum(facts.nearest[row], at_eye.nearest(far, low[row]))
-
-
-def _see_balls(facts: _Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:
-    """Add the signs of balls that bound solids at the eye."""
-    matrix, seen = geometry.quadric.take(ix[row], axis=-1), sight.at(row)
-    radius = np.sqrt(-matrix[3, 3])
-    away = length(seen.rays[0])
-    reach = np.concatenate([np.ones((1, len(row))), seen.offsets])
-    fastest = np.einsum("ik,ik->k", length(seen.rays[1:]), reach)
-    gap = np.abs(away - radius)
-    facts.inside[row] &= away <= radius
-    facts.sure[row] &= gap > seen.error + HOST_ROUNDINGS * radius
-    facts.nearest[row] = np.minimum(facts.nearest[row], depth_of(gap, fastest))
-
-
-def _heights(rows: Floats, rays: Floats) -> tuple[Floats, Floats]:
-    """n·x + d of planes (4, N) at the eye (N,), and its change along the directions (3, N)."""
-    heights = np.einsum("an,ian->in", rows[:3], rays)
-    heights[0] += rows[3]
-    return heights[0], heights[1:]
-
-
-def _lines_of(geometry: Geometry, ix: Ints) -> tuple[Ints, Ints, Ints]:
-    """The half-spaces of solids: the number of each solid's; the solid and row of each."""
-    count = geometry.plane_count[ix]
-    owner = np.repeat(np.arange(len(ix)), count)
-    skipped = geometry.plane_start[ix] - np.cumsum(count) + count
-    return count, owner, np.arange(len(owner)) + skipped[owner]
 
 
 def _radius(tangent: Floats, view: View, low: Floats) -> Floats:
@@ -512,14 +294,3 @@ def _intervals(low: Floats, high: Floats, radius: Floats, far: float) -> tuple[I
     start, span = start_at(level)
     level -= (start + span < end) & (level > 0)
     return level.astype(np.int64), start_at(level)[0]
-
-
-def _eye_clearance(height: Floats, two_sided: Bools) -> Floats:
-    """The move that takes a plane's value at the eye to ``EYE_CLEARANCE``, if the eye is outside.
-
-    A two-sided plane has two outer sides.  A plane with the eye inside is not moved, because a ray
-    starts at the eye in any case.
-    """
-    outside = (height > 0) | (two_sided & (height < 0))
-    missing = np.maximum(EYE_CLEARANCE - np.abs(height), 0.0)
-    return np.where(outside, np.copysign(missing, height), 0.0)

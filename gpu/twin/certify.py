@@ -36,8 +36,8 @@ needs |F'| < E', which R > E'² excludes.  The halvings therefore end within
 
 A plane that excludes the whole interval by more than its errors leaves nothing, whatever the sign
 of its b.  A plane that includes the whole interval by more than its errors has no effect.  The
-set-up moves a plane that passes the eye closer than float32 can tell (``setup.EYE_CLEARANCE``), and
-the move counts as error of the plane.
+set-up moves a plane that passes the eye closer than float32 can tell
+(``halfspaces.EYE_CLEARANCE``), and the move counts as error of the plane.
 
 Every bound is taken ROOM times larger.  This covers its own rounding, and the rounding of devices
 that contract a*b + c or take square roots and quotients less exactly than IEEE arithmetic.
