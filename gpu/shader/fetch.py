@@ -6,7 +6,7 @@ them to the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 
@@ -59,17 +59,6 @@ REGION_RECORDS = {
 }
 
 
-def in_textures(needs: Needs) -> tuple[str, ...]:
-    """The arrays of records that are textures, not buffers.
-
-    llvmpipe loads from a buffer for one invocation after another, but texels for all at once.
-    """
-    if needs.broadcast == 1:
-        return ()
-    solids = () if needs.uniform else ("solids", "half_spaces")
-    return (*solids, *REGION_RECORDS)
-
-
 # The members that a shader reads of a region to see whether to try it, of the solid that the region
 # is, and of a quadric along rays: a fetch takes as long as it is.
 OF_OUTLINE = ("left", "right", "top", "bottom", "near_high", "near_low")
@@ -111,6 +100,27 @@ MIRROR_RECORDS = {
     "faces": FACE,
     "balls": BALL,
 }
+
+
+def in_textures(needs: Needs) -> tuple[str, ...]:
+    """The arrays of records that are textures, not buffers.
+
+    llvmpipe loads from a buffer for one invocation after another, but texels for all at once.
+    Long records of formulas and tori that bound cells gain nothing by that.
+    """
+    if needs.broadcast == 1:
+        return ()
+    solids = () if needs.uniform else ("solids", "half_spaces")
+    return (
+        *solids,
+        *REGION_RECORDS,
+        *PLACE_RECORDS,
+        *SHADOW_RECORDS,
+        *VEIL_RECORDS,
+        *MIRROR_RECORDS,
+    )
+
+
 # The members of a body that a shader reads to find out whether a ray meets it first.
 OF_TRIED = (
     *("second", "slope", "value", "flags", "surface", "face_start", "face_count"),
@@ -165,26 +175,32 @@ def fetches(needs: Needs) -> str:
 
 
 def _alone(needs: Needs, record: Record, array: str, name: str) -> str:
-    """The function by which one invocation alone fetches a record of at most eight floats."""
+    """The function by which one invocation alone fetches a record of at most eight floats.
+
+    Where others fetch together, the record is in a texture.
+    """
     body = f"  return {array}[number];\n"
     if needs.broadcast > 1:
-        words = iter(f"bitcast<f32>({half}.{axis})" for axis in "xyzw" for half in ("low", "high"))
+        loaded, words = _texels_alone(array)
         members = ""
         for field in record.fields:
-            taken = ", ".join(next(words) for _ in range(int(field.count)))
+            taken = ", ".join(f"bitcast<f32>({next(words)})" for _ in range(int(field.count)))
             members += (
                 f"    array<f32, {field.count}>({taken}),\n"
                 if field.count != 1
                 else f"    {taken},\n"
             )
-        body = (
-            f"  let piece = {array}[number];\n"
-            "  let low = vec4<u32>(piece);\n"
-            "  let high = vec4<u32>(piece >> vec4<u32>(32u));\n"
-            f"  return {record.name}(\n{members}  );\n"
-        )
+        body = f"{loaded}  return {record.name}(\n{members}  );\n"
     head = f"// A record of `{array}`, which each invocation fetches for itself.\n"
     return f"{head}fn {name}_alone(number: u32) -> {record.name} {{\n{body}}}\n"
+
+
+def _texels_alone(array: str) -> tuple[str, Iterator[str]]:
+    """Statements by which an invocation alone loads eight words of a texture, and these words."""
+    text = ""
+    for k in range(2):
+        text += f"  let at_{k} = 2u * number + {k}u;\n" + _load_texel(array, k)
+    return text, (f"texel_{k}.{axis}" for k in range(2) for axis in "xyzw")
 
 
 def _tile_at(needs: Needs) -> str:
@@ -338,12 +354,8 @@ def _texels(
     text = ""
     for first in range(0, stop - start, broadcast):
         offset = f" + {start + first}u" if start + first else ""
-        text += (
-            f"  let at_{first} = number * {stride}u{offset} + lane;\n"
-            f"  let place_{first} = vec2<u32>(at_{first} & {(1 << ROW_BITS) - 1}u, "
-            f"at_{first} >> {ROW_BITS}u);\n"
-            f"  let texel_{first} = textureLoad({array}, place_{first}, 0);\n"
-        )
+        text += f"  let at_{first} = number * {stride}u{offset} + lane;\n"
+        text += _load_texel(array, first)
 
     def word(k: int) -> str:
         texel, axis = divmod(k - start * TEXEL // 4, 4)
@@ -351,6 +363,15 @@ def _texels(
         return f"subgroupBroadcast(texel_{texel - lane}.{'xyzw'[axis]}, {lane}u)"
 
     return text, word
+
+
+def _load_texel(array: str, name: int) -> str:
+    """Statements that load the texel at the number that ``at_`` and ``name`` call."""
+    row = f"{(1 << ROW_BITS) - 1}u"
+    return (
+        f"  let place_{name} = vec2<u32>(at_{name} & {row}, at_{name} >> {ROW_BITS}u);\n"
+        f"  let texel_{name} = textureLoad({array}, place_{name}, 0);\n"
+    )
 
 
 def _pieces(

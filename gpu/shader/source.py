@@ -231,7 +231,7 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[HIGHERS_BINDING] = "read-only-storage"
     if needs.programs:  # likewise
         types[EXPRESSIONS_BINDING] = "read-only-storage"
-    types |= dict.fromkeys(_placed(needs), "read-only-storage")
+    types |= {number: _read_from(name in textures) for number, (name, _) in _placed(needs).items()}
     return types
 
 
@@ -303,7 +303,7 @@ def bindings(needs: Needs) -> str:
         lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
     for number, (name, record) in _placed(needs).items():
         type_ = record.name if needs.broadcast == 1 else "vec4<u64>"
-        lines.append(f"@group(0) @binding({number}) var<storage, read> {name}: array<{type_}>;")
+        lines.append(_records(needs, number, name, type_))
     return "\n".join(lines) + "\n"
 
 
