@@ -61,7 +61,7 @@ STEPS = 1 + BLOCK % 30
 # Of regions: surfaces, and words and levels of programs.
 SURFACES, WORDS, LEVELS = 4, 12, 4
 # Of polynomials.
-DEGREE = 4
+DEGREE = 3
 # Of ends of a surface of an order above two.
 PAIRS = 2
 
