@@ -43,6 +43,19 @@ class Stretch(NamedTuple):
     last: Ints
 
 
+def covering(packed: Packed, copies: Copies) -> Bools:
+    """Whether each copy (R,) may hide a whole square of pixels; there is no need to ask others.
+
+    The rays of a hidden square are where the bounds of a core have their signs, all at one depth.
+    """
+    view, row = packed.setup.view, copies.row
+    widest = copies.regions.cores.widest[copies.regions.of[copies.copy]]
+    # Squares at the right and the lower edge of the picture may have fewer pixels.
+    pixels = min(SIDE, *(size % SIDE or SIDE for size in (view.width, view.height)))
+    depth = 1.0 if view.parallel else packed.setup.depth_middle[row] - packed.setup.depth_half[row]
+    return np.asarray(widest * (1 + SLACK) > (pixels - 1) * view.pixel * depth)
+
+
 class Hiding:
     """Finds the hidden copies of one frame."""
 
