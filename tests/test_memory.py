@@ -42,3 +42,14 @@ def test_two_frames_have_their_own_memory_by_turns() -> None:
         places.add(following.ctypes.data)
     assert len(places) == FRAMES
     assert not np.shares_memory(memory.records("other", 100, PAIR), before)
+
+
+def test_gaps_between_members_stay_zero() -> None:
+    gap = np.dtype({"names": ["only"], "formats": [np.uint32], "offsets": [4], "itemsize": 16})
+    memory = Memory()
+    for dtype in (PAIR, gap, PAIR, gap):
+        found = memory.records("some", 100, dtype)
+        for name in dtype.names or ():
+            found[name] = 7
+        if dtype == gap:
+            assert np.count_nonzero(found.view(np.uint32)) == 100

@@ -31,7 +31,7 @@ from halfstep.host.forms import (
 )
 from halfstep.host.higher_rays import HigherOnRays
 from halfstep.host.regions import MANY, Regions
-from halfstep.host.sharing import Places, evenly
+from halfstep.host.sharing import Places, at_places, evenly
 
 # Number of surfaces, or of copies, that are computed at once; with more, NumPy waits for memory.
 CHUNK = 8000
@@ -196,7 +196,8 @@ class Copies:
     def _alike(self, number: int, of: Ints) -> Iterator[Batch]:
         """The surfaces of copies ``of`` of one program."""
         one = self.regions.programs[number]
-        seen, rotation = self.sight.at(of), self.regions.world_from_local.take(self.copy[of], -1)
+        seen = self.sight.at(evenly(of))
+        rotation = at_places(self.regions.world_from_local, evenly(self.copy[of]))
         path = Path.of(seen)
         first, first_plane = self.first_surface[of], self.first_plane[of]
         for slot in range(one.planes):

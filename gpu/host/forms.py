@@ -15,6 +15,7 @@ from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.formats import FRACTION_BITS
 from halfstep.host.camera import View
 from halfstep.host.edges import end_quadrics, monomials_of
+from halfstep.host.sharing import Places, at_places
 
 # Terms below this, next to 1, count as rounding and are dropped. So no product of values is
 # subnormal, which devices may flush to 0.
@@ -51,15 +52,9 @@ class Sight(NamedTuple):
         """The distance of rays of neighbouring pixels at u = 0, in units of ``rays``, (V,)."""
         return np.ones_like(self.middle) if self.parallel else self.middle
 
-    def at(self, places: Ints) -> Sight:
+    def at(self, places: Places) -> Sight:
         """The solids at ``places``."""
-        arrays = (each.take(places, axis=-1) for each in self[:-1])
-        rays, middle, half, offsets, error = arrays
-        return Sight(rays, middle, half, offsets, error, self.parallel)
-
-    def first(self, count: int) -> Sight:
-        """The first ``count`` solids."""
-        arrays = (each[..., :count] for each in self[:-1])
+        arrays = (at_places(each, places) for each in self[:-1])
         rays, middle, half, offsets, error = arrays
         return Sight(rays, middle, half, offsets, error, self.parallel)
 

@@ -22,7 +22,7 @@ class Memory:
     """Blocks of memory by name. A block is used again when nothing refers to its last records."""
 
     def __init__(self) -> None:
-        self._blocks: dict[str, list[NDArray[np.uint8]]] = {}
+        self._blocks: dict[tuple[str, np.dtype[np.void]], list[NDArray[np.uint8]]] = {}
         # Threads may prepare frames at the same time.
         self._lock = threading.Lock()
         # What Python counts of a block that only a list and a variable refer to.
@@ -30,10 +30,13 @@ class Memory:
         self._unused = min(_references(block) for block in kept)
 
     def records(self, name: str, count: int, dtype: np.dtype[np.void]) -> Records:
-        """Room for records (count,) in a block called ``name``; what they hold is not defined."""
+        """Room for records (count,) in a block called ``name``.
+
+        They hold 0, or what earlier records of this dtype held. What is between members stays 0.
+        """
         size = count * dtype.itemsize
         with self._lock:
-            kept = self._blocks.setdefault(name, [])
+            kept = self._blocks.setdefault((name, dtype), [])
             for block in kept:
                 if block.nbytes >= size and _references(block) <= self._unused:
                     break

@@ -215,7 +215,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
 def _bent(geometry: Geometry, ix: Ints, rotation: Floats, sight: Sight) -> Curved:
     """Forms of the quadrics of solids ``ix``, the first of those that are visible."""
     matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
-    return curved(matrix, has_quadric, rotation, sight.first(len(ix)))
+    return curved(matrix, has_quadric, rotation, sight.at(slice(len(ix))))
 
 
 @dataclass(frozen=True)

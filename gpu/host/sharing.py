@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from halfstep.contract.arrays import Ints
+from halfstep.contract.arrays import Floats, Ints
 
 Item = TypeVar("Item")
 
@@ -55,6 +55,11 @@ def _cores() -> int:
 
 # Indices of an array.
 Places = Ints | slice
+
+
+def at_places(array: Floats, places: Places) -> Floats:
+    """The last axis of an array at some places."""
+    return array[..., places] if isinstance(places, slice) else array.take(places, axis=-1)
 
 
 def evenly(places: Ints) -> Places:
