@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.contract.arrays import Bools, Floats, Ints
+from halfstep.contract.arrays import U64, Bools, Floats, Ints
 from halfstep.host.excerpts import lists_of
-from halfstep.host.hidden import Hiding, Stretch
+from halfstep.host.hidden import Hiding, Stretch, covering
 from halfstep.host.merging import Program
 from halfstep.host.prepare import Solids, prepare
-from halfstep.scene import Scene
+from halfstep.scene import Scene, with_overrides
 
 Table = dict[str, Any]
 OUTPUTS = ("image", "solid", "cell", "place", "depth")
@@ -152,6 +152,41 @@ def test_frames_are_those_that_leave_nothing_out(cells: str, camera: str) -> Non
     if cells != "hollow":
         assert some < 0.8 * every
     assert same(scene)
+
+
+def hiders(scene: Scene) -> tuple[Bools, Bools]:
+    """Which copies of a frame hide squares, and which may."""
+    packed = prepare(scene)
+    copies = packed.setup.copies
+    assert copies is not None
+    hides = np.zeros(len(copies.row), bool)
+    ask = Hiding._hides
+    with pytest.MonkeyPatch.context() as patch:
+
+        def asked(self: Hiding, copy: Ints, left: Ints, top: Ints) -> tuple[U64, Ints]:
+            keys, which = ask(self, copy, left, top)
+            hides[copy[which]] = True
+            return keys, which
+
+        patch.setattr(Hiding, "_hides", asked)
+        patch.setattr("halfstep.host.excerpts.covering", lambda *_: np.ones(len(hides), bool))
+        lists_of(packed, 0, packed.setup.view.height, IMAGE)
+    return hides, covering(packed, copies)
+
+
+@pytest.mark.parametrize("cells", ["solid", "layered"])
+def test_copies_of_which_none_is_asked_hide_no_square(cells: str) -> None:
+    hidden, left_out = 0, 0
+    for zoom in 1.02 ** np.arange(-4.0, 40.0, 2.0):
+        camera = {"orthographic_height": 8 * zoom}
+        # Squares at the edges of a picture are narrower if its sides are no multiples of 4.
+        for size in ((64, 48), (63, 46)):
+            scene = with_overrides(pins(cells, "across"), size=size, camera=camera)
+            hides, may_hide = hiders(scene)
+            assert not (hides & ~may_hide).any()
+            hidden += hides.any()
+            left_out += not may_hide.any()
+    assert min(hidden, left_out) > 2
 
 
 @pytest.mark.usefixtures("adapter")

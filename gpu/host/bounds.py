@@ -13,6 +13,10 @@ import numpy as np
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.camera import View
 from halfstep.host.geometry import Geometry, Hulls
+from halfstep.host.sharing import evenly, in_parts
+
+# Number of boxes that are computed at once; with more, NumPy waits for memory.
+CHUNK = 2048
 
 
 @dataclass(frozen=True)
@@ -25,10 +29,8 @@ class Bounds:
 
 def bounds(geometry: Geometry, view: View) -> Bounds:
     """Bounds of every solid of ``geometry`` in ``view``, whose axes need not be of unit length."""
-    # camera_from_local; a solid without a hull keeps infinite bounds.
-    axes = np.einsum("ij,jlk->ilk", view.camera_from_world, geometry.world_from_local)
-    away = geometry.origin - view.eye[:, None]
-    center = np.einsum("ij,jk->ik", view.camera_from_world, away)
+    # A solid without a hull keeps infinite bounds.
+    axes, center = _from_local(geometry, view, slice(geometry.solid_count))
     # The least and the greatest value of x/z, y/z and z, or of x, y and z.
     extent = np.empty((3, 2, geometry.count))
     extent[:, 0], extent[:, 1] = -np.inf, np.inf
@@ -54,7 +56,20 @@ def bounds(geometry: Geometry, view: View) -> Bounds:
         corners += center.take(solid, axis=-1)
         extent[..., ix] = _points(corners, hulls.point_start, parallel)
 
+    def find_boxes(part: slice) -> None:
+        ix = evenly(hulls.box_ix[part])
+        own = _from_local(geometry, view, ix)
+        extent[..., ix] = _boxes(*own, hulls.boxes[..., part], parallel)
+
+    in_parts(find_boxes, len(hulls.box_ix), CHUNK)
     return _clipped(extent[:2], extent[2], parallel)
+
+
+def _from_local(geometry: Geometry, view: View, ix: Ints | slice) -> tuple[Floats, Floats]:
+    """Axes (3, 3, K) and origins (3, K) of K solids in camera axes."""
+    axes = np.einsum("ij,jlk->ilk", view.camera_from_world, geometry.world_from_local[..., ix])
+    away = geometry.origin[:, ix] - view.eye[:, None]
+    return axes, np.einsum("ij,jk->ik", view.camera_from_world, away)
 
 
 def bounds_of_corners(corners: Floats, parallel: bool) -> Bounds:
@@ -131,6 +146,17 @@ def _pairs_of_discs(hulls: Hulls, axes: Floats, center: Floats, parallel: bool) 
         extent[:, 0, ix] = np.fmin(extent[:, 0, ix], np.fmin(*touched))
         extent[:, 1, ix] = np.fmax(extent[:, 1, ix], np.fmax(*touched))
     return extent
+
+
+def _boxes(axes: Floats, center: Floats, ends: Floats, parallel: bool) -> Floats:
+    """Extents (3, 2, B) of boxes whose ends along their axes are (2, 3, B)."""
+    x, y, z = (axes[:, k, None] * ends[:, k] for k in range(3))  # (3, 2, B) each
+    corners = (x[:, :, None] + y[:, None])[:, :, :, None] + z[:, None, None]
+    corners = corners.reshape(3, 8, -1)
+    corners += center[:, None]
+    if not parallel:
+        corners[:2] /= np.where(corners[2] > 0, corners[2], np.inf)
+    return np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
 
 
 def _points(corners: Floats, start: Ints, parallel: bool) -> Floats:

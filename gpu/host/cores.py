@@ -6,6 +6,7 @@ together: where one ends at a surface and the next one begins, one of the two ho
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,6 +29,8 @@ SHARES = (
 MOST_ASKED, MOST_BOUNDS = 64, 64
 # Planes nearer to each other than this part of half a box may be in any order.
 APART = 2.0**-10
+# Curvatures below this part of the largest one count as none.
+FLAT = 2.0**-20
 
 
 class Core(NamedTuple):
@@ -37,6 +40,7 @@ class Core(NamedTuple):
     surfaces: Ints  # (D,), its bounds
     is_positive: tuple[bool, ...]  # whether F > 0 is what each has all over it
     gaps: Floats  # (3,), for each axis the least gap between planes whose order was used
+    widest: float  # no larger disc is where all bounds have these signs
 
 
 def core_of(formula: Formula, matrices: Floats, lower: int, box: Floats) -> Core | None:
@@ -58,13 +62,37 @@ def core_of(formula: Formula, matrices: Floats, lower: int, box: Floats) -> Core
         signs = trial.signs(inner)
         if trial.holds(signs, inner):
             decided = [ix for ix, sign in enumerate(signs) if sign and trial.matters[ix]]
+            inside = [matrices[..., ix] for ix in decided if signs[ix] < 0]
             return Core(
                 box=inner,
                 surfaces=np.array(decided, np.int64),
                 is_positive=tuple(signs[ix] > 0 for ix in decided),
                 gaps=trial.gaps,
+                widest=min([_widest_in(box), *map(_widest_within, inside)]),
             )
     return None
+
+
+def _widest_in(box: Floats) -> float:
+    """No disc in a box (2, 3) has a larger diameter: the diagonal of its smallest face."""
+    first, second, _ = np.sort(np.ptp(box, axis=0)).tolist()
+    return math.hypot(first, second)
+
+
+def _widest_within(matrix: Floats) -> float:
+    """No disc where F <= 0 has a larger diameter; infinite if there is no such limit.
+
+    Points on opposite sides of the middle of a disc have F = F(middle) + d·M·d on average. Of all
+    directions in a plane, d·M·d is largest in one where it is no less than by the second of the
+    three curvatures, and F(middle) is no less than F in the middle of the quadric.
+    """
+    curvatures, axes = np.linalg.eigh(matrix[:3, :3])
+    slopes = axes.T @ matrix[:3, 3]
+    bent = curvatures > FLAT * np.abs(curvatures).max()
+    if not bent[1:].all() or slopes[~bent].any() or (curvatures[~bent] < 0).any():
+        return math.inf
+    least = matrix[3, 3] - (slopes[bent] ** 2 / curvatures[bent]).sum()
+    return 2 * math.sqrt(max(-least, 0.0) / curvatures[1])
 
 
 class Cores(NamedTuple):
@@ -72,6 +100,7 @@ class Cores(NamedTuple):
 
     boxes: Floats  # (2, 3, G), of size 0 if there is no core
     gaps: Floats  # (3, G)
+    widest: Floats  # (G,), 0 if there is no core
     start: Ints  # (G,), first bound of each program
     counts: Ints  # (G,), number of bounds, 0 if there is no core
     surfaces: Ints  # (D,), index of each bound's surface within its program
@@ -82,6 +111,7 @@ class Cores(NamedTuple):
         """The cores of all programs as arrays."""
         counts = np.array([0 if core is None else len(core.surfaces) for core in found])
         boxes, gaps = np.zeros((2, 3, len(found))), np.full((3, len(found)), np.inf)
+        widest = np.array([0.0 if core is None else core.widest for core in found])
         signs: list[int] = []
         surfaces: list[int] = []
         for ix, core in enumerate(found):
@@ -92,6 +122,7 @@ class Cores(NamedTuple):
         return cls(
             boxes=boxes,
             gaps=gaps,
+            widest=widest,
             start=np.cumsum(counts) - counts,
             counts=counts,
             surfaces=np.array(surfaces, np.int64),

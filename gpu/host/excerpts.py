@@ -21,7 +21,7 @@ from halfstep.contract.program import Known
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.copies import Copies
 from halfstep.host.formulas import Decided
-from halfstep.host.hidden import Hiding
+from halfstep.host.hidden import Hiding, covering
 from halfstep.host.merging import Program
 from halfstep.host.pack import MOST_CLASSES, Packed
 from halfstep.host.reach import squares_of
@@ -230,7 +230,8 @@ def _seen(
         is_stretched: (R,), copies of which the stretches are asked for.
     """
     asked = is_stretched[blocks.copy]
-    crowded = np.bincount(tile)[tile] > MOST_TRIED
+    covers = covering(packed, copies)
+    crowded = _crowded(tile, covers[blocks.copy])
     involved = np.bincount(blocks.copy[asked | crowded], minlength=len(is_stretched))
     places = np.arange(len(tile))
     if not involved.any():
@@ -241,10 +242,17 @@ def _seen(
     first[some], last[some] = hiding.stretch(*blocks.take(some))
     places = np.flatnonzero(first <= last)
     blocks, tile = _Blocks(*blocks[:3], first, last).take(places), tile[places]
-    stays = np.bincount(tile)[tile] <= MOST_TRIED
+    stays = ~_crowded(tile, covers[blocks.copy])
     many = np.flatnonzero(~stays)
     stays[many] = hiding.seen(tile[many], *blocks.take(many)[:4])
     return blocks.take(np.flatnonzero(stays)), places[stays]
+
+
+def _crowded(tile: Ints, covers: Bools) -> Bools:
+    """Whether the tile of each copy (P,) has many of them, one of which may hide others."""
+    counts = np.bincount(tile)
+    may_hide = np.bincount(tile[covers], minlength=len(counts)) > 0
+    return np.asarray(((counts > MOST_TRIED) & may_hide)[tile])
 
 
 def _known(program: Program | None) -> Known | None:

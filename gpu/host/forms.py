@@ -15,6 +15,7 @@ from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.formats import FRACTION_BITS
 from halfstep.host.camera import View
 from halfstep.host.edges import end_quadrics, monomials_of
+from halfstep.host.sharing import Places, at_places
 
 # Terms below this, next to 1, count as rounding and are dropped. So no product of values is
 # subnormal, which devices may flush to 0.
@@ -23,6 +24,9 @@ NEGLIGIBLE = 2.0**-40
 LARGEST_ERROR = 4.0
 # A scale above 2 to this power would overflow, or the scaled number would.
 LARGEST_EXPONENT = 1000
+# Bits of a float64 below its exponent, the exponent of 1, and what these bits and infinity are.
+_FRACTION, _ZERO = 52, 1023
+_BELOW_ONE, _INFINITE = (1 << _FRACTION) - 1, (2 * _ZERO + 1) << _FRACTION
 # The error of a point on a ray, in parts of its distance from the eye: 16 roundings of float64.
 HOST_ROUNDINGS = 16 * 2.0**-53
 
@@ -48,15 +52,9 @@ class Sight(NamedTuple):
         """The distance of rays of neighbouring pixels at u = 0, in units of ``rays``, (V,)."""
         return np.ones_like(self.middle) if self.parallel else self.middle
 
-    def at(self, places: Ints) -> Sight:
+    def at(self, places: Places) -> Sight:
         """The solids at ``places``."""
-        arrays = (each.take(places, axis=-1) for each in self[:-1])
-        rays, middle, half, offsets, error = arrays
-        return Sight(rays, middle, half, offsets, error, self.parallel)
-
-    def first(self, count: int) -> Sight:
-        """The first ``count`` solids."""
-        arrays = (each[..., :count] for each in self[:-1])
+        arrays = (at_places(each, places) for each in self[:-1])
         rays, middle, half, offsets, error = arrays
         return Sight(rays, middle, half, offsets, error, self.parallel)
 
@@ -173,18 +171,18 @@ def curved_alike(
         gradient[1, 1:] = 0.0
     gradient *= np.abs(gradient) >= least[:3, None]
     gradient[:, 1:] *= (sight.offsets > 0)[:, None]
+    value, sizes = common[2, 0].copy(), np.abs(common)
     for constant in constants:
-        forms = common.copy()
-        forms[2, 0] += constant
+        np.add(value, constant, out=common[2, 0])
+        np.abs(common[2, 0], out=sizes[2, 0])
+        forms = common
         if is_ended is not None:
+            forms = common.copy()
             end_quadrics(forms, sight.offsets, is_ended)
-        sizes = np.abs(forms)
+            sizes = np.abs(forms)
         scale = power_of_two(np.einsum("fmk,mk->k", sizes, monomials))
-        sizes *= scale
-        forms *= scale
-        forms *= sizes >= least
         error = of_points + (rounding + HOST_ROUNDINGS * np.abs(constant))
-        a, g, c = forms
+        a, g, c = forms * np.where(sizes >= least / scale, scale, 0.0)
         yield Curved(a, g, c, scaled_error(error, scale) + 6 * NEGLIGIBLE, gradient)
 
 
@@ -200,7 +198,8 @@ class Linear(NamedTuple):
 def linear(matrix: Floats, rotation: Floats, sight: Sight, path: Path) -> Linear:
     """Forms of planes, which are matrices without second-order terms; the path is of ``sight``."""
     half_normal, points = matrix[:3, 3], path.points
-    c, b = np.empty((2, 3, points.shape[-1]))
+    forms = np.empty((2, 3, points.shape[-1]))
+    c, b = forms
     slope = 2 * np.einsum("ak,cak->ck", half_normal, points[1:])
     c[0] = np.einsum("ak,ak->k", 2 * half_normal, points[0]) + matrix[3, 3]
     np.multiply(slope[1:], sight.spread, out=c[1:])
@@ -208,11 +207,10 @@ def linear(matrix: Floats, rotation: Floats, sight: Sight, path: Path) -> Linear
     if sight.parallel:
         b[1:] = 0.0
     monomials = path.monomials[:3]
-    scale = power_of_two(np.einsum("fmk,mk->k", np.abs([c, b]), monomials))
+    sizes = np.abs(forms)
+    scale = power_of_two(np.einsum("fmk,mk->k", sizes, monomials))
     least = NEGLIGIBLE / np.maximum(monomials, 1.0)
-    for form in (c, b):
-        form *= scale
-        form *= np.abs(form) >= least
+    forms *= np.where(sizes >= least / scale, scale, 0.0)
     steepest = length(half_normal)
     error = 2 * steepest * sight.error
     error += quadric_rounding(matrix, path.largest)
@@ -281,13 +279,15 @@ def length(vectors: Floats) -> Floats:
 
 
 def power_of_two(largest: Floats) -> Floats:
-    """The power of two that brings ``largest`` into (1/2, 1]; 1 for 0."""
-    fraction, exponent = np.frexp(largest)
-    # A power of two itself has the fraction 1/2.
-    exponent = (fraction == 0.5) - exponent
+    """The power of two that brings ``largest`` >= 0 into (1/2, 1]; 1 for 0 and for infinity."""
+    # The exponents of floats are computed as integers, because `np.ldexp` takes ten times as long.
+    bits = np.asarray(largest).view(np.int64)
+    # A power of two itself has no bits but those of its exponent.
+    exponent = 2 * _ZERO - ((bits + _BELOW_ONE) >> _FRACTION)
     # `np.clip` takes three times as long for short arrays.
-    exponent = np.minimum(np.maximum(exponent, -LARGEST_EXPONENT), LARGEST_EXPONENT)
-    return np.asarray(np.ldexp(1.0, exponent))
+    exponent = np.minimum(np.maximum(exponent, _ZERO - LARGEST_EXPONENT), _ZERO + LARGEST_EXPONENT)
+    power = (exponent << _FRACTION).view(np.float64)
+    return np.asarray(np.where((bits == 0) | (bits >= _INFINITE), 1.0, power))
 
 
 def scaled_error(error: Floats, scale: Floats) -> Floats:

@@ -6,6 +6,7 @@ camera; ``setup`` turns these arrays into per-frame constants, ``bounds`` into s
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -60,6 +61,8 @@ class Hulls:
     point_start: Ints  # (V,), first of each solid in ``points``
     point_solid: Ints  # (P,), the solid of each point
     points: Floats  # (3, P)
+    box_ix: Ints  # (B,), copies of groups
+    boxes: Floats  # (2, 3, B), [least or greatest]
 
 
 @dataclass(frozen=True)
@@ -198,11 +201,6 @@ def with_regions(solids: Geometry, regions: Regions) -> Geometry:
     boxes = boxes.take(regions.of, axis=-1)
     is_bounded = np.isfinite(boxes).all(axis=(0, 1))
     own = np.flatnonzero(is_bounded)
-    ends = np.indices((2, 2, 2)).reshape(3, 8)
-    corners = boxes[ends, np.arange(3)[:, None]][..., own]  # (3, 8, B)
-    points = corners.transpose(0, 2, 1).reshape(3, -1)
-    hulls = solids.hulls
-    first = len(hulls.point_solid)
 
     def behind(array: Array, value: float) -> Array:
         more = np.full((*array.shape[:-1], regions.count), value, array.dtype)
@@ -224,11 +222,9 @@ def with_regions(solids: Geometry, regions: Regions) -> Geometry:
         ),
         is_bounded=np.concatenate([solids.is_bounded, is_bounded]),
         hulls=replace(
-            hulls,
-            point_ix=np.concatenate([hulls.point_ix, solids.count + own]),
-            point_start=np.concatenate([hulls.point_start, first + 8 * np.arange(len(own))]),
-            point_solid=np.concatenate([hulls.point_solid, np.repeat(solids.count + own, 8)]),
-            points=np.concatenate([hulls.points, points], axis=-1),
+            solids.hulls,
+            box_ix=solids.count + own,
+            boxes=np.ascontiguousarray(boxes[..., own]),
         ),
         regions=regions,
         polynomials=solids.polynomials,
@@ -331,6 +327,8 @@ def _hulls(
         point_start=first,
         point_solid=point_ix,
         points=_solids_last(points),
+        box_ix=np.empty(0, np.int64),
+        boxes=np.empty((2, 3, 0)),
     )
 
 
@@ -477,4 +475,7 @@ def _world_extents(geometry: Geometry) -> list[tuple[Ints, Floats, Floats]]:
         across = np.sqrt((rotation[:, :2, hulls.disc_ix] ** 2).sum(axis=1))
         parts.append((hulls.disc_ix, center, radius[end] * across))
     parts.append((hulls.point_solid, hulls.points, np.zeros_like(hulls.points)))
+    for ends in itertools.product((0, 1), repeat=3):
+        corners = hulls.boxes[ends, (0, 1, 2)]
+        parts.append((hulls.box_ix, corners, np.zeros_like(corners)))
     return [part for part in parts if len(part[0])]

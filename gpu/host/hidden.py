@@ -19,6 +19,7 @@ from halfstep.host.copies import Copies
 from halfstep.host.forms import power_of_two, rays_of
 from halfstep.host.pack import Packed
 from halfstep.host.reach import squares_of
+from halfstep.host.sharing import in_parts
 from halfstep.host.signs import signs_at
 
 # The ends of a box are moved apart by this, in u, and by this part of the largest coordinate.
@@ -41,6 +42,19 @@ class Stretch(NamedTuple):
 
     first: Ints
     last: Ints
+
+
+def covering(packed: Packed, copies: Copies) -> Bools:
+    """Whether each copy (R,) may hide a whole square of pixels; there is no need to ask others.
+
+    The rays of a hidden square are where the bounds of a core have their signs, all at one depth.
+    """
+    view, row = packed.setup.view, copies.row
+    widest = copies.regions.cores.widest[copies.regions.of[copies.copy]]
+    # Squares at the right and the lower edge of the picture may have fewer pixels.
+    pixels = min(SIDE, *(size % SIDE or SIDE for size in (view.width, view.height)))
+    depth = 1.0 if view.parallel else packed.setup.depth_middle[row] - packed.setup.depth_half[row]
+    return np.asarray(widest * (1 + SLACK) > (pixels - 1) * view.pixel * depth)
 
 
 class Hiding:
@@ -76,13 +90,16 @@ class Hiding:
         If no ray meets the copy, the last point is before the first one.
         """
         begin, end = np.empty(len(copy), np.int64), np.empty(len(copy), np.int64)
-        for place in range(0, len(copy), CHUNK):
-            part = slice(place, place + CHUNK)
+
+        def find(part: slice) -> None:
             low, high = self._met(copy[part], x[part], y[part])
             points = self._points[self._own[copy[part]]]
             begin[part] = np.floor((low - ROOM + 1) / 2 * points)
             end[part] = np.ceil((high + ROOM + 1) / 2 * points)
             end[part][low > high + 2 * ROOM] = -1
+
+        _ = self._boxes  # made here, once, for all threads
+        in_parts(find, len(copy), CHUNK)
         return Stretch(np.maximum(first, begin), np.minimum(last, end))
 
     @functools.cached_property

@@ -189,7 +189,8 @@ def pack(
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
     polynomials = pack_polynomials(setup, half_spaces, number_format)
     expressions = pack_expressions(setup, half_spaces)
-    solids = solids.take(order)  # a fancy index copies member by member
+    if (np.diff(order) != 1).any():
+        solids = solids.take(order)  # a fancy index copies member by member
     veils = None if lit is None else lit.veils
     words = np.zeros(0, np.uint32) if veils is None else veils.words
     return Packed(
@@ -266,10 +267,10 @@ def _solids(
     """Records of the solids in the order of ``setup``; ``offsets`` are largest monomials (V, 6)."""
     solids = np.zeros(setup.count, _types(number_format)[0])
     # Copies of groups come last, and have no quadric themselves.
-    alone = setup.count if setup.copies is None else setup.count - len(setup.copies.row)
+    alone = len(setup.a)
     own = solids[:alone]
-    quadratic = {"a": setup.a[:alone], "g": setup.g[:alone], "c": setup.c[:alone]}
-    host_error = setup.host_error[:alone]
+    quadratic = {"a": setup.a, "g": setup.g, "c": setup.c}
+    host_error = setup.host_error
     if number_format.integer:
         sums = [(np.abs(form) * offsets[:alone]).sum(axis=1) for form in quadratic.values()]
         unit = fixed_point_scale(np.max(sums, axis=0))
@@ -278,7 +279,7 @@ def _solids(
     for name, form in quadratic.items():
         own[name] = form
     own["host_error"] = host_error
-    own["gradient"] = setup.gradient[:alone].reshape(-1, 18)
+    own["gradient"] = setup.gradient.reshape(-1, 18)
     solids["center_x"], solids["center_y"] = setup.center.T
     solids["near_u"] = _value(setup.near_u, number_format)
     solids["far_u"] = _value(setup.far_u, number_format)

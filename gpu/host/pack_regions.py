@@ -12,11 +12,13 @@ from halfstep.contract.arrays import U32, Floats, Ints, Records
 from halfstep.contract.formats import Format
 from halfstep.contract.regions import PackedRegions
 from halfstep.errors import SceneError
-from halfstep.host.copies import Batch, Copies, Places, evenly
+from halfstep.host.copies import MOST_KEPT, Batch, Copies, Piece
 from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, Linear, fixed_point_scale, length
+from halfstep.host.memory import Memory
 from halfstep.host.regions import NO_MATERIAL, Regions
 from halfstep.host.setup import BASE_PLANE_SLACK, Setup
+from halfstep.host.sharing import shared_out
 from halfstep.scene import Material, Scene
 from halfstep.scene.hues import colors_of
 from halfstep.scene.solids import Part
@@ -38,6 +40,7 @@ class Appearances:
     start: Ints  # (I,), first appearance of each copy
     # Excerpts of programs as numbers, by program and the parts that are left; see `excerpts`.
     written: dict[tuple[int, bytes, bool], Any] = field(default_factory=dict)
+    memory: Memory = field(default_factory=Memory)
 
 
 def appearances(scene: Scene, regions: Regions) -> Appearances:
@@ -101,7 +104,7 @@ def pack_regions(
     copies = setup.copies
     assert copies is not None
     regions = copies.regions
-    program = regions.of[copies.copy]
+    program = copies.program
     records = np.zeros(len(copies.row), layout.REGION.dtype(number_format))
     row = copies.row
     points = np.exp2(steps[row])
@@ -122,17 +125,16 @@ def pack_regions(
     records["last_sure"] = np.where(far_cut, last_sure, records["last"])
     for name, edge in zip(("left", "right", "top", "bottom"), setup.rectangle[row].T, strict=True):
         records[name] = edge
-    is_curved = ~copies.is_plane
-    is_curved[copies.higher_at] = False
-    for kind, chosen in (("flat", copies.is_plane), ("curved", is_curved)):
-        counts = np.bincount(copies.owner[chosen], minlength=len(row))
-        records[f"{kind}_start"] = np.cumsum(counts) - counts
+    of_higher = np.bincount(copies.owner[copies.higher_at], minlength=len(row))
+    curved_count = copies.counts - copies.planes - of_higher
+    records["flat_start"] = copies.first_plane
+    records["curved_start"] = np.cumsum(curved_count) - curved_count
     programs = regions.programs
     records["surfaces"] = np.array([one.count for one in programs])[program]
     records["planes"] = np.array([one.planes for one in programs])[program]
     records["cells"] = np.array([len(one.cells) for one in programs])[program]
     records["looks_start"] = looks.start[copies.copy]
-    flat, curved = _surfaces(copies, setup, number_format)
+    flat, curved = _surfaces(copies, setup, number_format, looks.memory)
     return PackedRegions(
         records=records,
         flat=flat,
@@ -145,29 +147,36 @@ def pack_regions(
     )
 
 
-def _surfaces(copies: Copies, setup: Setup, number_format: Format) -> tuple[Records, Records]:
+def _surfaces(
+    copies: Copies, setup: Setup, number_format: Format, memory: Memory
+) -> tuple[Records, Records]:
     """Records of planes and of quadrics, in the order of the copies."""
-    of_planes = np.cumsum(copies.is_plane)
-    count = int(of_planes[-1]) if len(of_planes) else 0
-    flat = np.zeros(count, layout.FLAT.dtype(number_format))
-    curved = np.zeros(len(copies.is_plane) - count, layout.CURVED.dtype(number_format))
-    row = np.where(copies.is_plane, of_planes - 1, np.arange(len(of_planes)) - of_planes)
-    for batch in copies.batches:
-        records = flat if isinstance(batch.forms, Linear) else curved
-        _write(records, evenly(row[batch.places]), copies, batch, setup, number_format)
+    count = int(copies.planes.sum())
+    flat = memory.records("planes", count, layout.FLAT.dtype(number_format))
+    curved = memory.records("quadrics", copies.count - count, layout.CURVED.dtype(number_format))
+
+    def write(piece: Piece) -> None:
+        for batch in copies.batches_of(piece):
+            records = flat if isinstance(batch.forms, Linear) else curved
+            _write(records, batch, copies, setup, number_format)
+
+    if copies.count > MOST_KEPT:
+        shared_out(write, copies.pieces)
+    else:
+        for piece in copies.pieces:
+            write(piece)
     return flat, curved
 
 
 def _write(
     records: Records,
-    rows: Places,
-    copies: Copies,
     batch: Batch,
+    copies: Copies,
     setup: Setup,
     number_format: Format,
 ) -> None:
     """Write the forms of surfaces, their errors, and the ``EYE_…`` of each."""
-    found, owner = batch.forms, copies.row[batch.of]
+    found, rows, owner = batch.forms, batch.rows, copies.row[batch.of]
     if isinstance(found, Linear):
         forms = {"c": found.c, "b": found.b}
         size = length(found.normal)
@@ -175,7 +184,8 @@ def _write(
         records["normal"][rows] = np.where(np.abs(normal) < FAINT, 0.0, normal).T
     else:
         forms = {"a": found.a, "g": found.g, "c": found.c}
-        records["gradient"][rows] = found.gradient.reshape(18, -1).T
+        # Numbers side by side are rounded faster than those that are written apart.
+        records["gradient"][rows] = found.gradient.reshape(18, -1).astype(np.float32).T
     error = found.error
     if number_format.integer:
         offsets = monomials_of(setup.offsets[owner].T + layout.TILE)
@@ -187,6 +197,7 @@ def _write(
         records[name][rows] = form.T
     records["host_error"][rows] = error
     at_eye = setup.starts_at_eye[owner]
+    records["eye"][rows] = 0
     if at_eye.any():
         value = copies.value[batch.places]
         records["eye"][rows] = np.where(at_eye, np.where(value > 0, 2, 1), 0)

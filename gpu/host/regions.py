@@ -95,6 +95,11 @@ class Regions:
         return np.diff(self.first_surface)
 
     @functools.cached_property
+    def plane_count(self) -> Ints:
+        """Planes of each program (G,), which come first among its surfaces."""
+        return np.array([program.planes for program in self.programs], np.int64)
+
+    @functools.cached_property
     def functions(self) -> Ints:
         """The function of its group for each surface of all programs (ΣS,)."""
         return np.concatenate([program.functions for program in self.programs])

@@ -51,7 +51,10 @@ BASE_PLANE_ROUNDING = 2.0**-44
 
 @dataclass(frozen=True)
 class Setup:
-    """Constants of V visible solids and their N half-spaces for one frame."""
+    """Constants of V visible solids and their N half-spaces for one frame.
+
+    The last of the V are copies of groups, if there are any. The others are S solids.
+    """
 
     view: View
     near: float  # depths of the base planes
@@ -69,13 +72,13 @@ class Setup:
     rectangle: Ints  # (V, 4), first and last pixel: i0, i1, j0, j1
     center: Ints  # (V, 2), pixel where x = y = 0
     offsets: Floats  # (V, 2), largest |x| and |y|
-    a: Floats  # (V, 6), coefficients of 1, x, y, x², xy, y²
-    g: Floats  # (V, 6)
-    c: Floats  # (V, 6)
-    host_error: Floats  # (V,), error of A, G and C made by this set-up
+    a: Floats  # (S, 6), coefficients of 1, x, y, x², xy, y²
+    g: Floats  # (S, 6)
+    c: Floats  # (S, 6)
+    host_error: Floats  # (S,), error of A, G and C made by this set-up
     eye_sure: Bools  # (V,), rounding cannot have decided ``eye_inside`` or ``eye_outside_quadric``
     depth_error: Floats  # (V,), error of depths from the rounding of this set-up, scene units
-    gradient: Floats  # (V, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis], largest about 1
+    gradient: Floats  # (S, 2, 3, 3), of F in world axes: [1, u][1, x, y][axis], largest about 1
     nearest: Floats  # (V,), least depth at which a point of the solid may be seen
     depth_middle: Floats  # (V,), depth at u = 0
     depth_half: Floats  # (V,), depth = depth_middle + u * depth_half
@@ -140,9 +143,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         groups = _copies(
             geometry, view, row, ix, center[:, row], sight.at(row), spans[:, row], at_eye
         )
-        unsure = np.bincount(groups.owner[~groups.eye_sure], minlength=len(row)) > 0
         facts.inside[row] = groups.eye_inside
-        facts.sure[row] = ~unsure
+        facts.sure[row] = groups.is_sure
         facts.nearest[row] = np.where(at_eye, groups.nearest, 0.0)
     algebraic = _polynomials(geometry, ix, view, center, sight, np.stack([low, high[ix]]))
     if algebraic is not None:
@@ -168,13 +170,13 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
         rectangle=rectangle.T,
         center=center.T,
         offsets=offsets.T,
-        a=_of_all(bent.a, len(ix)).T,
-        g=_of_all(bent.g, len(ix)).T,
-        c=_of_all(bent.c, len(ix)).T,
-        host_error=_of_all(bent.error, len(ix)),
+        a=bent.a.T,
+        g=bent.g.T,
+        c=bent.c.T,
+        host_error=bent.error,
         eye_sure=facts.sure,
         depth_error=sight.error,
-        gradient=_of_all(bent.gradient, len(ix)).transpose(3, 0, 1, 2),
+        gradient=bent.gradient.transpose(3, 0, 1, 2),
         nearest=np.maximum(low, facts.nearest),
         depth_middle=middle,
         depth_half=half,
@@ -194,16 +196,7 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
 def _bent(geometry: Geometry, ix: Ints, rotation: Floats, sight: Sight) -> Curved:
     """Forms of the quadrics of solids ``ix``, the first of those that are visible."""
     matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
-    return curved(matrix, has_quadric, rotation, sight.first(len(ix)))
-
-
-def _of_all(values: Floats, count: int) -> Floats:
-    """Values (…, K) of solids as those (…, count) with copies of groups behind: these have none."""
-    if values.shape[-1] == count:
-        return values
-    found = np.zeros((*values.shape[:-1], count))
-    found[..., : values.shape[-1]] = values
-    return found
+    return curved(matrix, has_quadric, rotation, sight.at(slice(len(ix))))
 
 
 def _copies(

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from halfstep.contract.arrays import F32, Bools, Bytes, Floats, Ints
 from halfstep.host.copies import Copies
 from halfstep.host.reach import MARGIN, Blocks
+from halfstep.host.sharing import in_parts
 
 # A piece has one bit.
 PIECE_BITS = 3
 PIECES = 1 << PIECE_BITS
 _BITS = (1 << np.arange(PIECES)).astype(np.uint8)[:, None]
 # Blocks and surfaces that are tested at once.
-CHUNK = 1 << 11
+CHUNK = 1 << 12
 
 
 @dataclass(frozen=True)
@@ -80,10 +81,13 @@ def signs(
     middle = np.stack([squares.x, squares.y, squares.half_width, squares.half_height])
     places = np.concatenate([middle, *rays.places()]).astype(np.float32)
     for chosen, test in _tests(copies, surface):
-        for first in range(0, len(chosen), CHUNK):
-            part = chosen[first : first + CHUNK]
+
+        def find(own: slice, chosen: Ints = chosen, test: _Test = test) -> None:
+            part = chosen[own]
             at = places.take(block[part], axis=-1)
             inside[part], outside[part] = test(copies, surface[part], at)
+
+        in_parts(find, len(chosen), CHUNK)
     return inside, outside
 
 
@@ -109,6 +113,7 @@ _Test = Callable[[Copies, Ints, F32], tuple[Bytes, Bytes]]
 def _tests(copies: Copies, surface: Ints) -> Iterator[tuple[Ints, _Test]]:
     """The planes among surfaces (P,), then the others, each with their test."""
     flat = copies.is_plane[surface]
+    _ = copies.flat_forms, copies.host_error  # made here, once, for all threads
     yield np.flatnonzero(flat), _signs_of_planes
     yield np.flatnonzero(~flat), _signs
 

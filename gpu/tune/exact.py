@@ -142,7 +142,9 @@ def _records(constants: Setup) -> tuple[Records, Records]:
     """Records of solids and half-spaces, with only the members that visits read here."""
     records = np.zeros(constants.count, SOLID.dtype(WIDE))
     for name in ("a", "g", "c", "near_u", "far_u", "plane_start", "plane_count"):
-        records[name] = getattr(constants, name)
+        # Copies of groups, which come last, have no quadric.
+        found = getattr(constants, name)
+        records[name][: len(found)] = found
     records["flags"] = (
         Flag.EYE_INSIDE * constants.eye_inside
         + Flag.STARTS_AT_EYE * constants.starts_at_eye

@@ -1,0 +1,72 @@
+"""Long arrays in parts that fit a cache, which the cores of this machine share out.
+
+NumPy lets other threads run while it computes. Each part has its own place in the results, so these
+do not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import numpy as np
+
+from halfstep.contract.arrays import Floats, Ints
+
+Item = TypeVar("Item")
+
+# More threads would wait for Python, which only one of them runs at a time.
+MOST_THREADS = 4
+
+
+def in_parts(work: Callable[[slice], None], count: int, size: int) -> None:
+    """Call ``work`` with slices of ``size`` that together have ``count`` places."""
+    shared_out(work, [slice(first, first + size) for first in range(0, count, size)])
+
+
+def shared_out(work: Callable[[Item], None], items: Sequence[Item]) -> None:
+    """Call ``work`` with each of the items, in several threads if there are several cores."""
+    threads = min(_cores(), MOST_THREADS, len(items))
+    left = iter(items)
+    if threads < 2:
+        _all_of(work, left)
+        return
+    with ThreadPoolExecutor(threads - 1) as pool:
+        others = [pool.submit(_all_of, work, left) for _ in range(threads - 1)]
+        _all_of(work, left)
+        for other in others:
+            other.result()
+
+
+def _all_of(work: Callable[[Item], None], left: Iterable[Item]) -> None:
+    """Work on what is left, of which other threads may take some, too."""
+    for item in left:
+        work(item)
+
+
+def _cores() -> int:
+    """Number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+# Indices of an array.
+Places = Ints | slice
+
+
+def at_places(array: Floats, places: Places) -> Floats:
+    """The last axis of an array at some places."""
+    return array[..., places] if isinstance(places, slice) else array.take(places, axis=-1)
+
+
+def evenly(places: Ints) -> Places:
+    """A slice if the places are equally far apart, because NumPy copies it faster."""
+    if not len(places):
+        return places
+    first, step = int(places[0]), int(places[1] - places[0]) if len(places) > 1 else 1
+    stop = first + step * len(places)
+    same = step > 0 and np.array_equal(places, np.arange(first, stop, step))
+    return slice(first, stop, step) if same else places
