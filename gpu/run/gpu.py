@@ -26,8 +26,8 @@ from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed, frame_record
 from halfstep.host.tiles import blank_tiles
 from halfstep.run import rounds, split, veils
+from halfstep.run.buffers import Binding, Buffers, contents_of, resource_of
 from halfstep.run.framebuffer import FrameBuffer, pixel_bytes, written_for
-from halfstep.run.memory import Binding, Memory, contents_of, resource_of
 from halfstep.run.needs import needs_of
 from halfstep.run.parts import RECORD_BYTES, Part, parts_of
 from halfstep.run.shaders import Shaders, ShaderStore
@@ -101,7 +101,7 @@ class Device(Turns):
         self._bound: dict[object, tuple[dict[int, Binding], object]] = {}
         # The frame buffer with its layout and background, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
-        self._memory = Memory(self._device, str(adapter.summary))
+        self._buffers = Buffers(self._device, str(adapter.summary))
         self._timed = "timestamp-query" in self._device.features
         self._queries: object = None
         if self._timed:
@@ -118,7 +118,7 @@ class Device(Turns):
             return
         self._drop_buffers()
         self._shaders.clear()
-        del self._shaders, self._memory  # they refer to the device
+        del self._shaders, self._buffers  # they refer to the device
         self._queries = None
         close_device(device)
 
@@ -126,7 +126,7 @@ class Device(Turns):
         """Destroy all buffers and textures, and forget their content."""
         self._bound.clear()
         self._blank = None, np.zeros(0, bool)
-        self._memory.clear()
+        self._buffers.clear()
 
     def check_format(self, number_format: Format) -> None:
         """Check that the device can work in a number format.
@@ -255,7 +255,7 @@ class Device(Turns):
         shaders, lists = self._shaders.of(needs), drawn.lists
         layout = FrameBuffer(needs.outputs, packed.setup.view.width, drawn.rows)
         with device_errors(self.adapter):
-            buffer = self._memory.picture(layout.size, mapped=self._mapped)
+            buffer = self._buffers.picture(layout.size, mapped=self._mapped)
         ground = buffer, layout, drawn.background
         blank = blank_tiles(lists.starts, lists.classes)
         left_out = self._left_out(shaders, ground, blank)
@@ -269,7 +269,7 @@ class Device(Turns):
                 bindings = {
                     number: bound[number]
                     if number in bound
-                    else self._memory.upload(number, type_, contents[number])
+                    else self._buffers.upload(number, type_, contents[number])
                     for number, type_ in shaders.types.items()
                 }
                 cleared = layout.span_of("shadow") if clears else None
@@ -352,7 +352,7 @@ class Device(Turns):
             encoder.resolve_query_set(self._queries, 0, 2, frame, layout.times_at)
         memory = frame
         if not self._mapped:
-            memory = self._memory.copy_of_picture(layout.size)
+            memory = self._buffers.copy_of_picture(layout.size)
             encoder.copy_buffer_to_buffer(frame, 0, memory, 0, layout.size)
         self._device.queue.submit([encoder.finish()])
         memory.map_sync("READ", 0, layout.size)

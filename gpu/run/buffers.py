@@ -70,7 +70,7 @@ class _Texture(NamedTuple):
     rows: int
 
 
-class Memory:
+class Buffers:
     """The buffers and textures of a device by name; each is replaced when it becomes too small."""
 
     def __init__(self, device: GpuDevice, adapter: str) -> None:
