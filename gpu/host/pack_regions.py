@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from halfstep.host.edges import monomials_of
 from halfstep.host.forms import FAINT, Linear, fixed_point_scale, length
 from halfstep.host.regions import NO_MATERIAL, Regions
 from halfstep.host.setup import BASE_PLANE_SLACK, Setup
+from halfstep.host.words import Excerpts
 from halfstep.scene import Material, Scene
 from halfstep.scene.hues import colors_of
 from halfstep.scene.solids import Part
@@ -36,8 +36,9 @@ class Appearances:
 
     records: Records
     start: Ints  # (I,), first appearance of each copy
-    # Excerpts of programs as numbers, by program and the parts that are left; see `excerpts`.
-    written: dict[tuple[int, bytes, bool], Any] = field(default_factory=dict)
+    # Whole programs as numbers, by program and whether their lists have surfaces of an order above
+    # two; see `written`.
+    written: dict[tuple[int, bool], Excerpts] = field(default_factory=dict)
 
 
 def appearances(scene: Scene, regions: Regions) -> Appearances:
