@@ -8,9 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from halfstep.contract.program import CELL_ENDS, CLOSES, LEAF, NUMBER, OPENS, POSITIVE, TURN
+from halfstep.contract.program import (
+    CELL_ENDS,
+    CLOSES,
+    GROUP,
+    LEAF,
+    NUMBER,
+    OPENS,
+    POSITIVE,
+    TURN,
+)
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import Formula, Senses, decided, hoisted, literals, normal_form, truth
+from halfstep.host.words import ENDLESS, Tree, excerpts_of
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 
 Floats = NDArray[np.float64]
@@ -193,6 +203,34 @@ def test_programs_say_what_formulas_say() -> None:
     assert levels >= 4, seed
 
 
+def words_of_all(formula: Formula, live: Bools, holding: Bools) -> list[list[int]]:
+    """The words of all excerpts, written at once; they are those of each one alone."""
+    some = np.flatnonzero(live.any(axis=0) | holding.any(axis=0))
+    found: list[list[int]] = [[] for _ in range(live.shape[1])]
+    if not len(some):
+        return found
+    tree = Tree.of(formula)
+    excerpts = excerpts_of(tree, live[:, some], holding[:, some], 2, 6, lists_higher=False)
+    begin = np.cumsum(excerpts.sizes) - excerpts.sizes
+    for place, block in enumerate(some.tolist()):
+        alone = formula.excerpt(live[:, block], holding[:, block])
+        words = alone.words.tolist()
+        flat = int((alone.surfaces < 2).sum())
+        listed = [*alone.surfaces.tolist(), *alone.cells.tolist()]
+        for part in (words, listed):
+            part += [0] * (len(part) % GROUP)
+        own = excerpts.content[begin[place] :][: excerpts.sizes[place]].tolist()
+        assert own == words + listed
+        assert excerpts.groups[place] * GROUP == len(words)
+        counts = [flat, len(alone.surfaces) - flat, len(alone.cells)]
+        assert excerpts.counts[:, place].tolist() == counts
+        assert excerpts.crossings[place] == len(alone.surfaces)
+        length = len(alone.words) if alone.levels <= 1 else ENDLESS
+        assert excerpts.lengths[place] == length
+        found[block] = words
+    return found
+
+
 def test_excerpts_say_what_formulas_say_on_what_is_seen() -> None:
     """Signs are known on some pieces of rays; elsewhere a surface may have either."""
     seed = 17
@@ -212,10 +250,10 @@ def test_excerpts_say_what_formulas_say_on_what_is_seen() -> None:
             np.packbits(state == sign, axis=-1, bitorder="little")[..., 0] for sign in (-1, 1)
         )
         cut, narrowed = rng.random((2, blocks)) < 0.7
-        decided = formula.decided(inside, outside, None, cut & narrowed, narrowed)
+        decided = formula.decided(inside, outside, cut & narrowed, narrowed)
         live, holding = formula.live(decided), formula.holds(decided)
+        written = words_of_all(formula, live, holding)
         for block in range(blocks):
-            excerpt = formula.excerpt(live[:, block], holding[:, block])
             shorter += int(live[:, block].sum()) < formula.literal_count
             constant += not live[:, block].any()
             first, last = int(decided.first[block]), int(decided.last[block])
@@ -225,8 +263,7 @@ def test_excerpts_say_what_formulas_say_on_what_is_seen() -> None:
             for piece in range(8):
                 signs = state[:, block, piece, None]
                 positive = np.where(signs == 0, rng.random((6, 32)) < 0.5, signs > 0)
-                words = excerpt.words.tolist()
-                found[piece] = run(words, positive)
+                found[piece] = run(written[block], positive)
                 expected[piece] = holds(Union(tuple(cells)), positive)
             seen = slice(first, last + 1)
             assert (found[seen] == expected[seen]).all(), (seed, trial, block)

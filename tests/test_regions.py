@@ -15,7 +15,7 @@ import halfstep
 from halfstep.contract.classes import Class
 from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
-from halfstep.host import excerpts
+from halfstep.host import excerpts, narrowing
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
 from halfstep.host.numbers import numbers_of
@@ -461,6 +461,41 @@ def test_excerpts_show_what_whole_programs_show(
         assert (frames[0].error <= frames[2].error).all(), (seed, number)
     assert hits > 20_000, seed
     assert shorter < 0, "tiles that see nothing leave a copy out"
+    assert renamed < 1e-3 * hits, (seed, renamed)
+
+
+def test_cut_rays_show_what_whole_ones_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Several excerpts behind one another in a tile: depths and cells in every bit."""
+    seed = 32
+    rng = np.random.default_rng(seed)
+    scenes = [halfstep.load(name) for name in ("die", "nested_differences", "bracket")]
+    while len(scenes) < 9:
+        matrices, cells = random_cells(rng)
+        if all(
+            box_of(normal_form(cell, plain(len(matrices))), matrices) is not None for cell in cells
+        ):
+            scenes.append(scene_of(matrices, cells, random_camera(rng), **random_volume(rng)))
+    monkeypatch.setattr(excerpts, "LEAST_TESTS", 1)
+    monkeypatch.setattr(excerpts, "LEAST_TESTS_SHORT", 1)
+    monkeypatch.setattr(narrowing, "MOST_TOGETHER", 2)
+    more = hits = renamed = 0
+    for number, scene in enumerate(scenes):
+        small = with_overrides(scene, size=(80, 64), steps=14)
+        frames, members = [], []
+        for least in (1, 1 << 60):
+            monkeypatch.setattr(narrowing, "LEAST_CUT", least)
+            outputs = ("depth", "cell", "surface")
+            frames.append(halfstep.render(small, backend="numpy", outputs=outputs))
+            lists = excerpts.lists_of(prepare(small), 0, 64, frozenset({"image"}))
+            members.append(len(lists.members))
+        cut, whole = frames
+        assert np.array_equal(cut.depth, whole.depth, equal_nan=True), (seed, number)
+        assert np.array_equal(cut.cell, whole.cell), (seed, number)
+        renamed += int((cut.surface != whole.surface).sum())
+        hits += int((whole.solid >= 0).sum())
+        more += members[0] > members[1]
+    assert more >= 4, (seed, more)
+    assert hits > 10_000, (seed, hits)
     assert renamed < 1e-3 * hits, (seed, renamed)
 
 

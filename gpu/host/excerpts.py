@@ -1,15 +1,12 @@
 """Excerpts of programs: the part of a group's formula that matters in a tile.
 
-Over a block of pixels and a piece of a ray most surfaces keep their sign, and most parts of the
-formula keep their truth. The rest is an excerpt: a few surfaces and a short program. Blocks are
-halved until they are tiles, and a smaller block tests only what the larger one left open. A tile
-where nothing of a copy can be seen leaves the copy out.
+An excerpt has a few surfaces and a short program. A tile where nothing of a copy can be seen leaves
+the copy out.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -20,22 +17,18 @@ from halfstep.contract.layout import TILE
 from halfstep.contract.program import Known
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.copies import Copies
-from halfstep.host.formulas import Decided
 from halfstep.host.hidden import Hiding, covering
 from halfstep.host.merging import Program
+from halfstep.host.narrowing import Blocks, Narrowing
 from halfstep.host.pack import MOST_CLASSES, Packed
-from halfstep.host.reach import squares_of
-from halfstep.host.signs import Rays, signs
 from halfstep.host.tiles import Classes, Pairs, tile_lists, tile_members
-from halfstep.host.written import Left, Written, whole_length
+from halfstep.host.written import Written, whole_length
 
 # A copy has excerpts if its surfaces times its tiles reach this number. Below it, excerpts cost the
 # host more than they save the device.
 LEAST_TESTS = 64
 # The same for programs so short that shaders hold all their words at once.
 LEAST_TESTS_SHORT = 1024
-# The largest blocks: about this many lie across a copy. A block is halved twice at once.
-FIRST_BLOCKS, HALVED = 4, 2
 # Tiles with more copies than this leave out hidden ones. With fewer, finding them costs the host
 # more than they cost the device.
 MOST_TRIED = 64
@@ -116,7 +109,7 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     return Lists(classes, starts, members, regions, known)
 
 
-def _blocks(packed: Packed, copies: Copies, pairs: Pairs, first_tile: int) -> _Blocks:
+def _blocks(packed: Packed, copies: Copies, pairs: Pairs, first_tile: int) -> Blocks:
     """Tiles of copies; the band begins in the row ``first_tile`` of tiles."""
     assert packed.regions is not None
     which = np.full(packed.setup.count, -1)
@@ -124,7 +117,7 @@ def _blocks(packed: Packed, copies: Copies, pairs: Pairs, first_tile: int) -> _B
     copy = which[packed.order][pairs.row]
     records = packed.regions.records
     first, last = (records[name].astype(np.int64)[copy] for name in ("first", "last"))
-    return _Blocks(copy, pairs.x, pairs.y + first_tile, first, last)
+    return Blocks(copy, pairs.x, pairs.y + first_tile, first, last)
 
 
 class _Tried(NamedTuple):
@@ -138,7 +131,7 @@ class _Tried(NamedTuple):
 def _tried(
     packed: Packed,
     copies: Copies,
-    blocks: _Blocks,
+    blocks: Blocks,
     tile: Ints,
     written: Written,
     outputs: frozenset[str],
@@ -173,36 +166,32 @@ def _tried(
     else:
         blocks, places = _seen(packed, copies, tile, blocks, is_stretched)
     copy = blocks.copy
-    excerpt = np.full(len(places), -1)
-    # A whole program gives the same names of surfaces in all tiles if its rays start alike.
-    records = packed.regions.records
-    first, last = (records[name].astype(np.int64)[copy] for name in ("first", "last"))
+    # Copies that are tried whole have one record each. They give the same names of surfaces in all
+    # tiles if their rays start alike.
     large = is_large[copy]
-    for number, own in _by_number(programs[copy]):
-        some, whole = own[large[own]], own[~large[own]]
-        if len(whole):
-            excerpt[whole] = written.add_whole(number)
-        if len(some):
-            # Of each copy about so many tiles are left along a side of what is seen of it.
-            widest = math.ceil(math.sqrt(np.bincount(copy[some]).max()))
-            program = copies.regions.programs[number]
-            rest = _left(packed, copies, program, blocks.take(some), _levels(widest), leaving)
-            excerpt[some] = written.add_all(number, rest)
-            first[some], last[some] = rest.first, rest.last
-    # Whole copies have one record each, others one for each tile.
-    alike = ~large
-    shared = np.flatnonzero(np.bincount(copy[alike], minlength=len(programs)))
-    lookup = np.empty(len(programs), np.int64)
-    lookup[shared] = np.arange(len(shared))
-    single = np.flatnonzero(~alike & (excerpt >= 0))
-    which = np.full(len(places), -1)
-    which[alike] = lookup[copy[alike]]
-    which[single] = len(shared) + np.arange(len(single))
-    some = np.flatnonzero(which >= 0)
-    source = np.empty(len(shared) + len(single), np.int64)
-    source[which[some]] = some
-    columns = np.stack([copy, excerpt, first, last])[:, source]
-    return _Tried(places[some], which[some], columns)
+    whole, some = np.flatnonzero(~large), np.flatnonzero(large)
+    shared = np.flatnonzero(np.bincount(copy[whole], minlength=len(programs)))
+    row = np.empty(len(shared), np.int64)
+    for number, own in _by_number(programs[shared]):
+        row[own] = written.add_whole(number)
+    records = packed.regions.records
+    first, last = (records[name].astype(np.int64)[shared] for name in ("first", "last"))
+    found = [(whole, np.searchsorted(shared, copy[whole]), np.stack([shared, row, first, last]))]
+    # Others have one for each tile, or several behind one another.
+    narrowing = Narrowing(
+        packed, copies, leaving=leaving, cuts=not leaving and "error" not in outputs
+    )
+    count = len(shared)
+    alike = copies.regions.alike
+    for number, each in _by_number(alike[programs[copy[some]]]):
+        part = some[each]
+        left = narrowing.left(copies.regions.programs[number], blocks.take(part))
+        own = part[left.tile]
+        columns = np.stack([copy[own], written.add_all(number, left), left.first, left.last])
+        found.append((own, count + np.arange(len(own)), columns))
+        count += len(own)
+    tried, which, columns = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
+    return _Tried(places[tried], which, columns)
 
 
 def _by_number(numbers: Ints) -> Iterator[tuple[int, Ints]]:
@@ -218,8 +207,8 @@ def _by_number(numbers: Ints) -> Iterator[tuple[int, Ints]]:
 
 
 def _seen(
-    packed: Packed, copies: Copies, tile: Ints, blocks: _Blocks, is_stretched: Bools
-) -> tuple[_Blocks, Ints]:
+    packed: Packed, copies: Copies, tile: Ints, blocks: Blocks, is_stretched: Bools
+) -> tuple[Blocks, Ints]:
     """The tiles of copies that may be seen, with shorter stretches of rays, and their indices.
 
     Args:
@@ -241,7 +230,7 @@ def _seen(
     first, last = blocks.first.copy(), blocks.last.copy()
     first[some], last[some] = hiding.stretch(*blocks.take(some))
     places = np.flatnonzero(first <= last)
-    blocks, tile = _Blocks(*blocks[:3], first, last).take(places), tile[places]
+    blocks, tile = Blocks(*blocks[:3], first, last).take(places), tile[places]
     stays = ~_crowded(tile, covers[blocks.copy])
     many = np.flatnonzero(~stays)
     stays[many] = hiding.seen(tile[many], *blocks.take(many)[:4])
@@ -306,75 +295,3 @@ def _short(
         others = np.bincount(tile[~is_known], minlength=len(longest))[tile] > 0
         found = np.where(others, found, len(present) + len(short))
     return (*present, *added), found
-
-
-class _Blocks(NamedTuple):
-    """P blocks of 2^level x 2^level tiles, each with a copy that may be seen there."""
-
-    copy: Ints
-    x: Ints  # number of the block from the left
-    y: Ints  # and from the top of the picture
-    first: Ints  # grid points of rays between which it may be
-    last: Ints
-
-    def take(self, places: Ints) -> _Blocks:
-        return _Blocks(*(part[places] for part in self))
-
-    def joined(self, level: int) -> tuple[_Blocks, Ints]:
-        """The blocks of a higher level that contain these, and the index of each one's block."""
-        x, y = self.x >> level, self.y >> level
-        key = (self.copy << 40) | (y << 20) | x
-        _, place, which = np.unique(key, return_index=True, return_inverse=True)
-        first, last = self.first[place], self.last[place]
-        np.minimum.at(first, which, self.first)
-        np.maximum.at(last, which, self.last)
-        return _Blocks(self.copy[place], x[place], y[place], first, last), which
-
-
-def _levels(across: int) -> list[int]:
-    """The levels of blocks to test one after another, if the widest copy has so many tiles."""
-    top = ((across - 1) // FIRST_BLOCKS).bit_length()
-    return [*range(top, 0, -HALVED), 0]
-
-
-def _left(
-    packed: Packed,
-    copies: Copies,
-    program: Program,
-    tiles: _Blocks,
-    levels: Sequence[int],
-    leaving: bool,
-) -> Left:
-    """The rest of a program in each of the tiles, each of which has one copy."""
-    assert packed.regions is not None
-    setup, formula = packed.setup, program.formula
-    # If rays start outside of all cells, nothing is seen behind the first piece that is in a cell.
-    opened = leaving | setup.eye_inside | setup.near_cut
-
-    blocks, of = tiles.joined(levels[0])
-    rays = Rays(blocks.first, blocks.last, packed.steps.count[copies.row[blocks.copy]])
-    asked = np.ones((program.count, len(blocks.copy)), bool)
-    known: Decided | None = None
-    for level in levels:
-        if known is not None:
-            finer, within = tiles.joined(level)
-            parent = np.empty(len(finer.copy), np.int64)
-            parent[within] = of
-            known = known.at(parent)
-            blocks, of, asked = finer, within, asked[:, parent]
-            rays = rays.at(parent).between(finer.first, finer.last)
-        surface, block = np.nonzero(asked)
-        side = TILE << level
-        squares = squares_of(setup, copies.row[blocks.copy], blocks.x * side, blocks.y * side, side)
-        inside = np.zeros((program.count, len(blocks.copy)), np.uint8)
-        outside = np.zeros_like(inside)
-        first = copies.first_surface[blocks.copy]
-        found = signs(copies, first[block] + surface, block, squares, rays)
-        inside[surface, block], outside[surface, block] = found
-        is_long = rays.are_long
-        cut = is_long & ~opened[copies.row[blocks.copy]]
-        known = formula.decided(inside, outside, known, cut, is_long)
-        rays = rays.narrowed(known.first, known.last)
-        live, holds = formula.live(known), formula.holds(known)
-        asked = formula.surfaces_of(live, program.count)
-    return Left(live[:, of], holds[:, of], rays.first[of], rays.last[of])

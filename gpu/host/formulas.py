@@ -192,6 +192,17 @@ class Node(NamedTuple):
     crossing: int = 0
 
 
+class Truth(NamedTuple):
+    """The truth of a formula's nodes in P blocks, for each piece of their rays."""
+
+    true: Bytes  # (N, P), a bit for each piece in which the node holds
+    false: Bytes  # (N, P), a bit for each piece in which its complement holds
+
+    def at(self, blocks: Ints) -> Truth:
+        """The same for some of the blocks."""
+        return Truth(*(of.take(blocks, axis=-1) for of in self))
+
+
 class Decided(NamedTuple):
     """The truth of a formula's nodes in P blocks, on the visible pieces of their rays."""
 
@@ -202,8 +213,7 @@ class Decided(NamedTuple):
 
     def at(self, blocks: Ints) -> Decided:
         """The same for some of the blocks."""
-        first, last = self.first[blocks], self.last[blocks]
-        return Decided(first, last, self.true[:, blocks], self.false[:, blocks])
+        return Decided._make(of.take(blocks, axis=-1) for of in self)
 
 
 class Excerpt(NamedTuple):
@@ -223,6 +233,7 @@ class Formula:
         nodes: all nodes.
         roots: the node of each cell's region.
         hidden: (C,), cells that are not shown.
+        crossings: number of crossings of surfaces that have several.
     """
 
     def __init__(
@@ -238,7 +249,7 @@ class Formula:
             hidden: whether each cell is not shown; by default all are shown.
             crossings: number of crossings of the last surfaces; the others have one.
         """
-        self._crossings = crossings or {}
+        self.crossings = crossings or {}
         self.hidden = np.zeros(len(regions), bool) if hidden is None else hidden
         self.nodes: list[Node] = []
         self.roots = [self._added(region) for region in regions]
@@ -246,7 +257,7 @@ class Formula:
 
     def _added(self, region: Region) -> int:
         if isinstance(region, Literal):
-            count = self._crossings.get(region.surface, 1)
+            count = self.crossings.get(region.surface, 1)
             first = len(self.nodes)
             for k in range(count):
                 self.nodes.append(Node(Literal, (), region.surface, region.positive, k))
@@ -264,6 +275,12 @@ class Formula:
         found = copy.copy(self)
         found.hidden = self.hidden | more
         return found
+
+    @functools.cached_property
+    def key(self) -> tuple[object, ...]:
+        """What formulas have in common that are alike: all but the surfaces that they are over."""
+        crossings = tuple(sorted(self.crossings.items()))
+        return tuple(self.nodes), tuple(self.roots), self.hidden.tobytes(), crossings
 
     @functools.cached_property
     def _node_surfaces(self) -> Ints:
@@ -300,20 +317,20 @@ class Formula:
         """The surface of each literal (L,)."""
         return np.array([self.nodes[ix].surface for ix in self._literals], np.int64)
 
-    def decided(
-        self, inside: Bytes, outside: Bytes, known: Decided | None, cut: Bools, narrow: Bools
-    ) -> Decided:
+    def decided(self, inside: Bytes, outside: Bytes, cut: Bools, narrow: Bools) -> Decided:
+        """The truth of the nodes on the pieces of `seen`, by the signs that `truth` takes."""
+        found = self.truth(inside, outside, None)
+        return self.on_pieces(found, *self.seen(found, cut, narrow))
+
+    def truth(self, inside: Bytes, outside: Bytes, known: Decided | None) -> Truth:
         """The truth of the formula's nodes by the signs of surfaces, for each piece of blocks.
 
         Args:
             inside: (S, P), a bit for each piece of a block everywhere in which F <= 0.
             outside: (S, P), the same for F > 0.
             known: the truth in larger blocks.
-            cut: (P,), pieces behind the first one where a shown cell holds are not visible.
-            narrow: (P,), pieces before or behind all cells are not visible.
         """
-        count = inside.shape[1]
-        true = np.empty((len(self.nodes), count), np.uint8)
+        true = np.empty((len(self.nodes), inside.shape[1]), np.uint8)
         false = np.empty_like(true)
         positive, negative = self._sides
         for own, all_inside, all_outside in ((positive, false, true), (negative, true, false)):
@@ -330,14 +347,27 @@ class Formula:
             if known is not None:
                 true[ix] |= known.true[ix]
                 false[ix] |= known.false[ix]
+        return Truth(true, false)
+
+    def seen(self, truth: Truth, cut: Bools, narrow: Bools) -> tuple[Ints, Ints]:
+        """The first and the last visible piece of each block (P,).
+
+        Args:
+            truth: that of the nodes.
+            cut: (P,), pieces behind the first one where a shown cell holds are not visible.
+            narrow: (P,), pieces before or behind all cells are not visible.
+        """
         shown = [root for root, hides in zip(self.roots, self.hidden, strict=True) if not hides]
-        holds = np.bitwise_or.reduce(true[shown], axis=0)
-        perhaps = ~np.bitwise_and.reduce(false[self.roots], axis=0)
+        holds = np.bitwise_or.reduce(truth.true[shown], axis=0)
+        perhaps = ~np.bitwise_and.reduce(truth.false[self.roots], axis=0)
         first, last = np.where(narrow, [_LOWEST[perhaps], _HIGHEST[perhaps]], [[0], [7]])
-        last = np.where(cut & (holds != 0), np.minimum(_LOWEST[holds], last), last)
+        return first, np.where(cut & (holds != 0), np.minimum(_LOWEST[holds], last), last)
+
+    def on_pieces(self, truth: Truth, first: Ints, last: Ints) -> Decided:
+        """The truth of the nodes on pieces from the first to the last (P,) of blocks."""
         seen = ((1 << (last + 1)) - (1 << first)).astype(np.uint8)
-        every = np.where((true & seen) == seen, np.uint8(255), np.uint8(0))
-        nowhere = np.where((false & seen) == seen, np.uint8(255), np.uint8(0))
+        # A number of 8 bits that is 1 where a condition holds becomes 255.
+        every, nowhere = (np.negative(((of & seen) == seen).view(np.uint8)) for of in truth)
         return Decided(first, last, every, nowhere)
 
     def live(self, decided: Decided) -> Bools:
@@ -371,7 +401,7 @@ class Formula:
         """The cells (C, P) that hold at points where surfaces (S, P) are ``positive``, F > 0."""
         outside = np.where(positive, np.uint8(255), np.uint8(0))
         whole = np.zeros(positive.shape[1], bool)
-        decided = self.decided(~outside, outside, None, whole, whole)
+        decided = self.decided(~outside, outside, whole, whole)
         return self.holds(decided)
 
     @functools.cached_property
@@ -383,7 +413,7 @@ class Formula:
     def excerpt(self, live: Bools, holds: Bools) -> Excerpt:
         """The rest of the formula if only ``live`` literals (L,) matter and cells (C,) hold."""
         surfaces = np.unique(self.literal_surfaces[live])
-        counts = [self._crossings.get(surface, 1) for surface in surfaces.tolist()]
+        counts = [self.crossings.get(surface, 1) for surface in surfaces.tolist()]
         ends = np.cumsum([0, *counts]).tolist()
         places = dict(zip(surfaces.tolist(), ends, strict=False))
         left = {ix for ix, is_live in zip(self._literals, live.tolist(), strict=True) if is_live}

@@ -18,6 +18,7 @@ from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.formulas import Formula, Senses, hoisted, literals, normal_form
 from halfstep.host.higher import Higher, box_with, least_distance_of, merged
 from halfstep.host.thin import least_distance
+from halfstep.host.words import Tree
 from halfstep.scene.region import Intersection, Region
 
 # Surfaces coincide if their coefficients, in units of the group's box, agree to this.
@@ -59,6 +60,11 @@ class Program:
     def lower(self) -> int:
         """Number of surfaces of at most second order."""
         return self.count - len(self.higher)
+
+    @functools.cached_property
+    def tree(self) -> Tree:
+        """The nodes of the formula, by depth."""
+        return Tree.of(self.formula)
 
     @functools.cached_property
     def families(self) -> tuple[Ints, ...]:

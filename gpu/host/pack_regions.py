@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from halfstep.host.memory import Memory
 from halfstep.host.regions import NO_MATERIAL, Regions
 from halfstep.host.setup import BASE_PLANE_SLACK, Setup
 from halfstep.host.sharing import shared_out
+from halfstep.host.words import Excerpts
 from halfstep.scene import Material, Scene
 from halfstep.scene.hues import colors_of
 from halfstep.scene.solids import Part
@@ -38,8 +38,9 @@ class Appearances:
 
     records: Records
     start: Ints  # (I,), first appearance of each copy
-    # Excerpts of programs as numbers, by program and the parts that are left; see `excerpts`.
-    written: dict[tuple[int, bytes, bool], Any] = field(default_factory=dict)
+    # Whole programs as numbers, by program and whether their lists have surfaces of an order above
+    # two; see `written`.
+    written: dict[tuple[int, bool], Excerpts] = field(default_factory=dict)
     memory: Memory = field(default_factory=Memory)
 
 

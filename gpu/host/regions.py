@@ -85,6 +85,13 @@ class Regions:
         return self.programs[number] if counts[number] >= MANY else None
 
     @functools.cached_property
+    def alike(self) -> Ints:
+        """For each program the first one that has the same formula over as many planes (G,)."""
+        found: dict[object, int] = {}
+        keys = [(one.formula.key, one.count, one.planes, one.lower) for one in self.programs]
+        return np.array([found.setdefault(key, ix) for ix, key in enumerate(keys)], np.int64)
+
+    @functools.cached_property
     def first_surface(self) -> Ints:
         """Index of each program's first surface among all, then the number of all (G + 1,)."""
         return np.cumsum([0, *(program.count for program in self.programs)])

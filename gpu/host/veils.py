@@ -226,7 +226,7 @@ def _across(
     cuts = from_v + (to_v - from_v) * np.arange(PIECES + 1) / PIECES
     inside, outside = _signs(matrices, lows, highs, cuts, end, ASIDE / least)
     never, always = np.zeros(across * across, bool), np.ones(across * across, bool)
-    known = formula.decided(inside, outside, None, never, always)
+    known = formula.decided(inside, outside, never, always)
     live, holds = formula.live(known), formula.holds(known)
     boxes = _boxes(lows, highs, cuts, approach, end, world, light, axes)
     points = (cuts + 1) / 2 * 2.0**VEIL_STEPS

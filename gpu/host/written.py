@@ -2,75 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
 from dataclasses import replace
-from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import U32, U64, Bools, Bytes, Ints
+from halfstep.contract.arrays import U64, Bytes, Ints
 from halfstep.contract.keys import joined_key
 from halfstep.contract.program import GROUP
 from halfstep.contract.regions import PackedRegions
 from halfstep.errors import SceneError
 from halfstep.host.copies import Copies
-from halfstep.host.formulas import Excerpt
 from halfstep.host.merging import Program
+from halfstep.host.narrowing import Left
 from halfstep.host.pack import Packed
+from halfstep.host.words import ENDLESS, Excerpts, excerpts_of
 
-# Number of excerpts that are kept from frame to frame.
-MOST_KNOWN = 1 << 14
-# Stands for the length of a program that is no OR of ANDs.
-ENDLESS = 1 << 30
 # Limit of the surfaces of a group that rays may cross in one tile, because shaders keep the
 # crossings of each.
 MOST_CROSSED = 255
-
-
-class Left(NamedTuple):
-    """The rest of a program in P tiles."""
-
-    live: Bools  # (L, P), literals that are left
-    holds: Bools  # (C, P), cells that hold all along the rays
-    first: Ints  # (P,), grid points where rays start, and where they end
-    last: Ints
-
-
-class _Block(NamedTuple):
-    """An excerpt as the numbers that shaders and twin read: its words, then its list."""
-
-    content: U32  # whole groups of words
-    groups: int  # number of groups of words
-    counts: tuple[int, int, int]  # planes, quadrics, cells
-    crossings: int  # the most that a ray has with the surfaces
-    length: int  # number of words of an OR of ANDs, else `ENDLESS`
-
-
-def _block(excerpt: Excerpt, program: Program, *, lists_higher: bool) -> _Block:
-    """An excerpt of a program; its list may end with surfaces of an order above two."""
-    flat, lower = np.searchsorted(excerpt.surfaces, (program.planes, program.lower)).tolist()
-    surfaces, higher = excerpt.surfaces[:lower], excerpt.surfaces[lower:]
-    count = len(excerpt.words)
-    listed = np.concatenate([surfaces, excerpt.cells])
-    if lists_higher:
-        listed = np.concatenate([listed, [len(higher), program.lower], higher])
-    content = np.zeros(-(-count // GROUP) * GROUP + -(-len(listed) // GROUP) * GROUP, np.uint32)
-    content[:count] = excerpt.words
-    content[-(-count // GROUP) * GROUP :][: len(listed)] = listed
-    return _Block(
-        content,
-        -(-count // GROUP),
-        (flat, lower - flat, len(excerpt.cells)),
-        excerpt.crossings,
-        count if excerpt.levels <= 1 and not len(higher) else ENDLESS,
-    )
 
 
 def whole_length(program: Program) -> int:
     """Number of words of a program that is an OR of ANDs, else `ENDLESS`."""
     whole = program.formula.whole
     return ENDLESS if whole.levels > 1 or program.higher else len(whole.words)
+
+
+def _of_whole(program: Program, *, lists_higher: bool) -> Excerpts:
+    """A whole program as an excerpt."""
+    excerpt = program.formula.whole
+    flat, lower = np.searchsorted(excerpt.surfaces, (program.planes, program.lower)).tolist()
+    listed = np.concatenate([excerpt.surfaces[:lower], excerpt.cells])
+    if lists_higher:
+        higher = excerpt.surfaces[lower:]
+        listed = np.concatenate([listed, [len(higher), program.lower], higher])
+    count = len(excerpt.words)
+    groups = -(-count // GROUP)
+    content = np.zeros((groups - (-len(listed) // GROUP)) * GROUP, np.uint32)
+    content[:count] = excerpt.words
+    content[groups * GROUP :][: len(listed)] = listed
+    return Excerpts(
+        content,
+        np.array([len(content)]),
+        np.array([groups]),
+        np.array([[flat], [lower - flat], [len(excerpt.cells)]]),
+        np.array([excerpt.crossings]),
+        np.array([whole_length(program)]),
+    )
 
 
 def _alike(columns: Bytes) -> tuple[Ints, Ints]:
@@ -93,53 +72,60 @@ class Written:
     def __init__(self, packed: Packed, copies: Copies) -> None:
         assert packed.regions is not None
         self._packed, self._copies = packed, copies
-        self._blocks: list[_Block] = []
+        self._parts: list[Excerpts] = []
+        self._count = 0
         # The row of the commonest program as a whole, -1 where no tile tries that.
         self.known_row = -1
 
     def add_all(self, number: int, left: Left) -> Ints:
-        """Rows (P,) of the excerpts of a program in P tiles, -1 if nothing is left."""
-        formula = self._copies.regions.programs[number].formula
-        bits = np.packbits(np.concatenate([left.live, left.holds]), axis=0)
-        first, which = _alike(bits)
-        rows = []
-        for ix, key in zip(first.tolist(), bits[:, first].T, strict=True):
-            if key.any():
-                excerpt = partial(formula.excerpt, left.live[:, ix], left.holds[:, ix])
-                rows.append(self._add(number, key.tobytes(), excerpt))
-            else:
-                rows.append(-1)
-        return np.array(rows, np.int64)[which]
+        """Rows (R,) of the excerpts of a program, of each of which something is left."""
+        if not len(left.tile):
+            return np.zeros(0, np.int64)
+        program = self._copies.regions.programs[number]
+        first, which = _alike(np.packbits(np.concatenate([left.live, left.holds]), axis=0))
+        distinct = left.live[:, first], left.holds[:, first]
+        kinds = program.planes, program.lower
+        found = excerpts_of(program.tree, *distinct, *kinds, lists_higher=self._lists_higher)
+        return self._add(found) + which
 
     def add_whole(self, number: int) -> int:
-        """The row of the whole program as an excerpt."""
+        """The row of the whole program as an excerpt, which is kept from frame to frame."""
+        looks = self._packed.surfaces.appearances
+        assert looks is not None
         program = self._copies.regions.programs[number]
-        row = self._add(number, b"", lambda: program.formula.whole)
+        known = number, self._lists_higher
+        if known not in looks.written:
+            looks.written[known] = _of_whole(program, lists_higher=self._lists_higher)
+        row = self._add(looks.written[known])
         if program is self._copies.regions.commonest:
             self.known_row = row
         return row
 
-    def _add(self, number: int, key: bytes, excerpt: Callable[[], Excerpt]) -> int:
-        """The row of an excerpt of a program, kept from frame to frame by its key."""
-        regions, looks = self._copies.regions, self._packed.surfaces.appearances
-        assert looks is not None
-        # If a copy in the frame has a surface of an order above two, all excerpts list theirs.
-        lists_higher = self._copies.higher is not None
-        known = number, key, lists_higher
-        block = looks.written.get(known)
-        if block is None:
-            if len(looks.written) >= MOST_KNOWN:
-                looks.written.clear()
-            program = regions.owned[number].program
-            block = _block(excerpt(), program, lists_higher=lists_higher)
-            looks.written[known] = block
-        self._blocks.append(block)
-        return len(self._blocks) - 1
+    @property
+    def _lists_higher(self) -> bool:
+        """If a copy in the frame has a surface of an order above two, all excerpts list theirs."""
+        return self._copies.higher is not None
+
+    def _add(self, found: Excerpts) -> int:
+        """The row of the first of some excerpts."""
+        self._parts.append(found)
+        self._count += len(found.sizes)
+        return self._count - len(found.sizes)
+
+    @functools.cached_property
+    def _all(self) -> Excerpts:
+        """All excerpts, once they are there."""
+        if not self._parts:
+            nothing = np.zeros(0, np.int64)
+            counts = np.zeros((3, 0), np.int64)
+            return Excerpts(np.zeros(0, np.uint32), nothing, nothing, counts, nothing, nothing)
+        joined = [np.concatenate(each, axis=-1) for each in zip(*self._parts, strict=True)]
+        return Excerpts(*joined)
 
     @property
     def lengths(self) -> Ints:
         """The length of each excerpt's program."""
-        return np.array([block.length for block in self._blocks], np.int64)
+        return self._all.lengths
 
     def regions(self, distinct: Ints) -> tuple[PackedRegions, U64]:
         """The regions, with a record for each copy, excerpt, first and last grid point (4, E).
@@ -148,8 +134,8 @@ class Written:
         """
         regions, order = self._packed.regions, self._packed.order
         assert regions is not None
-        counts = np.array([block.counts for block in self._blocks], np.int64).reshape(-1, 3)
-        most = max((block.crossings for block in self._blocks), default=0)
+        excerpts = self._all
+        most = int(excerpts.crossings.max(initial=0))
         if most > MOST_CROSSED:
             raise SceneError(
                 f"one tile of the picture sees {most:,} surfaces of one group, more than "
@@ -173,15 +159,15 @@ class Written:
             key >> np.uint64(32),
             key & np.uint64(0xFFFFFFFF),
         )
-        sizes = np.array([len(block.content) for block in self._blocks], np.int64)
+        sizes = excerpts.sizes
         # The words that do not depend on the frame come first.
         first_group = (len(regions.words) + np.cumsum(sizes) - sizes) // GROUP
-        end_group = first_group + [block.groups for block in self._blocks]
+        end_group = first_group + excerpts.groups
         places = np.stack([first_group, end_group, end_group * GROUP])
-        written = np.concatenate([places, counts.T]).astype(np.uint32)[:, row]
+        written = np.concatenate([places, excerpts.counts]).astype(np.uint32)[:, row]
         for name, column in zip(_WRITTEN, written, strict=True):
             records[name] = column
-        words = np.concatenate([regions.words, *(block.content for block in self._blocks)])
+        words = np.concatenate([regions.words, excerpts.content])
         return replace(regions, records=records, words=words, most_surfaces=most), key
 
 
