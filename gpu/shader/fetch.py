@@ -67,7 +67,7 @@ def in_textures(needs: Needs) -> tuple[str, ...]:
     if needs.broadcast == 1:
         return ()
     solids = () if needs.uniform else ("solids", "half_spaces")
-    return (*solids, *REGION_RECORDS)
+    return (*solids, *REGION_RECORDS, "polynomials", "expressions")
 
 
 # The members that a shader reads of a region to see whether to try it, of the solid that the region
