@@ -46,7 +46,7 @@ CALLED = {
         "polyhedron_entry": POLYHEDRA,
         "patch_entry": {Class.PATCH},
         "facing": {Class.PATCH},
-        "clip": QUADRICS | POLYHEDRA | POLYNOMIALS,
+        "clip": QUADRICS | POLYHEDRA,
         "whole_interval": QUADRICS | POLYHEDRA | POLYNOMIALS,
         "from_the_eye": {Class.QUADRIC_INSIDE, Class.POLYHEDRON_INSIDE, *POLYNOMIALS},
         "walked": {Class.POLYNOMIAL},
@@ -107,6 +107,7 @@ NEEDS = Needs(
     programs=PROGRAMS,
     numbers=4,
     balls=True,
+    planes=True,
 )
 
 
@@ -145,8 +146,9 @@ def test_a_kernel_calls_what_its_solids_need(name: str, method: str) -> None:
     need = needs(with_overrides(load(name), method=method), ALL - {"error"})
     called = functions(compose(need))
     for function, classes in CALLED[method].items():
-        of_ball = need.balls and function == "form_at"  # a ball is a quadric
-        assert (function in called) == (of_ball or bool(classes & set(need.classes))), function
+        # A ball is a quadric, and half-spaces may cut solids with formulas.
+        is_cut = (need.balls and function == "form_at") or (need.planes and function == "clip")
+        assert (function in called) == (is_cut or bool(classes & set(need.classes))), function
     other = CALLED[METHODS[method == "visible"]].keys() - CALLED[method].keys()
     assert not other & set(called)
 
@@ -212,7 +214,6 @@ def test_no_built_in_leaves_the_device_a_choice(combined: set[str]) -> None:
     """Bits do not hang on the order of a dot product, a contracted mix or a power."""
     exact = {
         "abs",
-        "all",
         "any",
         "bitcast",
         "ceil",

@@ -129,18 +129,12 @@ fn finished(
   steps: u32,
   last_step: f32,
 ) -> i4 {
-  var cell = begun_cell(found, is_cap, steps);
-  let powers = cap_or(found.met, curve.powers, c, b, a);
-  let middle = select(f4(0.0), f4(curve.middle), found.met);
-  let low = select(cap_start, start, found.met);
-  let high = select(cap_stop, stop, found.met);
-  for (var k = 0u; k < steps; k++) {
-    if all(cell.size == i4(0)) {
-      break;
-    }
-    cell = narrowed(powers, middle, low, high, cell, last_step);
-  }
-  return position_in(cell, steps);
+  let cell = begun_cell(found, is_cap, steps);
+  let powers = cap_or(is_cap, curve.powers, c, b, a);
+  let middle = select(f4(curve.middle), f4(0.0), is_cap);
+  let low = select(start, cap_start, is_cap);
+  let high = select(stop, cap_stop, is_cap);
+  return position_in(leaf_in(powers, middle, low, high, cell, steps, last_step), steps);
 }
 
 // The gradient in world axes, from the derivatives along x, y and u.

@@ -185,23 +185,49 @@ fn half_of(old: Cell, far: b4) -> Cell {
   );
 }
 
-// The half of a cell with the root of a polynomial in u - middle; a leaf stays.
-fn narrowed(
+// The u where a cell begins.
+fn begin_of(cell: Cell, last_step: f32) -> f4 {
+  return f4(cell.first) * (last_step + last_step) - 1.0;
+}
+
+// Half the width of a cell.
+fn half_width(cell: Cell, last_step: f32) -> f4 {
+  return f4(i4(1) << u4(cell.size)) * last_step;
+}
+
+// The leaf that begins at u.
+fn leaf_begun(u: f4, steps: u32) -> i4 {
+  return i4((u + 1.0) * f32(1u << (steps - 1u)));
+}
+
+// The leaf with the root of a polynomial in u - middle that a cell has. The state of halvings is a
+// place and a width, both exact: they take fewer operations than leaves do.
+fn leaf_in(
   powers: array<f4, POWERS>,
   middle: f4,
   start: f4,
   stop: f4,
-  old: Cell,
+  found: Cell,
+  steps: u32,
   last_step: f32,
-) -> Cell {
-  let u = middle_of(old, last_step);
-  let before = (u < start) | (value_at(powers, u - middle) > f4(0.0));
-  return half_of(old, (u < stop) & before);
+) -> i4 {
+  let size = max(max(found.size.x, found.size.y), max(found.size.z, found.size.w));
+  let most = u32(size);
+  let own = half_width(found, last_step);
+  var left = begin_of(found, last_step);
+  var half = f32(1i << most) * last_step;
+  for (var k = 0u; k < most; k++) {
+    let u = left + half;
+    let before = (u < start) | (value_at(powers, u - middle) > f4(0.0));
+    left = select(left, u, (f4(half) <= own) & (u < stop) & before);
+    half = half * 0.5;
+  }
+  return leaf_begun(left, steps);
 }
 
 // The middle of a leaf as a position: an odd number of last steps.
-fn position_in(cell: Cell, steps: u32) -> i4 {
-  return (cell.first + cell.first) + i4(1 - (1i << steps));
+fn position_in(leaf: i4, steps: u32) -> i4 {
+  return (leaf + leaf) + i4(1 - (1i << steps));
 }
 
 // A bound of the distance of the only root of a cell from a position: BOUNDS bounds are tried, each

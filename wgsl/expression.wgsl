@@ -113,18 +113,10 @@ fn expression_near(form: Expression, trace: Trace, turned: b4, m: f4, h: f4) -> 
   return opposite_jet(turned, jet);
 }
 
-// Half a cell in some pixels: the far one, or else the near one.
-fn some_halved(old: Cell, some: b4, far: b4) -> Cell {
-  let half = half_of(old, far);
-  var cell = old;
-  cell.first = select(old.first, half.first, some);
-  cell.size = select(old.size, half.size, some);
-  return cell;
-}
-
 // The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen. That
 // form has one root between `cap_start` and `cap_stop`. The sign of F in the middle of a cell
-// decides. A jet tells it for halves of the cell, too, as long as it is larger than its error.
+// decides. A jet tells it for halves of the cell, too, as long as it is larger than its error. The
+// form of a cap is a jet without errors.
 fn finished_formula(
   form: Expression,
   trace: Trace,
@@ -141,42 +133,52 @@ fn finished_formula(
   steps: u32,
   last_step: f32,
 ) -> i4 {
-  var cell = begun_cell(found, is_cap, steps);
-  let low = select(cap_start, start, found.met);
-  let high = select(cap_stop, stop, found.met);
+  let cell = begun_cell(found, is_cap, steps);
+  let low = select(start, cap_start, is_cap);
+  let high = select(stop, cap_stop, is_cap);
+  var left = begin_of(cell, last_step);
+  var half = half_width(cell, last_step);
   var middle = f4(0.0);
-  var unit = f4(0.0);
-  var near = NO_JET;
-  var known = b4(false);
-  var rest = f4(0.0);
+  var unit = f4(1.0);
+  var level = c;
+  var slope = b;
+  var bend = a;
+  var rough = f4(0.0);
+  var rest = select(f4(UNBOUNDED), f4(-1.0), is_cap);
   // First the caps; then each round begins with another jet.
-  for (var round = 0u; round < steps + 1u; round++) {
-    var some = cell.size > i4(0);
-    for (var k = 0u; k < steps; k++) {
-      let u = middle_of(cell, last_step);
+  loop {
+    loop {
+      let u = left + half;
       let s = (u - middle) * unit;
-      let value = (near.bend * s + near.slope) * s + near.value;
-      let told = known & (abs(value) > rest + (ROOM * near.bend_error) * (s * s));
-      let is_middle = b4(round > 0u && k == 0u);
-      some = some & (cell.size > i4(0)) & (!found.met | is_middle | told | (u < low) | (u >= high));
+      let value = (bend * s + slope) * s + level;
+      let told = abs(value) > rest + rough * (s * s);
+      let some = (half > f4(last_step)) & (told | (u < low) | (u >= high));
+      left = select(left, u, some & (u < high) & ((u < low) | (value > f4(0.0))));
+      half = select(half, half * 0.5, some);
       if !any(some) {
         break;
       }
-      let above = select((a * u + b) * u + c, value, found.met) > f4(0.0);
-      cell = some_halved(cell, some, (u < high) & ((u < low) | above));
     }
-    if all(cell.size == i4(0)) {
+    let wide = half > f4(last_step);
+    if !any(wide) {
       break;
     }
-    let half = f4(i4(1) << u4(cell.size)) * last_step;
-    middle = middle_of(cell, last_step);
+    middle = left + half;
     unit = 1.0 / half;
-    near = expression_near(form, trace, turned, middle, half);
-    known = (near.state & u4(STEEP | UNDEFINED)) == u4(0u);
+    let near = expression_near(form, trace, turned, middle, half);
+    let known = (near.state & u4(STEEP | UNDEFINED)) == u4(0u);
     let sizes = (abs(near.value) + abs(near.slope)) + abs(near.bend);
+    level = near.value;
+    slope = near.slope;
+    bend = near.bend;
+    rough = ROOM * near.bend_error;
     rest = ROOM * (near.value_error + near.slope_error) + (8.0 * EPSILON) * sizes;
+    rest = select(f4(UNBOUNDED), rest, known);
+    let far = wide & (middle < high) & ((middle < low) | (level > f4(0.0)));
+    left = select(left, middle, far);
+    half = select(half, half * 0.5, wide);
   }
-  return position_in(cell, steps);
+  return position_in(leaf_begun(left, steps), steps);
 }
 
 // What is certain about F on a piece of a ray: that it has the sign found at the beginning of the

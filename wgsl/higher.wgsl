@@ -254,13 +254,8 @@ fn all_crossed(curve: Curve, higher: Higher, some: b4, steps: u32, last_step: f3
       break;
     }
     let whole = span_of(found, start, stop, last_step);
-    for (var halving = 0u; halving < steps; halving++) {
-      if !any(found.met & (found.size > i4(0))) {
-        break;
-      }
-      found = narrowed(seen.powers, f4(seen.middle), start, stop, found, last_step);
-    }
-    let leaf = found.first;
+    found.size = select(i4(0), found.size, found.met);
+    let leaf = leaf_in(seen.powers, f4(seen.middle), start, stop, found, steps, last_step);
     var room = i4(0);
     room = room_about(seen, leaf, whole, last_step);  //? error
     search = rooted_search(search, leaf, room, whole.following, stop, steps, last_step);

@@ -155,15 +155,15 @@ fn opposite(some: b4, curve: Curve) -> Curve {
   return turned;
 }
 
-// `powers` in some pixels, in the others those of c + b u + a u².
+// Those of c + b u + a u² in some pixels, `powers` in the others.
 fn cap_or(some: b4, powers: array<f4, POWERS>, c: f4, b: f4, a: f4) -> array<f4, POWERS> {
   var chosen: array<f4, POWERS>;
-  chosen[0] = select(c, powers[0], some);
-  chosen[1] = select(b, powers[1], some);
-  chosen[2] = select(a, powers[2], some);
+  chosen[0] = select(powers[0], c, some);
+  chosen[1] = select(powers[1], b, some);
+  chosen[2] = select(powers[2], a, some);
   // written out
   for (var j = 3u; j < DEGREE + 1u; j++) {
-    chosen[j] = select(f4(0.0), powers[j], some);
+    chosen[j] = select(powers[j], f4(0.0), some);
   }
   return chosen;
 }

@@ -9,7 +9,7 @@ fn visit_polynomial(solid: Solid, y: i32, member: u32) {
   var piece_0 = whole_interval(solid.near_u, solid.far_u);
   // each quad
   var ends_0 = bounded_interval(solid.near_u, solid.far_u, near_cut(solid));  //? error
-  for (var k = 0u; k < solid.plane_count; k++) {
+  for (var k = 0u; k < solid.plane_count; k++) {  //? planes
     let half_space = half_space_at(solid.plane_start + k);
     let normal = normal_of(half_space);  //? normal
     let number = i32(k) + 1;

@@ -6,7 +6,7 @@ fn visit_polynomial_fixed(solid: Solid, y: i32, member: u32) {
   var piece_0 = whole_interval(solid.near_u, solid.far_u);
   // each quad
   var ends_0 = bounded_interval(solid.near_u, solid.far_u, near_cut(solid));  //? error
-  for (var k = 0u; k < solid.plane_count; k++) {
+  for (var k = 0u; k < solid.plane_count; k++) {  //? planes
     let half_space = half_space_at(solid.plane_start + k);
     let normal = normal_of(half_space);  //? normal
     let number = i32(k) + 1;
@@ -84,8 +84,7 @@ fn visit_polynomial_fixed(solid: Solid, y: i32, member: u32) {
     let met = sought.cell.met;
     let on_exit = inside & !met & (id_out > i4(0)) & b4(!is_sheet);
     let rooted = rooted_leaf(sought, error, solid.steps);
-    var shown = rooted.cell;
-    shown.first = select(select(end, begin, on_entry), shown.first, met);
+    let shown = select(select(end, begin, on_entry), rooted.cell.first, met);
     let position = position_in(shown, solid.steps);
     let hit = some & (met | on_entry | on_exit);
     let surface = select(select(i4(0), id_out, on_exit), id_in, on_entry);
@@ -100,8 +99,8 @@ fn visit_polynomial_fixed(solid: Solid, y: i32, member: u32) {
       hit & !stays & (behind <= searched_to) & (from_place < to_place),
       solid.steps,
     );
-    var leaving = rooted_leaf(left, error, solid.steps).cell;  //? exit
-    leaving.first = select(end, leaving.first, left.cell.met);  //? exit
+    var leaving = rooted_leaf(left, error, solid.steps).cell.first;  //? exit
+    leaving = select(end, leaving, left.cell.met);  //? exit
     sight_0 = Sight(
       hit,
       surface,

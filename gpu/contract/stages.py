@@ -172,6 +172,7 @@ FACTS = {
     "flat": "the solid is a polyhedron",
     "patch": "the solid is a bounded plane",
     "ball": "a bounding ball cuts a solid that has a polynomial or a formula",
+    "planes": "half-spaces may cut a solid that has a polynomial or a formula",
     "formula": "the solid has a formula that is not a polynomial",
     "stretches": "tiles may see a solid that has a polynomial or a formula",
     "regions": "tiles may see a copy of a group of cells",

@@ -32,6 +32,7 @@ def needs_of(
     is_formula = np.empty(0)
     if regions is not None and regions.higher is not None:
         is_formula = regions.higher["is_formula"]
+    algebraic = [each for each in (packed.polynomials, packed.expressions) if each is not None]
     before_lights = 0 if veils is None else veils.most_surfaces
     return Needs(
         classes=packed.present,
@@ -63,9 +64,8 @@ def needs_of(
         parallel=packed.setup.view.parallel,
         programs=() if packed.expressions is None else packed.expressions.programs,
         numbers=0 if packed.expressions is None else packed.expressions.numbers,
-        balls=any(
-            each is not None and each.has_balls for each in (packed.polynomials, packed.expressions)
-        ),
+        balls=any(each.has_balls for each in algebraic),
+        planes=bool(algebraic) and packed.most_half_spaces > 0,
         short_keys=packed.key_bits < 32 and not outputs & {"key", "exit", "error"},
     )
 

@@ -106,7 +106,7 @@ def in_textures(needs: Needs) -> tuple[str, ...]:
     """The arrays of records that are textures, not buffers.
 
     llvmpipe loads from a buffer for one invocation after another, but texels for all at once.
-    Long records of formulas and tori that bound cells gain nothing by that.
+    The records of tori and formulas that bound cells took longer.
     """
     if needs.broadcast == 1:
         return ()
@@ -118,6 +118,8 @@ def in_textures(needs: Needs) -> tuple[str, ...]:
         *SHADOW_RECORDS,
         *VEIL_RECORDS,
         *MIRROR_RECORDS,
+        "polynomials",
+        "expressions",
     )
 
 

@@ -60,6 +60,7 @@ class Needs:
     programs: tuple[Program, ...] = ()  # the scene's formulas that are not polynomials
     numbers: int = 0  # the constants that a formula's record has room for
     balls: bool = False  # a bounding ball cuts a solid with a polynomial or a formula
+    planes: bool = False  # half-spaces may cut a solid with a polynomial or a formula
     conveyor: str = "conveyor"  # the stage that locates roots
     parallel: bool = False  # the camera's rays are parallel
     shadows: int = 0  # number of lights with shadows
@@ -113,8 +114,8 @@ class Needs:
             wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
         if "places" in wanted or wanted >= {"regions", "normal"}:
             wanted.add("position")
-        if self.balls:
-            wanted.add("ball")
+        wanted |= {"ball"} if self.balls else set()
+        wanted |= {"planes"} if self.planes else set()
         if not STRETCHED.isdisjoint(self.classes):
             wanted.add("stretches")
         return frozenset(wanted)

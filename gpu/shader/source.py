@@ -226,11 +226,11 @@ def binding_types(needs: Needs) -> dict[int, str]:
         read_from = [_read_from(name in textures) for name in (*REGION_RECORDS, "programs")]
         types |= dict(enumerate(read_from, start=9))
     if needs.degree:  # likewise
-        types[10 + len(REGION_RECORDS)] = "read-only-storage"
+        types[10 + len(REGION_RECORDS)] = _read_from("polynomials" in textures)
     if needs.pairs:  # likewise
         types[HIGHERS_BINDING] = "read-only-storage"
     if needs.programs:  # likewise
-        types[EXPRESSIONS_BINDING] = "read-only-storage"
+        types[EXPRESSIONS_BINDING] = _read_from("expressions" in textures)
     types |= {number: _read_from(name in textures) for number, (name, _) in _placed(needs).items()}
     return types
 
@@ -294,13 +294,9 @@ def bindings(needs: Needs) -> str:
         binding = f"@group(0) @binding({HIGHERS_BINDING})"
         lines.append(f"{binding} var<storage, read> highers: array<{higher}>;")
     if needs.has_polynomials:
-        polynomial = "Polynomial" if needs.broadcast == 1 else "vec4<u64>"
-        binding = f"@group(0) @binding({10 + len(REGION_RECORDS)})"
-        lines.append(f"{binding} var<storage, read> polynomials: array<{polynomial}>;")
+        lines.append(_records(needs, 10 + len(REGION_RECORDS), "polynomials", "Polynomial"))
     if needs.has_formulas:
-        expression = "Expression" if needs.broadcast == 1 else "vec4<u64>"
-        binding = f"@group(0) @binding({EXPRESSIONS_BINDING})"
-        lines.append(f"{binding} var<storage, read> expressions: array<{expression}>;")
+        lines.append(_records(needs, EXPRESSIONS_BINDING, "expressions", "Expression"))
     for number, (name, record) in _placed(needs).items():
         type_ = record.name if needs.broadcast == 1 else "vec4<u64>"
         lines.append(_records(needs, number, name, type_))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract.stretches import PIECE_BITS, PIECES, ROW_BITS
-from halfstep.twin.cells import Cell, narrowed, position_in
+from halfstep.twin.cells import Cell, leaf_in, position_in
 from halfstep.twin.certify import EPSILON, ROOM, UNBOUNDED
 from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.normal import Vector
@@ -150,13 +150,10 @@ def finished(
     That form has one root between ``cap_start`` and ``cap_stop``.
     """
     cell = begun_cell(found, is_cap, steps)
-    powers = cap_or(found.met, curve.powers, c, b, a)
-    middle = np.where(found.met, curve.middle, np.float32(0))
-    low = np.where(found.met, start, cap_start)
-    high = np.where(found.met, stop, cap_stop)
-    for _ in range(steps):
-        cell = narrowed(powers, middle, low, high, cell, last_step)
-    return position_in(cell, steps)
+    powers = cap_or(is_cap, curve.powers, c, b, a)
+    middle = np.where(is_cap, np.float32(0), curve.middle)
+    low, high = np.where(is_cap, cap_start, start), np.where(is_cap, cap_stop, stop)
+    return position_in(leaf_in(powers, middle, low, high, cell, steps, last_step), steps)
 
 
 def world_slope(form: np.void, x: F32, y: F32, u: F32, slopes: Slopes) -> Vector:

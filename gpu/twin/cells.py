@@ -203,18 +203,49 @@ def half_of(old: Cell, far: Bools) -> Cell:
     )
 
 
-def narrowed(
-    powers: Powers, middle: F32, start: F32, stop: F32, old: Cell, last_step: np.float32
-) -> Cell:
-    """The half of a cell with the root of a polynomial in u - middle; a leaf stays."""
-    u = middle_of(old, last_step)
-    before = (u < start) | (value_at(powers, u - middle) > 0)
-    return half_of(old, (u < stop) & before)
+def begin_of(cell: Cell, last_step: np.float32) -> F32:
+    """The u where a cell begins."""
+    return cell.first.astype(np.float32) * (last_step + last_step) - np.float32(1)
 
 
-def position_in(cell: Cell, steps: int) -> I32:
+def half_width(cell: Cell, last_step: np.float32) -> F32:
+    """Half the width of a cell."""
+    return (np.int32(1) << cell.size).astype(np.float32) * last_step
+
+
+def leaf_begun(u: F32, steps: int) -> I32:
+    """The leaf that begins at u."""
+    return ((u + np.float32(1)) * np.float32(1 << (steps - 1))).astype(np.int32)
+
+
+def leaf_in(
+    powers: Powers,
+    middle: F32,
+    start: F32,
+    stop: F32,
+    found: Cell,
+    steps: int,
+    last_step: np.float32,
+) -> I32:
+    """The leaf with the root of a polynomial in u - middle that a cell has.
+
+    The state of halvings is a place and a width, both exact: they take fewer operations than
+    leaves do.
+    """
+    left, own = begin_of(found, last_step), half_width(found, last_step)
+    most = int(found.size.max(initial=0))
+    half = np.float32(1 << most) * last_step
+    for _ in range(most):
+        u = left + half
+        before = (u < start) | (value_at(powers, u - middle) > 0)
+        left = np.where((half <= own) & (u < stop) & before, u, left)
+        half = half * np.float32(0.5)
+    return leaf_begun(left, steps)
+
+
+def position_in(leaf: I32, steps: int) -> I32:
     """The middle of a leaf as a position: an odd number of last steps."""
-    return (cell.first + cell.first) + np.int32(1 - (1 << steps))
+    return (leaf + leaf) + np.int32(1 - (1 << steps))
 
 
 def bound_in(

@@ -19,8 +19,9 @@ from halfstep.twin.algebraic import begun_cell
 from halfstep.twin.cells import (
     CLIPPING,
     Cell,
-    half_of,
-    middle_of,
+    begin_of,
+    half_width,
+    leaf_begun,
     next_cell,
     position_in,
     span_of,
@@ -38,7 +39,6 @@ from halfstep.twin.elementary import (
 from halfstep.twin.grades import Grade
 from halfstep.twin.jets import (
     FAINTEST,
-    NO_JET,
     STEEP,
     UNDEFINED,
     Jet,
@@ -205,14 +205,6 @@ def expression_near(formula: Formula, trace: Trace, turned: Bools, m: F32, h: F3
     return opposite_jet(turned, jet_of_value(value))
 
 
-def some_halved(old: Cell, some: Bools, far: Bools) -> Cell:
-    """Half a cell in some pixels: the far one, or else the near one."""
-    half = half_of(old, far)
-    return old._replace(
-        first=np.where(some, half.first, old.first), size=np.where(some, half.size, old.size)
-    )
-
-
 def finished_formula(
     formula: Formula,
     trace: Trace,
@@ -233,39 +225,40 @@ def finished_formula(
 
     That form has one root between ``cap_start`` and ``cap_stop``. The sign of F in the middle of a
     cell decides. A jet tells it for halves of the cell, too, as long as it is larger than its
-    error.
+    error. The form of a cap is a jet without errors.
     """
     cell = begun_cell(found, is_cap, steps)
-    low, high = np.where(found.met, start, cap_start), np.where(found.met, stop, cap_stop)
-    like = np.zeros_like(low)
-    middle = unit = rest = like
-    near = NO_JET._replace(value=like)
-    known = np.zeros(like.shape, bool)
+    low, high = np.where(is_cap, cap_start, start), np.where(is_cap, cap_stop, stop)
+    left, half = begin_of(cell, last_step), half_width(cell, last_step)
+    middle, unit = np.zeros_like(low), np.ones_like(low)
+    level, slope, bend, rough = c + middle, b + middle, a + middle, np.zeros_like(low)
+    rest = np.where(is_cap, np.float32(-1), UNBOUNDED)
     # First the caps; then each round begins with another jet.
-    for number in range(steps + 1):
-        some = cell.size > 0
-        for k in range(steps):
-            u = middle_of(cell, last_step)
+    for _ in range(steps + 1):
+        for _ in range(steps + 1):
+            u = left + half
             s = (u - middle) * unit
-            value = (near.bend * s + near.slope) * s + near.value
-            told = known & (np.abs(value) > rest + (ROOM * near.bend_error) * (s * s))
-            is_middle = number > 0 and k == 0
-            told = ~found.met | is_middle | told
-            some = some & (cell.size > 0) & (told | (u < low) | (u >= high))
+            value = (bend * s + slope) * s + level
+            told = np.abs(value) > rest + rough * (s * s)
+            some = (half > last_step) & (told | (u < low) | (u >= high))
+            left = np.where(some & (u < high) & ((u < low) | (value > 0)), u, left)
+            half = np.where(some, half * np.float32(0.5), half)
             if not some.any():
                 break
-            above = np.where(found.met, value, (a * u + b) * u + c) > 0
-            cell = some_halved(cell, some, (u < high) & ((u < low) | above))
-        if (cell.size == 0).all():
+        wide = half > last_step
+        if not wide.any():
             break
-        half = (np.int32(1) << cell.size).astype(np.float32) * last_step
-        middle, unit = middle_of(cell, last_step), np.float32(1) / half
+        middle, unit = left + half, np.float32(1) / half
         near = expression_near(formula, trace, turned, middle, half)
         known = (near.state & (STEEP | UNDEFINED)) == 0
         sizes = (np.abs(near.value) + np.abs(near.slope)) + np.abs(near.bend)
+        level, slope, bend, rough = near.value, near.slope, near.bend, ROOM * near.bend_error
         rest = ROOM * (near.value_error + near.slope_error)
-        rest = rest + (np.float32(8) * EPSILON) * sizes
-    return position_in(cell, steps)
+        rest = np.where(known, rest + (np.float32(8) * EPSILON) * sizes, UNBOUNDED)
+        far = wide & (middle < high) & ((middle < low) | (level > 0))
+        left = np.where(far, middle, left)
+        half = np.where(wide, half * np.float32(0.5), half)
+    return position_in(leaf_begun(left, steps), steps)
 
 
 class Surety(NamedTuple):

@@ -41,7 +41,7 @@ from halfstep.twin.cells import (
     Span,
     cells_from,
     judged_of,
-    narrowed,
+    leaf_in,
     next_cell,
     span_of,
 )
@@ -341,11 +341,8 @@ def all_crossed(
             break
         whole = span_of(found, start, stop, last_step)
         middle = np.full(some.shape, seen.middle)
-        for _ in range(steps):
-            if not (found.met & (found.size > 0)).any():
-                break
-            found = narrowed(seen.powers, middle, start, stop, found, last_step)
-        leaf = found.first
+        shown = found._replace(size=np.where(found.met, found.size, np.int32(0)))
+        leaf = leaf_in(seen.powers, middle, start, stop, shown, steps, last_step)
         held = room_about(seen, leaf, whole, last_step) if "error" in facts else leaf
         search = rooted_search(search, leaf, held, whole.following, stop, steps, last_step, facts)
     return ended_search(search, facts)

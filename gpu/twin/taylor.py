@@ -144,10 +144,10 @@ def opposite(some: Bools, curve: Curve) -> Curve:
 
 
 def cap_or(some: Bools, powers: Powers, c: F32, b: F32, a: F32) -> Powers:
-    """``powers`` in some pixels, in the others those of c + b u + a u²."""
+    """Those of c + b u + a u² in some pixels, ``powers`` in the others."""
     return [
-        np.where(some, powers[0], c),
-        np.where(some, powers[1], b),
-        np.where(some, powers[2], a),
-        *(np.where(some, power, np.float32(0)) for power in powers[3:]),
+        np.where(some, c, powers[0]),
+        np.where(some, b, powers[1]),
+        np.where(some, a, powers[2]),
+        *(np.where(some, np.float32(0), power) for power in powers[3:]),
     ]

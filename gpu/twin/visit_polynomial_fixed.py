@@ -153,8 +153,7 @@ def visit_polynomial_fixed(
     on_exit = inside & ~met & (id_out > 0) & (not is_sheet)
     rooted = rooted_leaf(sought, error, steps)
     cap = np.where(on_entry, begin, end)
-    shown = rooted.cell._replace(first=np.where(met, rooted.cell.first, cap))
-    position = position_in(shown, steps)
+    position = position_in(np.where(met, rooted.cell.first, cap), steps)
     hit = some & (met | on_entry | on_exit)
     surface = np.where(on_entry, id_in, np.where(on_exit, id_out, 0))
     left, exit_position = hit, position
@@ -165,8 +164,8 @@ def visit_polynomial_fixed(
         back = opposite_weights(~inside, weights)
         back_at_stop = np.where(inside, final, -final)
         last = sought_cell(back, error, back_at_stop, behind, searched_to, going, steps)
-        leaving = rooted_leaf(last, error, steps).cell
-        leaving = leaving._replace(first=np.where(last.cell.met, leaving.first, end))
+        leaving = rooted_leaf(last, error, steps).cell.first
+        leaving = np.where(last.cell.met, leaving, end)
         exit_position = np.where(stays, position, position_in(leaving, steps))
         left = np.where(stays, hit, last.cell.met | (id_out > 0))
     certificate = NO_CERTIFICATE
