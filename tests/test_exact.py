@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import halfstep
-from halfstep.errors import UsageError
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
 from halfstep.host.prepare import prepare
@@ -58,12 +57,8 @@ BUNDLED = sorted(set(bundled_scenes()) - {"crowd"})
 OF_CELLS = [name for name in drawn_by_all() if halfstep.load(name).layout().copies()]
 
 
-@pytest.mark.parametrize("name", sorted({*BUNDLED} - {*OF_CELLS}))
+@pytest.mark.parametrize("name", sorted({*BUNDLED} & {*drawn_by_all()} - {*OF_CELLS}))
 def test_every_bundled_scene(name: str) -> None:
-    if name not in drawn_by_all():
-        with pytest.raises(UsageError, match="no exact answer for tori and formulas"):
-            exact(halfstep.load(name))
-        return
     hits, depths = judged(halfstep.load(name), name)
     assert hits > 100
     assert depths > 0.5 * hits or name.startswith("edge")

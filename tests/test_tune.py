@@ -459,3 +459,45 @@ def test_a_bar_is_for_terminals_only(
         assert (" 50%" in err, "100%" in err, "\r" in err) == (terminal,) * 3
         # Nothing of it is left before the messages that follow.
         assert not terminal or f"\r\x1b[K{tmp_path}: " in err
+
+
+# ----------------------------------------------------------------------------- tori and formulas
+
+
+@pytest.mark.parametrize(
+    ("name", "formats", "steps"),
+    [
+        ("one_torus", {"float32", "fixed32"}, None),
+        ("kummer", {"float32", "fixed32"}, range(4, 23, 6)),
+        ("sine_helix", {"float32"}, range(4, 23, 6)),
+    ],
+)
+def test_tori_and_formulas_get_as_many_steps_as_they_need(
+    name: str, formats: set[str], steps: range | None
+) -> None:
+    options: dict[str, Any] = {"size": (24, 18), "backend": "numpy", "repeats": 1}
+    found = tune(halfstep.load(name), steps=steps, tolerance_pixels=0.25, **options)
+    assert {row.number_format for row in found.rows} == formats
+    assert {row.method for row in found.rows} == {"visible"}
+    assert max(row.steps for row in found.rows if row.number_format == "float32") == 22
+    assert found.meets_tolerance
+    assert 4 < found.recommended.steps < 22
+    before = [
+        row
+        for row in found.rows
+        if row.steps < found.recommended.steps and row.number_format == "float32"
+    ]
+    assert all(row.max_error_pixels > 0.25 or row.misplaced_pixels for row in before)
+    [finest] = [r for r in found.rows if r.steps == 22 and r.number_format == "float32"]
+    assert finest.misplaced_pixels == 0
+    assert finest.max_error_pixels < 1e-3
+
+
+def test_a_setting_that_is_asked_for_and_cannot_draw_is_refused() -> None:
+    options: dict[str, Any] = {"size": (8, 6), "backend": "numpy", "repeats": 1}
+    with pytest.raises(SceneError, match="cannot tell the roots of a torus apart"):
+        tune(halfstep.load("one_torus"), methods=("article",), **options)
+    with pytest.raises(SceneError, match="cannot draw a formula that is no polynomial"):
+        tune(halfstep.load("sine_helix"), formats=("fixed32",), **options)
+    with pytest.raises(SceneError, match="24 is not <= 22"):
+        tune(halfstep.load("one_torus"), steps=(8, 24), formats=("float32",), **options)

@@ -8,7 +8,6 @@ import re
 from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import Commands, add_accuracy, add_conveyor, add_output, add_scene
 from halfstep.cli.output import print_json, print_text, progress_bar, say
-from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 
 
 def add(commands: Commands) -> None:
@@ -42,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure, and return the exit code."""
     from halfstep.files.whole import check_output_folder
     from halfstep.models import load
-    from halfstep.tune.measure import STEPS, tune
+    from halfstep.tune.measure import tune
     from halfstep.tune.plot import scale_of, write
 
     check_output_folder(arguments.output)
@@ -50,11 +49,11 @@ def run(arguments: argparse.Namespace) -> int:
         report = tune(
             load(arguments.scene, look_of(arguments)),
             size=arguments.size,
-            steps=arguments.steps or STEPS,
+            steps=arguments.steps,
             tolerance_pixels=arguments.tolerance_pixels,
             tolerance=arguments.tolerance,
-            methods=(arguments.method,) if arguments.method else METHODS,
-            formats=(arguments.number_format,) if arguments.number_format else NUMBER_FORMATS,
+            methods=(arguments.method,) if arguments.method else None,
+            formats=(arguments.number_format,) if arguments.number_format else None,
             backend=arguments.backend,
             adapter=arguments.adapter,
             progress=progress,

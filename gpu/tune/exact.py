@@ -2,7 +2,8 @@
 
 The twin's visits do the work, because its functions take numbers of any width. They get the forms
 of ``setup`` before rounding. Where the conveyor would halve towards the root of a convex quadratic,
-the root is computed in closed form. The only error left is the rounding of float64.
+the root is computed in closed form. Tori and formulas have a search of their own, by bounds of F
+on a ray (``exact_curves``). The only error left is the rounding of float64.
 """
 
 from __future__ import annotations
@@ -13,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from halfstep.contract.arrays import I32, Floats, Ints, Records
+from halfstep.contract.arrays import I32, Bools, Floats, Ints, Records
 from halfstep.contract.classes import Class
 from halfstep.contract.formats import FLOAT32
 from halfstep.contract.layout import HALF_SPACE, SOLID, Flag
 from halfstep.contract.stages import VISITS
-from halfstep.errors import UsageError
 from halfstep.host.camera import View
 from halfstep.host.forms import NEGLIGIBLE
 from halfstep.host.geometry import Geometry
@@ -26,6 +26,7 @@ from halfstep.host.prepare import Solids, frame_setup
 from halfstep.host.setup import Setup
 from halfstep.scene import Scene
 from halfstep.tune.exact_cells import numbers, seen
+from halfstep.tune.exact_solids import is_algebraic, seen_of
 from halfstep.twin import certify, forms, polynomial, root
 from halfstep.twin.chosen import Chosen, module
 from halfstep.twin.sight import Sight
@@ -61,9 +62,7 @@ def exact(scene: Scene) -> Exact:
 
     Raises:
         SceneError: the scene is unbounded and has no volume.
-        UsageError: the scene has tori or formulas.
     """
-    check_known(scene)
     solids = Solids.of(scene)
     constants = frame_setup(scene, solids=solids)
     view = constants.view
@@ -77,16 +76,6 @@ def exact(scene: Scene) -> Exact:
         for window in _windows(constants.rectangle[row]):
             _visit(answer, rounding, solids.geometry, constants, records, row, window)
     return answer
-
-
-def check_known(scene: Scene) -> None:
-    """Check that `exact` can answer for all solids of a scene.
-
-    Raises:
-        UsageError: the scene has tori or formulas.
-    """
-    if scene.has_algebraic:
-        raise UsageError(f"{scene.name}: tune knows no exact answer for tori and formulas")
 
 
 def _windows(rectangle: Ints) -> Iterator[tuple[slice, slice]]:
@@ -112,20 +101,10 @@ def _visit(
     y -= constants.center[row, 1]
     ix = int(constants.solid[row])
     if ix >= solids.solid_count:
-        assert constants.copies is not None
-        which = int(np.searchsorted(constants.copies.row, row))
-        met = seen(constants, which, x.ravel(), y.ravel())
-        cell, face = (part.reshape(x.shape) for part in numbers(constants, which, met))
-        hit, u = met.hit.reshape(x.shape), met.u.reshape(x.shape)
-        solid, surface = np.int32(solids.solid_count) + cell, face
+        hit, u, solid, surface = _cells(solids, constants, row, x, y)
     else:
-        visit = VISITS["visible", _class_of(solids, ix)]
-        run = getattr(module(visit.file), visit.file)
-        sight = run(records[0][row], records[1], x, y, CHOSEN, visit.facts).sight
-        hit, u = sight.hit, sight.position
-        first = solids.plane_start[ix]
-        own = np.append(0, solids.plane_number[first:][: constants.plane_count[row]])
-        solid, surface = np.full(x.shape, ix, np.int32), own[sight.surface]
+        hit, u, faces = _faces(solids, constants, records, row, x, y)
+        solid, surface = np.full(x.shape, ix, np.int32), faces
     half = constants.depth_half[row]
     depth = constants.depth_middle[row] + u * half
     # ``setup`` drops negligible terms, so each coefficient is off by at most NEGLIGIBLE.
@@ -136,6 +115,41 @@ def _visit(
     rounding[window][nearer] = doubt
     answer.solid[window][nearer] = solid[nearer]
     answer.surface[window][nearer] = surface[nearer]
+
+
+def _cells(
+    solids: Geometry, constants: Setup, row: int, x: Floats, y: Floats
+) -> tuple[Bools, Floats, Ints, Ints]:
+    """Where rays see the cells of a copy, and the numbers of the cell and its surface there."""
+    assert constants.copies is not None
+    which = int(np.searchsorted(constants.copies.row, row))
+    met = seen(constants, which, x.ravel(), y.ravel())
+    cell, face = (part.reshape(x.shape) for part in numbers(constants, which, met))
+    hit, u = met.hit.reshape(x.shape), met.u.reshape(x.shape)
+    return hit, u, np.int32(solids.solid_count) + cell, face
+
+
+def _faces(
+    solids: Geometry,
+    constants: Setup,
+    records: tuple[Records, Records],
+    row: int,
+    x: Floats,
+    y: Floats,
+) -> tuple[Bools, Floats, Ints]:
+    """Where rays see a solid, and the number of the surface there."""
+    ix, count = int(constants.solid[row]), int(constants.plane_count[row])
+    first = solids.plane_start[ix]
+    # A ball has no half-spaces beside it but cuts, and its number is 1.
+    own = np.r_[0, solids.plane_number[first : first + count], 1].astype(np.int32)
+    if is_algebraic(constants, row):
+        met = seen_of(constants, row, x.ravel(), y.ravel())
+        hit, u, face = (part.reshape(x.shape) for part in met)
+        return hit, u, own[face]
+    visit = VISITS["visible", _class_of(solids, ix)]
+    run = getattr(module(visit.file), visit.file)
+    sight = run(records[0][row], records[1], x, y, CHOSEN, visit.facts).sight
+    return sight.hit, sight.position, own[sight.surface]
 
 
 def _records(constants: Setup) -> tuple[Records, Records]:

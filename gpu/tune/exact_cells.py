@@ -1,7 +1,7 @@
 """The exact answer for a copy of a group of cells, from the sorted roots of all its surfaces.
 
 No cell begins or ends between two neighbouring roots on a ray, so each piece is tested at its
-middle.
+middle. Tori and formulas change their sign at places that a search gives.
 """
 
 from __future__ import annotations
@@ -12,6 +12,13 @@ import numpy as np
 
 from halfstep.contract.arrays import I32, Bools, Floats, Ints
 from halfstep.host.setup import Setup
+from halfstep.tune.exact_curves import (
+    Curve,
+    FormulaCurve,
+    PolynomialCurve,
+    all_changes,
+    value,
+)
 
 
 class Seen(NamedTuple):
@@ -35,7 +42,13 @@ def seen(constants: Setup, which: int, x: Floats, y: Floats) -> Seen:
     monomials = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
     a, g, c = (form[:, own].T @ monomials for form in copies.coefficients)
     low, high = constants.near_u[row], constants.far_u[row]
-    roots = np.concatenate(_roots(a, g, c))
+    slots = np.arange(len(own))
+    roots, slots = np.concatenate(_roots(a, g, c)), np.r_[slots, slots]
+    higher = _higher(constants, which, x, y)
+    for place, curve in higher.items():
+        ends = (np.full(x.shape, end) for end in (low, high))
+        changes = all_changes(curve, *ends, np.ones(len(x), bool))
+        roots, slots = np.concatenate([roots, changes]), np.r_[slots, [place] * len(changes)]
     roots = np.where((roots > low) & (roots < high), roots, high)
     order = np.argsort(roots, axis=0, kind="stable")
     ordered = np.take_along_axis(roots, order, axis=0)
@@ -46,9 +59,12 @@ def seen(constants: Setup, which: int, x: Floats, y: Floats) -> Seen:
     u = np.full(len(x), np.nan)
     cell, slot = np.full((2, len(x)), -1)
     start, crossed = np.full(len(x), low), slot.copy()
-    for end, following in zip(ordered[: some + 1], order[: some + 1] % len(own), strict=True):
+    for end, following in zip(ordered[: some + 1], slots[order[: some + 1]], strict=True):
         middle = (start + end) / 2
-        holds = formula.holds_at((a * middle + g) * middle + c > 0) & (end > start)
+        positive = (a * middle + g) * middle + c > 0
+        for place, curve in higher.items():
+            positive[place] = value(curve, rays, middle) > 0
+        holds = formula.holds_at(positive) & (end > start)
         enters = (cell < 0) & holds.any(axis=0)
         cell[enters] = holds.argmax(axis=0)[enters]
         inside |= enters & (start == low)
@@ -58,6 +74,28 @@ def seen(constants: Setup, which: int, x: Floats, y: Floats) -> Seen:
         hit |= now
         start, crossed = end, following
     return Seen(hit, u, slot, cell)
+
+
+def _higher(constants: Setup, which: int, x: Floats, y: Floats) -> dict[int, Curve]:
+    """The tori and formulas of copy ``which`` along rays, by index in the program."""
+    copies = constants.copies
+    assert copies is not None
+    higher = copies.higher
+    curves: dict[int, Curve] = {}
+    if higher is None:
+        return curves
+    center = constants.center[copies.row[which]]
+    for k in np.flatnonzero(higher.owner == which).tolist():
+        off_x, off_y = np.stack([x, y]) + (center - higher.center[k])[:, None]
+        # Those before it of its own kind.
+        place = int((higher.is_formula[:k] == higher.is_formula[k]).sum())
+        if higher.is_formula[k]:
+            assert higher.formulas is not None
+            curves[int(higher.slot[k])] = FormulaCurve(higher.formulas, place, off_x, off_y)
+        else:
+            assert higher.forms is not None
+            curves[int(higher.slot[k])] = PolynomialCurve(higher.forms, place, off_x, off_y)
+    return curves
 
 
 def _roots(a: Floats, g: Floats, c: Floats) -> tuple[Floats, Floats]:

@@ -13,22 +13,20 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Floats
-from halfstep.contract.choices import METHODS, NUMBER_FORMATS
 from halfstep.errors import UsageError
 from halfstep.frames.frame import Frame, Info
 from halfstep.frames.renderer import WARM_UP, Renderer
 from halfstep.host.steps import format_for
 from halfstep.scene import Accuracy, Scene, with_overrides
-from halfstep.tune.exact import Exact, check_known, exact
+from halfstep.tune.choices import Choices
+from halfstep.tune.exact import Exact, exact
 from halfstep.version import __version__
 
-STEPS = range(4, 25)
 REPEATS = 5
 # The tolerance for a scene that states a number of steps instead of a tolerance.
 DEFAULT_TOLERANCE_PIXELS = 0.5
@@ -157,11 +155,11 @@ def tune(
     scene: Scene,
     *,
     size: tuple[int, int] | None = None,
-    steps: Iterable[int] = STEPS,
+    steps: Iterable[int] | None = None,
     tolerance_pixels: float | None = None,
     tolerance: float | None = None,
-    methods: Sequence[str] = METHODS,
-    formats: Sequence[str] = NUMBER_FORMATS,
+    methods: Sequence[str] | None = None,
+    formats: Sequence[str] | None = None,
     backend: str = "auto",
     adapter: str | int | None = None,
     repeats: int = REPEATS,
@@ -170,17 +168,18 @@ def tune(
     """Measure ``scene`` with every setting.
 
     If the device has no 64-bit integers in shaders, settings that need them are left out with a
-    warning.
+    warning. Of steps, methods and formats that are not given, those that cannot draw the tori or
+    formulas of the scene are left out.
 
     Args:
         scene: the scene to render.
         size: (width, height) in pixels, by default the scene's.
-        steps: the numbers of halvings to try, each 1…30.
+        steps: the numbers of halvings to try, each 1…30; by default 4 to 24.
         tolerance_pixels: the largest acceptable depth error, in widths of a pixel at that depth; by
             default the scene's tolerance, or half a pixel if the scene states steps.
         tolerance: the largest acceptable depth error in scene units, in place of the above.
-        methods: the methods to try, "visible" and "article".
-        formats: the number formats to try.
+        methods: the methods to try, by default "visible" and "article".
+        formats: the number formats to try, by default both.
         backend: see ``render``.
         adapter: see ``render``.
         repeats: how many frames of each setting are timed.
@@ -188,26 +187,19 @@ def tune(
 
     Raises:
         SceneError: an option is out of range.
-        UsageError: there is nothing to try, the scene has tori or formulas, or the backend is
-            unknown.
+        UsageError: there is nothing to try, or the backend is unknown.
         AdapterError: no adapter is suitable, or the adapter can work with none of the settings.
         DeviceError: the device was lost or the driver failed.
     """
     if repeats < 1:
         raise UsageError(f"repeats: {repeats} is not >= 1")
-    # Check this first: tori and formulas lack some number formats and methods, too.
-    check_known(scene)
     scene = with_overrides(
         scene, size=size, samples=1, tolerance_pixels=tolerance_pixels, tolerance=tolerance
     )
     if scene.accuracy.steps is not None:
         scene = with_overrides(scene, tolerance_pixels=DEFAULT_TOLERANCE_PIXELS)
-    automatic = [
-        with_overrides(scene, method=method, number_format=number_format)
-        for method, number_format in product(dict.fromkeys(methods), dict.fromkeys(formats))
-    ]
-    counts = sorted(set(steps))
-    settings = [with_overrides(choice, steps=n) for choice in automatic for n in counts]
+    choices = Choices(scene, methods, formats, steps)
+    automatic, settings = choices.automatic(), choices.settings()
     if not settings:
         raise UsageError("there is no number of steps, number format or method to try")
     stated = scene.accuracy
