@@ -500,6 +500,7 @@ FAULTS = [
     ("cells.bound_in", "bound == f4(UNBOUNDED)", "bound != f4(0.0)"),
     ("algebraic.line_place", "f4(-1.0)", "f4(-2.0)"),
     ("algebraic.line_slack", "size - error", "size + error"),
+    ("algebraic.finished", "is_cap & !found.met", "is_cap"),
     ("algebraic.finished", "select(start, cap_start", "select(cap_start, start"),
     ("algebraic.chord_of", "min(far, near)", "max(far, near)"),
     ("algebraic.root_slack", "reach * reach", "reach"),

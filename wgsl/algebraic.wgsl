@@ -130,10 +130,11 @@ fn finished(
   last_step: f32,
 ) -> i4 {
   let cell = begun_cell(found, is_cap, steps);
-  let powers = cap_or(is_cap, curve.powers, c, b, a);
-  let middle = select(f4(curve.middle), f4(0.0), is_cap);
-  let low = select(start, cap_start, is_cap);
-  let high = select(stop, cap_stop, is_cap);
+  let capped = is_cap & !found.met;
+  let powers = cap_or(capped, curve.powers, c, b, a);
+  let middle = select(f4(curve.middle), f4(0.0), capped);
+  let low = select(start, cap_start, capped);
+  let high = select(stop, cap_stop, capped);
   return position_in(leaf_in(powers, middle, low, high, cell, steps, last_step), steps);
 }
 

@@ -123,9 +123,10 @@ fn next_cell(old: Cell, span: Span, judged: Judged, stop: f4, steps: u32) -> Cel
   let sure = nowhere | known | judged.single | !(passed | ends);
   // Where it is cut off at its end, half of what is left may be less than the first half.
   let far = judged.ahead & judged.defined & (span.center <= span.middle) & !met;
-  let larger = min(largest_at(span.following, steps), old.size + 1);
-  let size = select(select(old.size - 1, old.size, met), larger, skips);
   let leaves = span.following - old.first;
+  let may_grow = (span.following & leaves) == i4(0);
+  let larger = select(old.size, min(old.size + 1, i4(i32(steps))), may_grow);
+  let size = select(select(old.size - 1, old.size, met), larger, skips);
   let first = old.first + select(select(i4(0), leaves >> u4(1u), far), leaves, skips);
   let going = !met & !(skips & (span.right >= stop));
   return Cell(

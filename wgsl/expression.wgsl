@@ -134,8 +134,9 @@ fn finished_formula(
   last_step: f32,
 ) -> i4 {
   let cell = begun_cell(found, is_cap, steps);
-  let low = select(start, cap_start, is_cap);
-  let high = select(stop, cap_stop, is_cap);
+  let capped = is_cap & !found.met;
+  let low = select(start, cap_start, capped);
+  let high = select(stop, cap_stop, capped);
   var left = begin_of(cell, last_step);
   var half = half_width(cell, last_step);
   var middle = f4(0.0);
@@ -144,7 +145,7 @@ fn finished_formula(
   var slope = b;
   var bend = a;
   var rough = f4(0.0);
-  var rest = select(f4(UNBOUNDED), f4(-1.0), is_cap);
+  var rest = select(f4(UNBOUNDED), f4(-1.0), capped);
   // First the caps; then each round begins with another jet.
   loop {
     loop {

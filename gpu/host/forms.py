@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -97,6 +97,12 @@ class Curved:
     c: Floats  # (6, V)
     error: Floats  # (V,)
     gradient: Floats  # (2, 3, 3, V)
+
+    @classmethod
+    def none(cls, count: int) -> Self:
+        """The forms of ``count`` solids without a quadric."""
+        a, g, c = np.zeros((3, 6, count))
+        return cls(a, g, c, np.zeros(count), np.zeros((2, 3, 3, count)))
 
 
 class Path(NamedTuple):

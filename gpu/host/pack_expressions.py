@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from halfstep.contract import layout
@@ -48,10 +50,16 @@ def pack_expressions(setup: Setup, half_spaces: Records) -> PackedExpressions | 
     )
 
 
+@functools.cache
+def _type(numbers: int) -> np.dtype[np.void]:
+    """The dtype of records of formulas with room for ``numbers``."""
+    return layout.EXPRESSION.counted(NUMBERS=numbers).dtype()
+
+
 def _records(seen: FormulasOnRays, rectangle: Ints, center: Ints) -> Records:
     """Records of formulas with rectangles (E, 4) and middles (E, 2)."""
     known = seen.known
-    records = np.zeros(len(seen.row), layout.EXPRESSION.counted(NUMBERS=known.numbers).dtype())
+    records = np.zeros(len(seen.row), _type(known.numbers))
     records["host_error"], records["scale"] = seen.error, seen.scale
     edges = rectangle - np.repeat(center, 2, axis=1)
     for name, edge in zip(("left", "right", "top", "bottom"), edges.T, strict=True):

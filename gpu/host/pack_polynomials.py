@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,6 +49,12 @@ def pack_polynomials(
     return PackedPolynomials(joined_records(parts), half_spaces, degree, has_balls)
 
 
+@functools.cache
+def _type(degree: int, number_format: Format) -> np.dtype[np.void]:
+    """The dtype of records of polynomials."""
+    return layout.POLYNOMIAL.counted(TERMS=term_count(degree)).dtype(number_format)
+
+
 def joined_records(parts: Sequence[Records]) -> Records:
     """Records of one type, one part after another."""
     # NumPy joins records without the room between them.
@@ -89,8 +96,7 @@ def pack_higher(setup: Setup, steps: Ints) -> Records | None:
 
 def _records(known: OnRays, rectangle: Ints, center: Ints, number_format: Format) -> Records:
     """Records of polynomials with rectangles (P, 4) and middles (P, 2)."""
-    record = layout.POLYNOMIAL.counted(TERMS=term_count(known.degree))
-    records = np.zeros(len(known.row), record.dtype(number_format))
+    records = np.zeros(len(known.row), _type(known.degree, number_format))
     if number_format is FIXED32:
         records["terms"], records["host_error"] = weights_of(known)
     else:

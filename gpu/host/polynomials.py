@@ -63,6 +63,8 @@ class Polynomials:
     def of_degree(self, degree: int) -> Polynomials:
         """The same polynomials with room for a higher degree."""
         more = degree - self.degree
+        if not more:
+            return self
         room = [(0, more)] * 3 + [(0, 0)]
         return replace(self, degree=degree, coefficients=np.pad(self.coefficients, room))
 

@@ -196,6 +196,8 @@ def setup(geometry: Geometry, view: View, near: float, far: float) -> Setup:
 def _bent(geometry: Geometry, ix: Ints, rotation: Floats, sight: Sight) -> Curved:
     """Forms of the quadrics of solids ``ix``, the first of those that are visible."""
     matrix, has_quadric = geometry.quadric.take(ix, axis=-1), geometry.has_quadric[ix]
+    if not matrix.any():
+        return Curved.none(len(ix))
     return curved(matrix, has_quadric, rotation, sight.at(slice(len(ix))))
 
 
@@ -224,12 +226,13 @@ def _polynomials(
     known = geometry.polynomials
     if known is None:
         return None
-    row = np.flatnonzero(np.isin(ix, known.solid))
+    place = np.searchsorted(known.solid, ix)
+    row = np.flatnonzero(known.solid.take(place, mode="clip") == ix)
     middle = center.take(row, axis=-1)
     right, down, _ = view.camera_from_world
     directions = view.directions(*middle)
     tangent = np.stack([directions @ right, directions @ down])
-    own = known.of_degree(geometry.degree).at(np.searchsorted(known.solid, ix[row]))
+    own = known.of_degree(geometry.degree).at(place[row])
     within = depth.take(row, axis=-1)
     return on_rays(
         own,

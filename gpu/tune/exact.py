@@ -119,14 +119,14 @@ def _visit(
 
 def _cells(
     solids: Geometry, constants: Setup, row: int, x: Floats, y: Floats
-) -> tuple[Bools, Floats, Ints, Ints]:
+) -> tuple[Bools, Floats, I32, I32]:
     """Where rays see the cells of a copy, and the numbers of the cell and its surface there."""
     assert constants.copies is not None
     which = int(np.searchsorted(constants.copies.row, row))
     met = seen(constants, which, x.ravel(), y.ravel())
-    cell, face = (part.reshape(x.shape) for part in numbers(constants, which, met))
-    hit, u = met.hit.reshape(x.shape), met.u.reshape(x.shape)
-    return hit, u, np.int32(solids.solid_count) + cell, face
+    cell, face = numbers(constants, which, met)
+    solid = np.int32(solids.solid_count) + cell.reshape(x.shape)
+    return met.hit.reshape(x.shape), met.u.reshape(x.shape), solid, face.reshape(x.shape)
 
 
 def _faces(
@@ -136,7 +136,7 @@ def _faces(
     row: int,
     x: Floats,
     y: Floats,
-) -> tuple[Bools, Floats, Ints]:
+) -> tuple[Bools, Floats, I32]:
     """Where rays see a solid, and the number of the surface there."""
     ix, count = int(constants.solid[row]), int(constants.plane_count[row])
     first = solids.plane_start[ix]
@@ -144,8 +144,8 @@ def _faces(
     own = np.r_[0, solids.plane_number[first : first + count], 1].astype(np.int32)
     if is_algebraic(constants, row):
         met = seen_of(constants, row, x.ravel(), y.ravel())
-        hit, u, face = (part.reshape(x.shape) for part in met)
-        return hit, u, own[face]
+        face = met.face.reshape(x.shape)
+        return met.hit.reshape(x.shape), met.u.reshape(x.shape), own[face]
     visit = VISITS["visible", _class_of(solids, ix)]
     run = getattr(module(visit.file), visit.file)
     sight = run(records[0][row], records[1], x, y, CHOSEN, visit.facts).sight

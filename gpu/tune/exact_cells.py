@@ -46,8 +46,8 @@ def seen(constants: Setup, which: int, x: Floats, y: Floats) -> Seen:
     roots, slots = np.concatenate(_roots(a, g, c)), np.r_[slots, slots]
     higher = _higher(constants, which, x, y)
     for place, curve in higher.items():
-        ends = (np.full(x.shape, end) for end in (low, high))
-        changes = all_changes(curve, *ends, np.ones(len(x), bool))
+        begin, end = np.full(len(x), low), np.full(len(x), high)
+        changes = all_changes(curve, begin, end, np.ones(len(x), bool))
         roots, slots = np.concatenate([roots, changes]), np.r_[slots, [place] * len(changes)]
     roots = np.where((roots > low) & (roots < high), roots, high)
     order = np.argsort(roots, axis=0, kind="stable")

@@ -148,7 +148,7 @@ def all_changes(curve: Curve, start: Floats, stop: Floats, going: Bools) -> Floa
     """All places (K, P) where F changes its sign, sorted; NaN where a ray has fewer than K."""
     everywhere = np.arange(len(start))
     positive = value(curve, everywhere, start) > 0
-    changes = []
+    changes: list[Floats] = []
     while True:
         found = first_change(curve, positive, start, stop, going)
         if not found.met.any():

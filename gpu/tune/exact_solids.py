@@ -39,13 +39,13 @@ def _curve_of(constants: Setup, row: int, x: Floats, y: Floats) -> tuple[Curve, 
     polynomials, formulas = constants.polynomials, constants.formulas
     if polynomials is not None and row in polynomials.row:
         place = int(np.flatnonzero(polynomials.row == row)[0])
-        facts = polynomials.is_sheet[place], polynomials.is_in_ball[place]
-        return (PolynomialCurve(polynomials, place, x, y), *map(bool, facts))
+        is_sheet, in_ball = polynomials.is_sheet[place], polynomials.is_in_ball[place]
+        return PolynomialCurve(polynomials, place, x, y), bool(is_sheet), bool(in_ball)
     assert formulas is not None
     place = int(np.flatnonzero(formulas.row == row)[0])
     own = formulas.of[place]
-    facts = formulas.known.is_sheet[own], formulas.known.is_in_ball[own]
-    return (FormulaCurve(formulas, place, x, y), *map(bool, facts))
+    is_sheet, in_ball = formulas.known.is_sheet[own], formulas.known.is_in_ball[own]
+    return FormulaCurve(formulas, place, x, y), bool(is_sheet), bool(in_ball)
 
 
 def seen_of(constants: Setup, row: int, x: Floats, y: Floats) -> Seen:

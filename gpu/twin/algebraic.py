@@ -150,9 +150,10 @@ def finished(
     That form has one root between ``cap_start`` and ``cap_stop``.
     """
     cell = begun_cell(found, is_cap, steps)
-    powers = cap_or(is_cap, curve.powers, c, b, a)
-    middle = np.where(is_cap, np.float32(0), curve.middle)
-    low, high = np.where(is_cap, cap_start, start), np.where(is_cap, cap_stop, stop)
+    capped = is_cap & ~found.met
+    powers = cap_or(capped, curve.powers, c, b, a)
+    middle = np.where(capped, np.float32(0), curve.middle)
+    low, high = np.where(capped, cap_start, start), np.where(capped, cap_stop, stop)
     return position_in(leaf_in(powers, middle, low, high, cell, steps, last_step), steps)
 
 

@@ -150,9 +150,10 @@ def next_cell(old: Cell, span: Span, judged: Judged, stop: F32, steps: int) -> C
     sure = nowhere | known | judged.single | ~(passed | ends)
     # Where it is cut off at its end, half of what is left may be less than the first half.
     far = judged.ahead & judged.defined & (span.center <= span.middle) & ~met
-    larger = np.minimum(largest_at(span.following, steps), old.size + 1)
-    size = np.where(skips, larger, np.where(met, old.size, old.size - 1))
     leaves = span.following - old.first
+    may_grow = (span.following & leaves) == 0
+    larger = np.where(may_grow, np.minimum(old.size + 1, np.int32(steps)), old.size)
+    size = np.where(skips, larger, np.where(met, old.size, old.size - 1))
     first = old.first + np.where(skips, leaves, np.where(far, leaves >> 1, 0))
     going = ~met & ~(skips & (span.right >= stop))
     return Cell(

@@ -228,11 +228,12 @@ def finished_formula(
     error. The form of a cap is a jet without errors.
     """
     cell = begun_cell(found, is_cap, steps)
-    low, high = np.where(is_cap, cap_start, start), np.where(is_cap, cap_stop, stop)
+    capped = is_cap & ~found.met
+    low, high = np.where(capped, cap_start, start), np.where(capped, cap_stop, stop)
     left, half = begin_of(cell, last_step), half_width(cell, last_step)
     middle, unit = np.zeros_like(low), np.ones_like(low)
     level, slope, bend, rough = c + middle, b + middle, a + middle, np.zeros_like(low)
-    rest = np.where(is_cap, np.float32(-1), UNBOUNDED)
+    rest = np.where(capped, np.float32(-1), UNBOUNDED)
     # First the caps; then each round begins with another jet.
     for _ in range(steps + 1):
         for _ in range(steps + 1):
