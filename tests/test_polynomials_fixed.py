@@ -160,7 +160,7 @@ CUT, SHEET, INSIDE, BALL, IN_BALL = WAYS
 # A scene, a word of the visit, and what a slip would make of it.
 FAULTS = [
     (CUT, "solid.plane_start + k", "solid.plane_start"),
-    (CUT, "begin, on_entry), shown.first", "end, on_entry), shown.first"),
+    (CUT, "begin, on_entry), rooted.cell.first", "end, on_entry), rooted.cell.first"),
     (CUT, "either(on_entry, normal_in_0, normal_out_0)", "normal_out_0"),
     (CUT, "opposite_weights(!inside, weights)", "weights"),
     (CUT, "-at_stop", "at_stop"),
