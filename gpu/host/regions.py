@@ -31,7 +31,7 @@ from halfstep.host.higher import (
     signed,
     stacked_of,
 )
-from halfstep.host.merging import COINCIDENT, Program, compiled
+from halfstep.host.merging import COINCIDENT, Merged, Program, compiled, merged_cells
 from halfstep.host.polynomials import Polynomials
 from halfstep.scene import Material, Scene
 from halfstep.scene.copies import Copies, Layout
@@ -152,7 +152,8 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
     volume = None if scene.volume is None else np.array([scene.volume.min, scene.volume.max])
     found: list[Owned] = []
     parts: list[tuple[int, Ints, Floats]] = []
-    plain: dict[int, int] = {}
+    wholes: dict[int, Merged | None] = {}
+    programs: dict[int, int] = {}
     faults: list[str] = []
     known: dict[int, _Functions] = {}
 
@@ -168,17 +169,18 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
         if not (shown.any() or (hidden and len(shown) > 1)) or not len(copies.number):
             continue
         key = id(group)
-        if key not in plain:
-            program = _program_of(
+        if key not in wholes:
+            wholes[key] = _whole_of(
                 scene, group, functions(group), shown, volume, faults, hidden=hidden
             )
-            plain[key] = -1 if program is None else len(found)
-            if program is not None:
-                found.append(Owned(program, group, first_cell))
-        whole = None if plain[key] < 0 else found[plain[key]].program
+        whole = wholes[key]
         kept, own = _cut_copies(copies, functions, whole, shown, hidden=hidden)
-        if whole is not None:
-            parts.append((plain[key], copies.number[kept], copies.maps[kept]))
+        if whole is not None and len(kept):
+            # A group that is always cut has no program of its own.
+            if key not in programs:
+                programs[key] = len(found)
+                found.append(Owned(whole.program(), group, first_cell))
+            parts.append((programs[key], copies.number[kept], copies.maps[kept]))
         for ix, program in own:
             parts.append((len(found), copies.number[ix], copies.maps[ix]))
             found.append(Owned(program, group, first_cell))
@@ -239,7 +241,7 @@ class _Functions:
         return cls(matrices, higher_of(functions), group.names().regions)
 
 
-def _program_of(
+def _whole_of(
     scene: Scene,
     group: Fragment,
     own: _Functions,
@@ -248,39 +250,41 @@ def _program_of(
     faults: list[str],
     *,
     hidden: bool,
-) -> Program | None:
-    """The program of a group; its faults are added to ``faults``."""
+) -> Merged | None:
+    """The cells of a group, None if none is seen; its faults are added to ``faults``."""
     where = f"group {group.name}: " if isinstance(group, Group) else ""
     matrices, higher, regions = own.matrices, own.higher, own.regions
     plain = Senses(range(len(matrices)), [False] * len(matrices))
-    program = compiled(matrices, regions, shown, volume, higher=higher, hidden=hidden)
+    whole = merged_cells(matrices, regions, shown, volume, higher=higher, hidden=hidden)
+    if whole is not None and not whole.seen:
+        whole = None
     # Merging surfaces may leave a cell without a point.
-    kept = set() if program is None else set(program.cells.tolist())
+    kept = set() if whole is None else set(whole.taken[whole.some].tolist())
     faults += [
         f"{scene.name}: {where}{group.cells[ix].title}: its region is empty"
         for ix in np.flatnonzero(shown).tolist()
         if ix not in kept and normal_form(regions[ix], plain) != Intersection(())
     ]
-    if program is None:
+    if whole is None:
         return None
-    if not np.isfinite(program.box).all() and volume is None:
+    if not np.isfinite(whole.box).all() and volume is None:
         if not shown.any():
             return None
         faults.append(
             f"{scene.name}: volume: missing; {where or 'the scene: '}nothing bounds its cells"
         )
-    if program.count > MOST_SURFACES:
+    if len(whole.kept) > MOST_SURFACES:
         faults.append(
-            f"{scene.name}: {where}{program.count:,} distinct surfaces in its cells, more "
+            f"{scene.name}: {where}{len(whole.kept):,} distinct surfaces in its cells, more "
             f"than {MOST_SURFACES:,}"
         )
-    return program
+    return whole
 
 
 def _cut_copies(
     copies: Copies,
     functions_of: Callable[[Fragment], _Functions],
-    whole: Program | None,
+    whole: Merged | None,
     shown: Bools,
     *,
     hidden: bool,
@@ -290,9 +294,11 @@ def _cut_copies(
     Copies that are cut alike, as in a lattice, share a program. The other copies are cut away. A
     group without a program of its own is everywhere, or nowhere.
     """
+    if not copies.within:
+        return np.arange(len(copies.number)), []
     state = np.ones(len(copies.number), np.int8)
     everywhere = np.array([[-np.inf] * 3, [np.inf] * 3])
-    box = everywhere if whole is None else whole.middle + whole.box
+    box = everywhere if whole is None else whole.middle + whole.room
     given: list[_Around] = []
     for within in copies.within:
         around_it = functions_of(within.group)
