@@ -158,16 +158,15 @@ def merged_cells(
 
     Args:
         matrices: (F, 4, 4), the functions of the group, in its coordinates.
-        regions: the regions of its cells, over these functions.
+        regions: the regions of its cells, over these functions, in normal form.
         is_visible: (C,), whether each cell is visible.
         volume: (2, 3), a box outside of which nothing is shown, in coordinates of the group.
         higher: the functions of an order above two, by their index.
         hidden: whether the program also has the invisible cells; without a visible cell it has
             only these.
     """
-    plain = Senses(range(len(matrices)), [False] * len(matrices))
     taken = np.arange(len(regions)) if hidden else np.flatnonzero(is_visible)
-    formulas = [normal_form(regions[ix], plain) for ix in taken.tolist()]
+    formulas = [regions[ix] for ix in taken.tolist()]
     # If any cell is shown, invisible cells must not change the picture or its accuracy.
     counts = is_visible[taken] if is_visible.any() else np.ones(len(taken), bool)
     boxes = {ix: box_with(formulas[ix], matrices, higher) for ix in np.flatnonzero(counts).tolist()}
@@ -218,13 +217,12 @@ def cells_with_points(
 
     A region that is everywhere counts, because what is around a group bounds it.
     """
-    plain = Senses(range(len(matrices)), [False] * len(matrices))
     found = merged_cells(matrices, regions, is_visible, None, higher=higher)
     some = set() if found is None else set(found.taken[found.some].tolist())
     return some | {
         ix
         for ix in np.flatnonzero(is_visible).tolist()
-        if ix not in some and normal_form(regions[ix], plain) == Intersection(())
+        if ix not in some and regions[ix] == Intersection(())
     }
 
 

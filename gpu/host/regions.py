@@ -232,13 +232,14 @@ class _Functions:
 
     matrices: Floats  # (F, 4, 4)
     higher: Mapping[int, Higher]  # those of an order above two
-    regions: Sequence[Region]  # of its cells
+    regions: Sequence[Region]  # of its cells, in normal form
 
     @classmethod
     def of(cls, group: Fragment) -> _Functions:
         functions = group.functions()
         matrices = np.array([function.matrix for function in functions]).reshape(-1, 4, 4)
-        return cls(matrices, higher_of(functions), group.names().regions)
+        regions = [normal_form(region) for region in group.names().regions]
+        return cls(matrices, higher_of(functions), regions)
 
 
 def _whole_of(
@@ -254,7 +255,6 @@ def _whole_of(
     """The cells of a group, None if none is seen; its faults are added to ``faults``."""
     where = f"group {group.name}: " if isinstance(group, Group) else ""
     matrices, higher, regions = own.matrices, own.higher, own.regions
-    plain = Senses(range(len(matrices)), [False] * len(matrices))
     whole = merged_cells(matrices, regions, shown, volume, higher=higher, hidden=hidden)
     if whole is not None and not whole.seen:
         whole = None
@@ -263,7 +263,7 @@ def _whole_of(
     faults += [
         f"{scene.name}: {where}{group.cells[ix].title}: its region is empty"
         for ix in np.flatnonzero(shown).tolist()
-        if ix not in kept and normal_form(regions[ix], plain) != Intersection(())
+        if ix not in kept and regions[ix] != Intersection(())
     ]
     if whole is None:
         return None
@@ -306,7 +306,8 @@ def _cut_copies(
         maps = np.zeros((len(within.maps), 4, 4))
         maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
         moved = np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)
-        given.append(_Around(within.region, moved, higher, maps[:, :3]))
+        normal = normal_form(within.region)
+        given.append(_Around(within.region, normal, moved, higher, maps[:, :3]))
         box = _left(box, given[-1])
     # The box does not decide a side that made one of its faces, so that no two sides decide each
     # other.
@@ -321,9 +322,9 @@ def _cut_copies(
         for one, signs in around:
             first, ix = sum(map(len, functions)), members[0]
             own = one.matrices[ix]
-            plain = Senses(range(first, first + len(own)), [False] * len(own))
-            cut = normal_form(_undecided(one.region, tuple(signs[:, ix].tolist())), plain)
-            regions = [Intersection((cell, cut)) for cell in regions]
+            moved_on = Senses(range(first, first + len(own)), [False] * len(own))
+            cut = normal_form(decided(one.normal, signs[:, ix].tolist()), moved_on)
+            regions = [joined(Intersection, [cell, cut]) for cell in regions]
             functions.append(own)
             higher |= {first + k: each.moved(one.maps[ix]) for k, each in one.higher.items()}
         program = compiled(
@@ -338,6 +339,7 @@ class _Around(NamedTuple):
     """A region around copies."""
 
     region: Region
+    normal: Region  # the same in normal form
     matrices: Floats  # (N, S, 4, 4), its functions in coordinates of each copy
     higher: Mapping[int, Higher]  # functions of an order above two, in the region's coordinates
     maps: Floats  # (N, 3, 4), from each copy to the region's coordinates
@@ -356,7 +358,7 @@ def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> 
             by_signs.setdefault(column.tobytes(), []).append(place)
         for places in by_signs.values():
             chosen = copies[places]
-            left = _undecided(one.region, tuple(signs[:, chosen[0]].tolist()))
+            left = decided(one.normal, signs[:, chosen[0]].tolist())
             used = sorted({literal.surface for literal in literals(left)})
             matrices = one.matrices[chosen][:, used]
             size = np.abs(matrices).max(axis=(2, 3), keepdims=True, initial=1e-300)
@@ -376,21 +378,14 @@ def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> 
     return [np.array(members) for members in alike.values()]
 
 
-def _undecided(region: Region, signs: tuple[int, ...]) -> Region:
-    """The part of a region that signs (S,) leave undecided."""
-    plain = Senses(range(len(signs)), [False] * len(signs))
-    return decided(normal_form(region, plain), signs)
-
-
 def _left(box: Floats, around: _Around) -> Floats:
     """A box (2, 3) that contains the part of a box inside the region, in all copies."""
-    region, own = around.region, around.matrices
+    own = around.matrices
     if not len(own):
         return box
-    plain = Senses(range(own.shape[1]), [False] * own.shape[1])
     differs = (own != own[:1]).any(axis=(0, 2, 3))
     differs[[*around.higher]] = True
-    inside = box_of(_without(normal_form(region, plain), differs), own[0])
+    inside = box_of(_without(around.normal, differs), own[0])
     if inside is None:
         return box
     low, high = np.maximum(box[0], inside[0]), np.minimum(box[1], inside[1])

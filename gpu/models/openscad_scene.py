@@ -259,7 +259,7 @@ class _Builder:
 
     def _sides(self, matrices: list[Array], placed: Array) -> list[Formula]:
         """The sides F <= 0 of the surfaces of ``matrices``, moved by ``placed``."""
-        back = np.linalg.inv(placed)
+        back = np.asarray(np.linalg.inv(placed), np.float64)
         return [Sense(self._surface(each, back), positive=False) for each in matrices]
 
     def _surface(self, matrix: Array, back: Array) -> int:
