@@ -38,8 +38,8 @@ _HIGHEST = np.array([byte.bit_length() - 1 for byte in range(256)])
 class Senses(NamedTuple):
     """The merged surface of each function, and whether it has the other sign."""
 
-    surface: Sequence[int]
-    is_opposite: Sequence[bool]
+    surface: Sequence[int] | Mapping[int, int]
+    is_opposite: Sequence[bool] | Mapping[int, bool]
 
 
 def normal_form(

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from halfstep.host.higher import (
 from halfstep.host.merging import COINCIDENT, Merged, Program, compiled, merged_cells
 from halfstep.host.polynomials import Polynomials
 from halfstep.scene import Material, Scene
-from halfstep.scene.copies import Copies, Layout
+from halfstep.scene.copies import Copies, Layout, Within
 from halfstep.scene.groups import Cell, Fragment, Group
 from halfstep.scene.region import Intersection, Literal, Region, Union
 
@@ -301,20 +301,18 @@ def _cut_copies(
     box = everywhere if whole is None else whole.middle + whole.room
     given: list[_Around] = []
     for within in copies.within:
-        around_it = functions_of(within.group)
-        matrices, higher = around_it.matrices, around_it.higher
-        maps = np.zeros((len(within.maps), 4, 4))
-        maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
-        moved = np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)
-        normal = normal_form(within.region)
-        given.append(_Around(within.region, normal, moved, higher, maps[:, :3]))
+        given.append(_Around.of(within, functions_of(within.group)))
         box = _left(box, given[-1])
     # The box does not decide a side that made one of its faces, so that no two sides decide each
     # other.
     around = [(one, signed(_signs(one.matrices, box), one.higher, one.maps, box)) for one in given]
     for one, signs in around:
-        state = np.minimum(state, truth(one.region, signs))
+        state = np.minimum(state, truth(one.normal, signs))
     plainly = functions_of(copies.group)
+    # Functions of the regions are counted behind the group's, also those that no formula has.
+    counts = np.cumsum([len(plainly.matrices), *(one.count for one in given)])
+    parts = [start + one.used for start, one in zip(counts, given, strict=False)]
+    numbers = np.concatenate([np.arange(len(plainly.matrices)), *parts])
     programs: list[tuple[Ints, Program]] = []
     for members in _alike(around, np.flatnonzero(state == 0)):
         functions, regions = [plainly.matrices], list(plainly.regions)
@@ -331,18 +329,37 @@ def _cut_copies(
             np.concatenate(functions), regions, shown, box, higher=higher, hidden=hidden
         )
         if program is not None:
+            program = replace(program, functions=numbers[program.functions])
             programs.append((members, program))
     return np.flatnonzero(state == 1), programs
 
 
 class _Around(NamedTuple):
-    """A region around copies."""
+    """A region around copies, over the S functions that it has."""
 
-    region: Region
-    normal: Region  # the same in normal form
+    normal: Region  # in normal form
     matrices: Floats  # (N, S, 4, 4), its functions in coordinates of each copy
     higher: Mapping[int, Higher]  # functions of an order above two, in the region's coordinates
     maps: Floats  # (N, 3, 4), from each copy to the region's coordinates
+    used: Ints  # (S,), the functions among those of its group
+    count: int  # number of functions of its group
+
+    @classmethod
+    def of(cls, within: Within, functions: _Functions) -> Self:
+        """The region of ``within``, whose group has ``functions``."""
+        normal = normal_form(within.region)
+        used = sorted({literal.surface for literal in literals(normal)})
+        numbers = {surface: number for number, surface in enumerate(used)}
+        maps = np.zeros((len(within.maps), 4, 4))
+        maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
+        return cls(
+            normal_form(normal, Senses(numbers, dict.fromkeys(used, False))),
+            np.einsum("nai,sab,nbj->nsij", maps, functions.matrices[used], maps),
+            {numbers[ix]: functions.higher[ix] for ix in used if ix in functions.higher},
+            maps[:, :3],
+            np.array(used, np.int64),
+            len(functions.matrices),
+        )
 
 
 def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> list[Ints]:
