@@ -202,10 +202,10 @@ def test_copies_of_parts_lie_where_the_file_has_them(tmp_path: Path) -> None:
         "[0,0,0,1]]) { circle(0.1); } }",
     )
     text = ""
-    for k, (x, y) in enumerate(places):
+    for k, (left, low) in enumerate(places):
         tint = "[1, 0, 0, 1]" if k % 2 else "[0, 0, 1, 1]"
         part = frame if k % 3 else moved(0.0, 0.0, frame, 0.6, 0.8)
-        text += moved(x, y, f"color({tint}) {{ {part} {ring if k % 5 == 0 else ''} }}")
+        text += moved(left, low, f"color({tint}) {{ {part} {ring if k % 5 == 0 else ''} }}")
     scene = opened(tmp_path, text, Look(view="xy", orthographic_height=22.0))
     # A frame turned or not in either colour, and rings in either colour.
     assert (len(scene.groups), scene.layout().count) == (6, 36 + 8)

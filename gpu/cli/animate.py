@@ -74,8 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
     from halfstep.models import load
     from halfstep.scene import with_animation, with_overrides
 
-    with telling() as begin:
-        scene = load(arguments.scene, look_of(arguments), begin)
+    with telling() as tell:
+        scene = load(arguments.scene, look_of(arguments), tell)
     scene = with_animation(scene, frames=arguments.frames, fps=arguments.fps)
     scene = with_overrides(scene, **overrides(arguments))
     numbers = _numbers(scene, arguments.frames_range)

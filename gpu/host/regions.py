@@ -310,7 +310,7 @@ def _cut_copies(
         state = np.minimum(state, truth(one.normal, signs))
     plainly = functions_of(copies.group)
     # Functions of the regions are counted behind the group's, also those that no formula has.
-    counts = np.cumsum([len(plainly.matrices), *(one.count for one in given)])
+    counts = np.cumsum([len(plainly.matrices), *(one.total for one in given)])
     parts = [start + one.used for start, one in zip(counts, given, strict=False)]
     numbers = np.concatenate([np.arange(len(plainly.matrices)), *parts])
     programs: list[tuple[Ints, Program]] = []
@@ -342,7 +342,7 @@ class _Around(NamedTuple):
     higher: Mapping[int, Higher]  # functions of an order above two, in the region's coordinates
     maps: Floats  # (N, 3, 4), from each copy to the region's coordinates
     used: Ints  # (S,), the functions among those of its group
-    count: int  # number of functions of its group
+    total: int  # number of functions of its group
 
     @classmethod
     def of(cls, within: Within, functions: _Functions) -> Self:
