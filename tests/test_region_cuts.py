@@ -55,8 +55,8 @@ def test_copies_that_are_cut_alike_share_a_program(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(regions, "_alike", lambda _, copies: [*copies[:, None]])
     alone = regions.regions_of(scene)
     assert alone is not None
-    # The side of the cell cuts some elements, each elsewhere, and leaves most of them whole.
-    assert shared.count == alone.count == len(alone.owned) - 1
+    # The side of the cell cuts some elements, each elsewhere; most are cut alike.
+    assert shared.count == alone.count == len(alone.owned)
     assert 60 < shared.count - len(shared.owned) < shared.count
     assert len(shared.owned) < 50
     assert np.array_equal(shared.number, alone.number)
@@ -73,9 +73,9 @@ def test_a_side_without_an_end_is_decided_where_the_others_leave_it() -> None:
     found = regions.regions_of(scene)
     assert found is not None
     assert found.count == 144
-    # That of a pin alone, which no copy has, and one for all elements.
-    assert len(found.owned) == 2
-    assert found.programs[1].count == 7
+    # One for all elements; that of a pin alone is not made, because no copy has it.
+    assert len(found.owned) == 1
+    assert found.programs[0].count == 7
 
 
 def test_what_is_everywhere_is_seen_where_a_region_around_it_ends() -> None:

@@ -37,14 +37,15 @@ print(len(wgpu_loader.TYPES))
 
 
 @pytest.mark.usefixtures("adapter")
-def test_a_frame_needs_hardly_any_type_that_is_not_parsed_before() -> None:
-    program = """
+@pytest.mark.parametrize("scene", ["one_sphere", "bracket"])
+def test_a_frame_needs_hardly_any_type_that_is_not_parsed_before(scene: str) -> None:
+    program = f"""
 import halfstep
 from halfstep.device import loader as wgpu_loader
 wgpu_loader.load()
 from wgpu.backends.wgpu_native import ffi
 before = set(ffi._parsed_types)
-scene = halfstep.load("one_sphere")
+scene = halfstep.load("{scene}")
 halfstep.render(scene, size=(32, 32), outputs=("image",), backend="gpu")
 for name in set(ffi._parsed_types) - before:
     print(name)

@@ -12,7 +12,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Floats
 from halfstep.host.boxes import box_of
-from halfstep.host.formulas import Senses, normal_form
+from halfstep.host.formulas import normal_form
 from halfstep.scene import Material, Scene
 from halfstep.scene.copies import Layout
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Name, Not, Sense
@@ -40,9 +40,8 @@ def objects(scene: Scene) -> Iterator[str]:
 def _cells(scene: Scene, group: Fragment) -> Iterator[str]:
     functions = group.functions()
     matrices = np.array([function.matrix for function in functions])
-    plain = Senses(range(len(functions)), [False] * len(functions))
     for cell, region in zip(group.cells, group.names().regions, strict=True):
-        box = box_of(normal_form(region, plain), matrices)
+        box = box_of(normal_form(region), matrices)
         if not cell.is_shown or cell.region is None or box is None:
             continue
         writer = _Writer(scene, group, box)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import Commands, add_output, add_rendering, add_scene, overrides
-from halfstep.cli.output import print_json, progress_bar, say
+from halfstep.cli.output import print_json, progress_bar, say, telling
 from halfstep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -74,7 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
     from halfstep.models import load
     from halfstep.scene import with_animation, with_overrides
 
-    scene = load(arguments.scene, look_of(arguments))
+    with telling() as tell:
+        scene = load(arguments.scene, look_of(arguments), tell)
     scene = with_animation(scene, frames=arguments.frames, fps=arguments.fps)
     scene = with_overrides(scene, **overrides(arguments))
     numbers = _numbers(scene, arguments.frames_range)

@@ -15,7 +15,7 @@ from halfstep.cli.options import (
     add_size,
     overrides,
 )
-from halfstep.cli.output import print_json, print_text, say
+from halfstep.cli.output import print_json, print_text, say, telling
 from halfstep.errors import HalfstepError, UsageError
 from halfstep.version import __version__
 
@@ -61,7 +61,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         check_output_folder(arguments.output)
     names = bundled_scenes() if arguments.all else [arguments.scene]
-    scenes = [with_overrides(load(name), **overrides(arguments)) for name in names]
+    with telling() as begin:
+        loaded = [load(name, begin=begin) for name in names]
+    scenes = [with_overrides(each, **overrides(arguments)) for each in loaded]
     reports: list[SceneReport] = []
     # Scenes that cannot be rendered. They do not keep the others from being checked.
     refused: dict[str, HalfstepError] = {}
@@ -107,7 +109,8 @@ def _check_model(arguments: argparse.Namespace) -> int:
     points = arguments.points or 0
     if points < 0:
         raise UsageError(f"--points: {points} is not >= 0")
-    report = check(arguments.scene, points=points)
+    with telling() as begin:
+        report = check(arguments.scene, points=points, begin=begin)
     if arguments.json:
         print_json(report.as_dict())
     else:

@@ -6,7 +6,7 @@ import argparse
 
 from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import Commands, add_output
-from halfstep.cli.output import say
+from halfstep.cli.output import say, telling
 from halfstep.errors import UsageError
 
 
@@ -33,7 +33,9 @@ def run(arguments: argparse.Namespace) -> int:
     check_output_path(arguments.output, (".toml",))
     if not is_model(arguments.file):
         raise UsageError(f"{arguments.file}: is no file of another program")
-    scene = load(arguments.file, look_of(arguments))
-    write_file(Path(arguments.output), scene.to_toml().encode())
+    with telling() as begin:
+        scene = load(arguments.file, look_of(arguments), begin)
+        begin(f"writing {arguments.output}")
+        write_file(Path(arguments.output), scene.to_toml().encode())
     say(f"{arguments.output}: {arguments.file} as a scene")
     return 0

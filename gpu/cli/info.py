@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from halfstep.cli.looking import add_look, look_of
-from halfstep.cli.output import print_json, print_text
+from halfstep.cli.output import print_json, print_text, printable, telling
 from halfstep.errors import HalfstepError, UsageError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def _tell_pixel(file: str, column: int, row: int, *, as_json: bool) -> int:
         facts = pick.found(frame, row, column)
         print_json({"pixel": [column, row], **{name: _finite(one) for name, one in facts.items()}})
     else:
-        print_text(_plain(pick.told(frame, row, column)))
+        print_text(printable(pick.told(frame, row, column)))
     return 0
 
 
@@ -103,7 +103,8 @@ def _picture(file: str) -> dict[str, Any]:
 def _scene(file: str, look: Look) -> dict[str, Any]:
     from halfstep.models import load
 
-    scene = load(file, look)
+    with telling() as begin:
+        scene = load(file, look, begin)
     return {"scene_title": scene.title, "scene_sha256": scene.sha256, **_counts(scene)}
 
 
@@ -129,6 +130,5 @@ def _fragments(fragment: Fragment) -> Iterator[Fragment]:
 
 
 def _plain(value: Any) -> str:
-    """``value`` on one line, with control characters escaped, which could steer a terminal."""
-    text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-    return text if text.isprintable() else text.encode("unicode_escape").decode()
+    """``value`` on one line."""
+    return printable(", ".join(map(str, value)) if isinstance(value, list) else str(value))

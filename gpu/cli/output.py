@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,6 +19,10 @@ from halfstep.errors import HalfstepError
 
 _WIDTH = 40
 _CLEAR = "\r\x1b[K"
+# What a command does is told from so many seconds on, and so often.
+_PATIENCE, _TICK = 1.0, 0.25
+# The columns of a terminal that does not tell them.
+_COLUMNS = 80
 
 
 def open_closed_streams() -> None:
@@ -145,6 +150,55 @@ def progress_bar(label: str, frames: int | None = None) -> Iterator[Callable[[fl
         yield show
     finally:
         _tell(_CLEAR)
+
+
+@contextmanager
+def telling() -> Iterator[Callable[[str], None]]:
+    """A function that begins a piece of the block's work, such as "rendering".
+
+    On a terminal a line tells the work and its time while it takes more than a second. The line is
+    gone when the block ends, also by an error. Elsewhere nothing is told.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    work, since = "", 0.0
+    is_over = threading.Event()
+
+    def begin(what: str) -> None:
+        nonlocal work, since
+        work, since = what, time.monotonic()
+
+    def tell() -> None:
+        shown = ""
+        while not is_over.wait(_TICK):
+            seconds = time.monotonic() - since
+            line = f"{work}: {_clock(seconds)}" if work and seconds >= _PATIENCE else ""
+            if line or shown:
+                _tell(f"\r{printable(line)[: _columns()]}\x1b[K")
+            shown = line
+        _tell(_CLEAR if shown else "")
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield begin
+    finally:
+        is_over.set()
+        teller.join()
+
+
+def printable(text: str) -> str:
+    """The text on one line, with control characters escaped, which could steer a terminal."""
+    return text if text.isprintable() else text.encode("unicode_escape").decode()
+
+
+def _columns() -> int:
+    """The number of characters of a line on stderr's terminal, less the last one."""
+    try:
+        return (os.get_terminal_size(sys.stderr.fileno()).columns or _COLUMNS) - 1
+    except OSError:
+        return _COLUMNS - 1
 
 
 def _draw(label: str, part: float, note: str = "") -> None:

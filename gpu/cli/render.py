@@ -16,7 +16,7 @@ from halfstep.cli.options import (
     names,
     overrides,
 )
-from halfstep.cli.output import print_bytes, print_json, say
+from halfstep.cli.output import print_bytes, print_json, say, telling
 from halfstep.errors import UsageError
 
 
@@ -60,26 +60,26 @@ def run(arguments: argparse.Namespace) -> int:
     from halfstep.frames.renderer import render
     from halfstep.models import load
 
-    scene = load(arguments.scene, look_of(arguments))
-    file: File = arguments.output
-    format_ = None
-    if file == STDOUT:
-        _check_stdout(arguments)
-        file, format_ = sys.stdout.buffer, "png"
-    outputs = plan(file, arguments.outputs, format=format_, solids=len(scene.solids))
-    frame = render(
-        scene,
-        **overrides(arguments),
-        outputs=outputs,
-        backend=arguments.backend,
-        adapter=arguments.adapter,
-    )
-    if format_ is None:
-        facts = write(file, frame, arguments.outputs)
-    else:
-        whole = BytesIO()
-        facts = write(whole, frame, arguments.outputs, format=format_)
-        print_bytes(whole.getvalue())
+    with telling() as begin:
+        scene = load(arguments.scene, look_of(arguments), begin)
+        file: File = arguments.output
+        format_ = None
+        if file == STDOUT:
+            _check_stdout(arguments)
+            file, format_ = BytesIO(), "png"
+        outputs = plan(file, arguments.outputs, format=format_, solids=len(scene.solids))
+        begin("rendering")
+        frame = render(
+            scene,
+            **overrides(arguments),
+            outputs=outputs,
+            backend=arguments.backend,
+            adapter=arguments.adapter,
+        )
+        begin(f"writing {arguments.output}")
+        facts = write(file, frame, arguments.outputs, format=format_)
+    if isinstance(file, BytesIO):
+        print_bytes(file.getvalue())
     height, width = getattr(frame, outputs[0]).shape[:2]
     info = frame.info
     result = {"path": arguments.output, "size": [width, height], "outputs": facts["outputs"]}

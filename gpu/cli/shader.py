@@ -6,7 +6,7 @@ import argparse
 
 from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import Commands, add_accuracy, add_conveyor, add_size, names, overrides
-from halfstep.cli.output import print_text
+from halfstep.cli.output import print_text, telling
 
 
 def add(commands: Commands) -> None:
@@ -39,7 +39,9 @@ def run(arguments: argparse.Namespace) -> int:
     from halfstep.scene import with_overrides
     from halfstep.shader.source import compose
 
-    scene = with_overrides(load(arguments.scene, look_of(arguments)), **overrides(arguments))
+    with telling() as begin:
+        scene = load(arguments.scene, look_of(arguments), begin)
+    scene = with_overrides(scene, **overrides(arguments))
     outputs = device_outputs(check_outputs(arguments.outputs))
     packed = prepare(scene)
     needs = needs_of_frame(packed, scene.accuracy.method, written_for(outputs, packed))

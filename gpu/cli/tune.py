@@ -7,7 +7,7 @@ import re
 
 from halfstep.cli.looking import add_look, look_of
 from halfstep.cli.options import Commands, add_accuracy, add_conveyor, add_output, add_scene
-from halfstep.cli.output import print_json, print_text, progress_bar, say
+from halfstep.cli.output import print_json, print_text, progress_bar, say, telling
 
 
 def add(commands: Commands) -> None:
@@ -45,9 +45,11 @@ def run(arguments: argparse.Namespace) -> int:
     from halfstep.tune.plot import scale_of, write
 
     check_output_folder(arguments.output)
+    with telling() as begin:
+        scene = load(arguments.scene, look_of(arguments), begin)
     with progress_bar("measuring") as progress:
         report = tune(
-            load(arguments.scene, look_of(arguments)),
+            scene,
             size=arguments.size,
             steps=arguments.steps,
             tolerance_pixels=arguments.tolerance_pixels,

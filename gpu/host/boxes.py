@@ -209,6 +209,10 @@ def _narrow_unmixed(
 
 def _left_of(a: float, least: float, most: float, c: float, within: Interval) -> Interval:
     """The interval that a x² + b x + c <= 0 leaves, for some b between ``least`` and ``most``."""
+    if a == 0.0 and least == 0.0 and most == 0.0:
+        if c > 0:
+            raise Empty
+        return within
     low, high = within
     if c == -math.inf:
         return within

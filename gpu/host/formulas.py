@@ -38,19 +38,23 @@ _HIGHEST = np.array([byte.bit_length() - 1 for byte in range(256)])
 class Senses(NamedTuple):
     """The merged surface of each function, and whether it has the other sign."""
 
-    surface: Sequence[int]
-    is_opposite: Sequence[bool]
+    surface: Sequence[int] | Mapping[int, int]
+    is_opposite: Sequence[bool] | Mapping[int, bool]
 
 
-def normal_form(region: Region, senses: Senses, is_complement: bool = False) -> Region:
-    """The region, or its complement, in normal form over the merged surfaces.
+def normal_form(
+    region: Region, senses: Senses | None = None, is_complement: bool = False
+) -> Region:
+    """The region, or its complement, in normal form over the merged surfaces, if any are merged.
 
     The empty `Union` stands for nowhere, the empty `Intersection` for everywhere.
     """
     match region:
         case Literal(surface, positive):
-            opposite = senses.is_opposite[surface]
-            return Literal(senses.surface[surface], positive ^ opposite ^ is_complement)
+            own, sign = surface, is_complement
+            if senses is not None:
+                own, sign = senses.surface[surface], senses.is_opposite[surface] ^ is_complement
+            return Literal(own, positive ^ sign) if sign or own != surface else region
         case Complement(of):
             return normal_form(of, senses, not is_complement)
         case Intersection(of) | Union(of):

@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -80,6 +79,61 @@ class Program:
         return tuple(np.array(slots, np.int64) for slots in found.values())
 
 
+@dataclass(frozen=True)
+class Merged:
+    """Cells of a group whose regions may have points, over merged surfaces."""
+
+    taken: Ints  # (N,), their indices in the group
+    normal: list[Region]  # their regions in normal form
+    is_shown: Bools  # (N,), whether each has a visible surface
+    some: list[int]  # those of the N that have a surface, or are all of space and not shown
+    box: Floats  # (2, 3), around all that count
+    middle: Floats  # (3,), the middle of the program's coordinates
+    radius: float  # half the box's largest side
+    moved: Floats  # (F, 4, 4), the group's functions in the program's coordinates
+    higher: Mapping[int, Higher]  # those of an order above two
+    kept: list[int]  # of each surface the first function, planes first
+    planes: int  # number of planes
+    hidden: bool  # whether cells that are not shown count if none is shown
+
+    @functools.cached_property
+    def seen(self) -> list[int]:
+        """The surfaces of the cells that count, ascending."""
+        counts = self.is_shown if self.is_shown.any() else np.full(len(self.normal), self.hidden)
+        own = [self.normal[ix] for ix in self.some if counts[ix]]
+        return sorted({leaf.surface for region in own for leaf in literals(region)})
+
+    @functools.cached_property
+    def room(self) -> Floats:
+        """The box (2, 3) of the program about its middle, wider than the cells."""
+        reach = PADDING * (np.ptp(self.box, axis=0) + np.abs(self.box - self.middle).max(axis=0))
+        reach = np.where(np.isfinite(reach), reach, 0.0)
+        return np.asarray(self.box - self.middle + np.array([[-1.0], [1.0]]) * reach)
+
+    def program(self) -> Program:
+        """The program of the cells."""
+        kept, middle, normal, some = self.kept, self.middle, self.normal, self.some
+        own = np.moveaxis(self.moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
+        own[:3, :3, : self.planes] = 0.0
+        place = np.column_stack([np.eye(3), middle])
+        last = tuple(self.higher[ix].moved(place) for ix in kept if ix in self.higher)
+        pairs = {len(kept) - len(last) + k: each.pairs for k, each in enumerate(last)}
+        beside = [each for slot, each in zip(pairs, last, strict=True) if slot in self.seen]
+        thinnest = least_distance(own[..., self.seen], self.radius)
+        return Program(
+            middle=middle,
+            box=self.room,
+            matrices=own,
+            higher=last,
+            planes=self.planes,
+            functions=np.array(kept, np.int64),
+            cells=self.taken[some],
+            formula=Formula([hoisted(normal[ix]) for ix in some], ~self.is_shown[some], pairs),
+            thinnest=min(thinnest, least_distance_of(beside, self.radius)),
+            seen=np.isin(np.arange(len(kept)), self.seen),
+        )
+
+
 def compiled(
     matrices: Floats,
     regions: Sequence[Region],
@@ -91,92 +145,34 @@ def compiled(
 ) -> Program | None:
     """The program of a group; None if no visible cell has a point, or none has a surface.
 
-    Args:
-        matrices: (F, 4, 4), the functions of the group, in its coordinates.
-        regions: the regions of its cells, over these functions.
-        is_visible: (C,), whether each cell is visible.
-        volume: (2, 3), a box outside of which nothing is shown, in coordinates of the group.
-        higher: the functions of an order above two, by their index.
-        hidden: whether the program also has the invisible cells; without a visible cell it has
-            only these.
+    Arguments are those of `merged_cells`.
     """
-    merging = _merging(matrices, regions, is_visible, volume, higher=higher, hidden=hidden)
-    if merging is None:
-        return None
-    normal, is_shown, some = merging.normal, merging.is_shown, merging.some
-    box, middle, kept, moved = merging.box, merging.middle, merging.kept, merging.moved
-    counts = is_shown if is_shown.any() else np.full(len(normal), hidden)
-    seen = {leaf.surface for ix in some if counts[ix] for leaf in literals(normal[ix])}
-    if not seen:
-        return None
-    own = np.moveaxis(moved[kept], 0, -1).copy() if kept else np.zeros((4, 4, 0))
-    own[:3, :3, : merging.planes] = 0.0
-    last = tuple(
-        higher[ix].moved(np.column_stack([np.eye(3), middle])) for ix in kept if ix in higher
-    )
-    pairs = {len(kept) - len(last) + k: each.pairs for k, each in enumerate(last)}
-    beside = [each for slot, each in zip(pairs, last, strict=True) if slot in seen]
-    thinnest = least_distance(own[..., sorted(seen)], merging.radius)
-    reach = PADDING * (np.ptp(box, axis=0) + np.abs(box - middle).max(axis=0))
-    return Program(
-        middle=middle,
-        box=box - middle + np.array([[-1.0], [1.0]]) * np.where(np.isfinite(reach), reach, 0.0),
-        matrices=own,
-        higher=last,
-        planes=merging.planes,
-        functions=np.array(kept, np.int64),
-        cells=merging.taken[some],
-        formula=Formula([hoisted(normal[ix]) for ix in some], ~is_shown[some], pairs),
-        thinnest=min(thinnest, least_distance_of(beside, merging.radius)),
-        seen=np.isin(np.arange(len(kept)), sorted(seen)),
-    )
+    merged = merged_cells(matrices, regions, is_visible, volume, higher=higher, hidden=hidden)
+    return None if merged is None or not merged.seen else merged.program()
 
 
-class _Merging(NamedTuple):
-    """Cells of a group whose regions may have points, over merged surfaces."""
-
-    taken: Ints  # (N,), their indices in the group
-    normal: list[Region]  # their regions in normal form
-    is_shown: Bools  # (N,), whether each has a visible surface
-    some: list[int]  # those of the N that have a surface, or are all of space and not shown
-    box: Floats  # (2, 3), around all that count
-    middle: Floats  # (3,), the middle of the program's coordinates
-    radius: float  # half the box's largest side
-    moved: Floats  # (F, 4, 4), the group's functions in the program's coordinates
-    kept: list[int]  # of each surface the first function, planes first
-    planes: int  # number of planes
-
-
-def cells_with_points(
-    matrices: Floats, regions: Sequence[Region], is_visible: Bools, higher: Mapping[int, Higher]
-) -> set[int]:
-    """The visible cells that may have points; arguments as for `compiled`.
-
-    A region that is everywhere counts, because what is around a group bounds it.
-    """
-    plain = Senses(range(len(matrices)), [False] * len(matrices))
-    found = _merging(matrices, regions, is_visible, None, higher=higher, hidden=False)
-    some = set() if found is None else set(found.taken[found.some].tolist())
-    return some | {
-        ix
-        for ix in np.flatnonzero(is_visible).tolist()
-        if ix not in some and normal_form(regions[ix], plain) == Intersection(())
-    }
-
-
-def _merging(
+def merged_cells(
     matrices: Floats,
     regions: Sequence[Region],
     is_visible: Bools,
     volume: Floats | None,
     *,
     higher: Mapping[int, Higher],
-    hidden: bool,
-) -> _Merging | None:
-    """The cells of `compiled`; None if none that counts has a point."""
-    plain = Senses(range(len(matrices)), [False] * len(matrices))
+    hidden: bool = False,
+) -> Merged | None:
+    """The cells of a group's program; None if no visible cell has a point.
+
+    Args:
+        matrices: (F, 4, 4), the functions of the group, in its coordinates.
+        regions: the regions of its cells, over these functions, in normal form.
+        is_visible: (C,), whether each cell is visible.
+        volume: (2, 3), a box outside of which nothing is shown, in coordinates of the group.
+        higher: the functions of an order above two, by their index.
+        hidden: whether the program also has the invisible cells; without a visible cell it has
+            only these.
+    """
     taken = np.arange(len(regions)) if hidden else np.flatnonzero(is_visible)
-    formulas = [normal_form(regions[ix], plain) for ix in taken.tolist()]
+    formulas = [regions[ix] for ix in taken.tolist()]
     # If any cell is shown, invisible cells must not change the picture or its accuracy.
     counts = is_visible[taken] if is_visible.any() else np.ones(len(taken), bool)
     boxes = {ix: box_with(formulas[ix], matrices, higher) for ix in np.flatnonzero(counts).tolist()}
@@ -204,7 +200,7 @@ def _merging(
     # Merging may leave a cell without a point. A cell that is all of space has no visible surface:
     # it hides nothing, but overlaps all others.
     everywhere = [region == Intersection(()) for region in normal]
-    return _Merging(
+    return Merged(
         taken=taken,
         normal=normal,
         is_shown=is_visible[taken] & ~np.array(everywhere, bool),
@@ -213,9 +209,27 @@ def _merging(
         middle=middle,
         radius=radius,
         moved=moved,
+        higher=higher,
         kept=kept,
         planes=sum(is_plane.values()),
+        hidden=hidden,
     )
+
+
+def cells_with_points(
+    matrices: Floats, regions: Sequence[Region], is_visible: Bools, higher: Mapping[int, Higher]
+) -> set[int]:
+    """The visible cells that may have points; arguments as for `merged_cells`.
+
+    A region that is everywhere counts, because what is around a group bounds it.
+    """
+    found = merged_cells(matrices, regions, is_visible, None, higher=higher)
+    some = set() if found is None else set(found.taken[found.some].tolist())
+    return some | {
+        ix
+        for ix in np.flatnonzero(is_visible).tolist()
+        if ix not in some and regions[ix] == Intersection(())
+    }
 
 
 def _moved(matrices: Floats, middle: Floats) -> Floats:
@@ -268,10 +282,12 @@ def _merged(matrices: Floats, radius: float) -> tuple[Ints, Bools]:
     weights = np.sqrt(np.arange(2.0, 12.0))
     order = np.argsort(rows @ weights, kind="stable")
     sums = (rows @ weights)[order]
-    first = np.arange(len(rows))
+    first, most = np.arange(len(rows)), COINCIDENT * weights.sum()
+    if (np.diff(sums) > most).all():
+        return first, np.zeros(len(rows), bool)
     for place, ix in enumerate(order.tolist()):
         other = place - 1
-        while other >= 0 and sums[place] - sums[other] <= COINCIDENT * weights.sum():
+        while other >= 0 and sums[place] - sums[other] <= most:
             candidate = int(order[other])
             if np.abs(rows[ix] - rows[candidate]).max() <= COINCIDENT:
                 low, high = sorted((int(first[ix]), int(first[candidate])))

@@ -54,7 +54,7 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
         rows += [
             (scene.material_of(cell) if cell.is_shown else NO_MATERIAL, True) for cell in cells
         ]
-        functions = owned.group.functions()
+        functions = owned.group.functions() if owned.group.parts else ()
         for ix in owned.program.functions.tolist():
             # Functions of regions that cut the copy come behind the group's own.
             owner = functions[ix].owner if ix < len(functions) else None

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +31,10 @@ from halfstep.host.higher import (
     signed,
     stacked_of,
 )
-from halfstep.host.merging import COINCIDENT, Program, compiled
+from halfstep.host.merging import COINCIDENT, Merged, Program, compiled, merged_cells
 from halfstep.host.polynomials import Polynomials
 from halfstep.scene import Material, Scene
-from halfstep.scene.copies import Copies, Layout
+from halfstep.scene.copies import Copies, Layout, Within
 from halfstep.scene.groups import Cell, Fragment, Group
 from halfstep.scene.region import Intersection, Literal, Region, Union
 
@@ -164,7 +164,8 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
     volume = None if scene.volume is None else np.array([scene.volume.min, scene.volume.max])
     found: list[Owned] = []
     parts: list[tuple[int, Ints, Floats]] = []
-    plain: dict[int, int] = {}
+    wholes: dict[int, Merged | None] = {}
+    programs: dict[int, int] = {}
     faults: list[str] = []
     known: dict[int, _Functions] = {}
 
@@ -180,17 +181,18 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
         if not (shown.any() or (hidden and len(shown) > 1)) or not len(copies.number):
             continue
         key = id(group)
-        if key not in plain:
-            program = _program_of(
+        if key not in wholes:
+            wholes[key] = _whole_of(
                 scene, group, functions(group), shown, volume, faults, hidden=hidden
             )
-            plain[key] = -1 if program is None else len(found)
-            if program is not None:
-                found.append(Owned(program, group, first_cell))
-        whole = None if plain[key] < 0 else found[plain[key]].program
+        whole = wholes[key]
         kept, own = _cut_copies(copies, functions, whole, shown, hidden=hidden)
-        if whole is not None:
-            parts.append((plain[key], copies.number[kept], copies.maps[kept]))
+        if whole is not None and len(kept):
+            # A group that is always cut has no program of its own.
+            if key not in programs:
+                programs[key] = len(found)
+                found.append(Owned(whole.program(), group, first_cell))
+            parts.append((programs[key], copies.number[kept], copies.maps[kept]))
         for ix, program in own:
             parts.append((len(found), copies.number[ix], copies.maps[ix]))
             found.append(Owned(program, group, first_cell))
@@ -242,16 +244,17 @@ class _Functions:
 
     matrices: Floats  # (F, 4, 4)
     higher: Mapping[int, Higher]  # those of an order above two
-    regions: Sequence[Region]  # of its cells
+    regions: Sequence[Region]  # of its cells, in normal form
 
     @classmethod
     def of(cls, group: Fragment) -> _Functions:
         functions = group.functions()
         matrices = np.array([function.matrix for function in functions]).reshape(-1, 4, 4)
-        return cls(matrices, higher_of(functions), group.names().regions)
+        regions = [normal_form(region) for region in group.names().regions]
+        return cls(matrices, higher_of(functions), regions)
 
 
-def _program_of(
+def _whole_of(
     scene: Scene,
     group: Fragment,
     own: _Functions,
@@ -260,39 +263,40 @@ def _program_of(
     faults: list[str],
     *,
     hidden: bool,
-) -> Program | None:
-    """The program of a group; its faults are added to ``faults``."""
+) -> Merged | None:
+    """The cells of a group, None if none is seen; its faults are added to ``faults``."""
     where = f"group {group.name}: " if isinstance(group, Group) else ""
     matrices, higher, regions = own.matrices, own.higher, own.regions
-    plain = Senses(range(len(matrices)), [False] * len(matrices))
-    program = compiled(matrices, regions, shown, volume, higher=higher, hidden=hidden)
+    whole = merged_cells(matrices, regions, shown, volume, higher=higher, hidden=hidden)
+    if whole is not None and not whole.seen:
+        whole = None
     # Merging surfaces may leave a cell without a point.
-    kept = set() if program is None else set(program.cells.tolist())
+    kept = set() if whole is None else set(whole.taken[whole.some].tolist())
     faults += [
         f"{scene.name}: {where}{group.cells[ix].title}: its region is empty"
         for ix in np.flatnonzero(shown).tolist()
-        if ix not in kept and normal_form(regions[ix], plain) != Intersection(())
+        if ix not in kept and regions[ix] != Intersection(())
     ]
-    if program is None:
+    if whole is None:
         return None
-    if not np.isfinite(program.box).all() and volume is None:
+    if not np.isfinite(whole.box).all() and volume is None:
         if not shown.any():
             return None
         faults.append(
             f"{scene.name}: volume: missing; {where or 'the scene: '}nothing bounds its cells"
         )
-    if program.count > MOST_SURFACES:
+    if len(whole.kept) > MOST_SURFACES:
         faults.append(
-            f"{scene.name}: {where}{program.count:,} distinct surfaces in its cells, more "
+            f"{scene.name}: {where}{len(whole.kept):,} distinct surfaces in its cells, more "
             f"than {MOST_SURFACES:,}"
         )
-    return program
+    return whole
 
 
 def _cut_copies(
     copies: Copies,
     functions_of: Callable[[Fragment], _Functions],
-    whole: Program | None,
+    whole: Merged | None,
     shown: Bools,
     *,
     hidden: bool,
@@ -302,24 +306,25 @@ def _cut_copies(
     Copies that are cut alike, as in a lattice, share a program. The other copies are cut away. A
     group without a program of its own is everywhere, or nowhere.
     """
+    if not copies.within:
+        return np.arange(len(copies.number)), []
     state = np.ones(len(copies.number), np.int8)
     everywhere = np.array([[-np.inf] * 3, [np.inf] * 3])
-    box = everywhere if whole is None else whole.middle + whole.box
+    box = everywhere if whole is None else whole.middle + whole.room
     given: list[_Around] = []
     for within in copies.within:
-        around_it = functions_of(within.group)
-        matrices, higher = around_it.matrices, around_it.higher
-        maps = np.zeros((len(within.maps), 4, 4))
-        maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
-        moved = np.einsum("nai,sab,nbj->nsij", maps, matrices, maps)
-        given.append(_Around(within.region, moved, higher, maps[:, :3]))
+        given.append(_Around.of(within, functions_of(within.group)))
         box = _left(box, given[-1])
     # The box does not decide a side that made one of its faces, so that no two sides decide each
     # other.
     around = [(one, signed(_signs(one.matrices, box), one.higher, one.maps, box)) for one in given]
     for one, signs in around:
-        state = np.minimum(state, truth(one.region, signs))
+        state = np.minimum(state, truth(one.normal, signs))
     plainly = functions_of(copies.group)
+    # Functions of the regions are counted behind the group's, also those that no formula has.
+    counts = np.cumsum([len(plainly.matrices), *(one.total for one in given)])
+    parts = [start + one.used for start, one in zip(counts, given, strict=False)]
+    numbers = np.concatenate([np.arange(len(plainly.matrices)), *parts])
     programs: list[tuple[Ints, Program]] = []
     for members in _alike(around, np.flatnonzero(state == 0)):
         functions, regions = [plainly.matrices], list(plainly.regions)
@@ -327,26 +332,46 @@ def _cut_copies(
         for one, signs in around:
             first, ix = sum(map(len, functions)), members[0]
             own = one.matrices[ix]
-            plain = Senses(range(first, first + len(own)), [False] * len(own))
-            cut = normal_form(_undecided(one.region, tuple(signs[:, ix].tolist())), plain)
-            regions = [Intersection((cell, cut)) for cell in regions]
+            moved_on = Senses(range(first, first + len(own)), [False] * len(own))
+            cut = normal_form(decided(one.normal, signs[:, ix].tolist()), moved_on)
+            regions = [joined(Intersection, [cell, cut]) for cell in regions]
             functions.append(own)
             higher |= {first + k: each.moved(one.maps[ix]) for k, each in one.higher.items()}
         program = compiled(
             np.concatenate(functions), regions, shown, box, higher=higher, hidden=hidden
         )
         if program is not None:
+            program = replace(program, functions=numbers[program.functions])
             programs.append((members, program))
     return np.flatnonzero(state == 1), programs
 
 
 class _Around(NamedTuple):
-    """A region around copies."""
+    """A region around copies, over the S functions that it has."""
 
-    region: Region
+    normal: Region  # in normal form
     matrices: Floats  # (N, S, 4, 4), its functions in coordinates of each copy
     higher: Mapping[int, Higher]  # functions of an order above two, in the region's coordinates
     maps: Floats  # (N, 3, 4), from each copy to the region's coordinates
+    used: Ints  # (S,), the functions among those of its group
+    total: int  # number of functions of its group
+
+    @classmethod
+    def of(cls, within: Within, functions: _Functions) -> Self:
+        """The region of ``within``, whose group has ``functions``."""
+        normal = normal_form(within.region)
+        used = sorted({literal.surface for literal in literals(normal)})
+        numbers = {surface: number for number, surface in enumerate(used)}
+        maps = np.zeros((len(within.maps), 4, 4))
+        maps[:, :3], maps[:, 3, 3] = within.maps, 1.0
+        return cls(
+            normal_form(normal, Senses(numbers, dict.fromkeys(used, False))),
+            np.einsum("nai,sab,nbj->nsij", maps, functions.matrices[used], maps),
+            {numbers[ix]: functions.higher[ix] for ix in used if ix in functions.higher},
+            maps[:, :3],
+            np.array(used, np.int64),
+            len(functions.matrices),
+        )
 
 
 def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> list[Ints]:
@@ -362,7 +387,7 @@ def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> 
             by_signs.setdefault(column.tobytes(), []).append(place)
         for places in by_signs.values():
             chosen = copies[places]
-            left = _undecided(one.region, tuple(signs[:, chosen[0]].tolist()))
+            left = decided(one.normal, signs[:, chosen[0]].tolist())
             used = sorted({literal.surface for literal in literals(left)})
             matrices = one.matrices[chosen][:, used]
             size = np.abs(matrices).max(axis=(2, 3), keepdims=True, initial=1e-300)
@@ -382,21 +407,14 @@ def _alike(around: Sequence[tuple[_Around, NDArray[np.int8]]], copies: Ints) -> 
     return [np.array(members) for members in alike.values()]
 
 
-def _undecided(region: Region, signs: tuple[int, ...]) -> Region:
-    """The part of a region that signs (S,) leave undecided."""
-    plain = Senses(range(len(signs)), [False] * len(signs))
-    return decided(normal_form(region, plain), signs)
-
-
 def _left(box: Floats, around: _Around) -> Floats:
     """A box (2, 3) that contains the part of a box inside the region, in all copies."""
-    region, own = around.region, around.matrices
+    own = around.matrices
     if not len(own):
         return box
-    plain = Senses(range(own.shape[1]), [False] * own.shape[1])
     differs = (own != own[:1]).any(axis=(0, 2, 3))
     differs[[*around.higher]] = True
-    inside = box_of(_without(normal_form(region, plain), differs), own[0])
+    inside = box_of(_without(around.normal, differs), own[0])
     if inside is None:
         return box
     low, high = np.maximum(box[0], inside[0]), np.minimum(box[1], inside[1])

@@ -1,13 +1,14 @@
 """Converts OpenSCAD's calls to cells of a scene: solids joined by formulas.
 
 Unions are taken apart, so that each part may have its own colour. A face made by subtraction has
-the colour of the remaining part. All calls that Halfstep cannot draw are reported at once.
+the colour of the remaining part. Of a large model, parts that differ in their places alone are
+copies of one group. All calls that Halfstep cannot draw are reported at once.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,14 +23,14 @@ from halfstep.models.regions import box_of_region, hull, sides_of
 from halfstep.models.shape import NOTHING, Model
 from halfstep.models.source import Source
 from halfstep.scene import TorusShape
-from halfstep.scene.formula import AllOf, AnyOf, Formula, Leaf, Not, Sense, with_leaves
+from halfstep.scene.formula import AllOf, AnyOf, Formula, Leaf, Not, Sense, leaves, with_leaves
 from halfstep.scene.hues import linear
-from halfstep.scene.values import Array
+from halfstep.scene.values import Array, Vector
 
 # OpenSCAD's default colour.
 COLOR = (0.976, 0.843, 0.173)
 # With at most this many sides of surfaces, all cells lie in one group, where coinciding faces are
-# one surface. With more, each cell is a group, because a ray crosses all surfaces of a group.
+# one surface. With more, each part is a group, because a ray crosses all surfaces of a group.
 MOST_TOGETHER = 160
 # A matrix that shrinks more than this is singular.
 SINGULAR = 1e-12
@@ -45,14 +46,16 @@ _FLAT: dict[str, Callable[[Call], list[Array]]] = {
     "polygon": solids.polygon,
 }
 _UNIONS = ("union", "group", "render")
+_UNTURNED = np.eye(3)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A region, and its sRGB colour; None if the file gives none."""
+    """A region, its sRGB colour, None if the file gives none, and where its coordinates begin."""
 
     region: Formula
     color: tuple[float, ...] | None
+    origin: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -63,11 +66,13 @@ class _State:
         matrix: (4, 4), takes points of the call to points of the model.
         color: the colour of everything inside; the outermost colour applies.
         is_flat: whether the call lies in the plane z = 0, which is extruded.
+        is_part: whether the call is inside of one that makes parts, which only a union is not.
     """
 
     matrix: Array
     color: tuple[float, ...] | None
     is_flat: bool
+    is_part: bool
 
 
 def scene_tables(source: Source, look: Look) -> Model:
@@ -87,9 +92,9 @@ def scene_tables(source: Source, look: Look) -> Model:
         if value:
             raise UsageError(f"{option}: is of geometry of OpenMC")
     builder = _Builder(source)
-    parts = builder.parts(calls_of(source), _State(np.eye(4), None, is_flat=False))
+    parts = builder.parts(calls_of(source), _State(np.eye(4), None, is_flat=False, is_part=False))
     source.check()
-    return builder.model(parts, clip_of(look.clip, 1 + len(builder.matrices)))
+    return builder.model(parts, look.clip)
 
 
 class _Builder:
@@ -106,17 +111,19 @@ class _Builder:
     def parts(self, call: Call, state: _State) -> list[_Part]:
         """The parts that a call shows. A call that cannot be drawn is recorded as a fault."""
         name = call.name
-        known = _FLAT if state.is_flat else _SOLIDS
-        if name in known:
-            return self._solid(call, known[name], state)
         if name in _UNIONS:
             return self._inside(call, state)
         if name == "color":
             return self._inside(call, replace(state, color=state.color or self._color(call)))
         if name == "multmatrix":
             return self._moved(call, state)
+        if not state.is_part:
+            return self._placed(call, state)
         if name in ("difference", "intersection"):
             return self._combined(call, state)
+        known = _FLAT if state.is_flat else _SOLIDS
+        if name in known:
+            return self._solid(call, known[name], state)
         if name == "linear_extrude" and not state.is_flat:
             return self._extruded(call, state)
         if name == "rotate_extrude" and not state.is_flat:
@@ -127,6 +134,14 @@ class _Builder:
 
     def _inside(self, call: Call, state: _State) -> list[_Part]:
         return [part for child in call.children for part in self.parts(child, state)]
+
+    def _placed(self, call: Call, state: _State) -> list[_Part]:
+        """The parts of a call that is not in another part, with an origin of their own."""
+        x, y, z = state.matrix[:3, 3].tolist()
+        matrix = state.matrix.copy()
+        matrix[:3, 3] = 0.0
+        inside = self.parts(call, replace(state, matrix=matrix, is_part=True))
+        return [replace(part, origin=(x, y, z)) for part in inside]
 
     def _combined(self, call: Call, state: _State) -> list[_Part]:
         each = [self.parts(child, state) for child in call.children]
@@ -155,8 +170,7 @@ class _Builder:
             # A flat shape stays in its plane, as in OpenSCAD.
             matrix[2], matrix[:, 2] = 0.0, 0.0
             matrix[2, 2] = 1.0
-        sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-        if sizes[-1] <= SINGULAR * max(sizes[0], 1e-300):
+        if not (matrix[:3, :3] == _UNTURNED).all() and _is_singular(matrix[:3, :3]):
             where = self._source.line(call.at, "multmatrix is singular: nothing of it is shown")
             warnings.warn(where, stacklevel=2)
             return []
@@ -193,7 +207,7 @@ class _Builder:
             solids.half_space([0, 0, 1], low + height),
         ]
         inside = self._inside(call, replace(state, is_flat=True))
-        sides = [self._side(matrix, state.matrix) for matrix in ends]
+        sides = self._sides(ends, state.matrix)
         return [replace(part, region=_all([part.region, *sides])) for part in inside]
 
     def _turned(self, call: Call, state: _State) -> list[_Part]:
@@ -204,7 +218,7 @@ class _Builder:
             return []
         try:
             placed = solids.Placement.of(state.matrix)
-            flat = _State(np.eye(4), state.color, is_flat=True)
+            flat = _State(np.eye(4), state.color, is_flat=True, is_part=True)
             return [
                 replace(
                     part, region=with_leaves(part.region, lambda leaf: self._ring(leaf, placed))
@@ -220,12 +234,16 @@ class _Builder:
         assert isinstance(leaf, Sense)
         assert isinstance(leaf.surface, int)
         torus = placed.torus(self.matrices[leaf.surface - 1])
+        return Sense(self._torus(torus), leaf.positive)
+
+    def _torus(self, torus: TorusShape) -> int:
+        """The number of the surface of a torus."""
         key = torus.model_dump_json().encode()
         number = self._numbers.setdefault(key, len(self.matrices) + 1)
         if number > len(self.matrices):
             self.matrices.append(np.zeros((4, 4)))
             self._tori[number] = torus
-        return Sense(number, leaf.positive)
+        return number
 
     def _solid(
         self, call: Call, shape: Callable[[Call], list[Array]], state: _State
@@ -237,11 +255,15 @@ class _Builder:
             return []
         except solids.Empty:
             return []
-        return [_Part(_all([self._side(each, state.matrix) for each in matrices]), state.color)]
+        return [_Part(_all(self._sides(matrices, state.matrix)), state.color)]
 
-    def _side(self, matrix: Array, placed: Array) -> Formula:
-        """The side F <= 0 of the surface of ``matrix``, moved by ``placed``."""
-        back = np.linalg.inv(placed)
+    def _sides(self, matrices: list[Array], placed: Array) -> list[Formula]:
+        """The sides F <= 0 of the surfaces of ``matrices``, moved by ``placed``."""
+        back = np.asarray(np.linalg.inv(placed), np.float64)
+        return [Sense(self._surface(each, back), positive=False) for each in matrices]
+
+    def _surface(self, matrix: Array, back: Array) -> int:
+        """The number of the surface of ``matrix`` in coordinates that ``back`` takes to its own."""
         own = back.T @ matrix @ back
         own = (own + own.T) / 2
         if not matrix[:3, :3].any():
@@ -249,47 +271,85 @@ class _Builder:
         number = self._numbers.setdefault((own + 0.0).tobytes(), len(self.matrices) + 1)
         if number > len(self.matrices):
             self.matrices.append(own)
-        return Sense(number, positive=False)
+        return number
+
+    def _at_home(self, part: _Part) -> _Part:
+        """The part in coordinates of the model."""
+        if not any(part.origin):
+            return part
+        back = np.eye(4)
+        back[:3, 3] = np.negative(part.origin)
+
+        def moved(leaf: Leaf) -> Formula:
+            assert isinstance(leaf, Sense)
+            assert isinstance(leaf.surface, int)
+            if leaf.surface not in self._tori:
+                return Sense(self._surface(self.matrices[leaf.surface - 1], back), leaf.positive)
+            torus = self._tori[leaf.surface]
+            origin = np.add(torus.origin, part.origin).tolist()
+            return Sense(
+                self._torus(torus.model_copy(update={"origin": (*origin,)})), leaf.positive
+            )
+
+        return _Part(with_leaves(part.region, moved), part.color)
 
     # ---------------------------------------------------------------------------- scene
 
-    def model(self, parts: list[_Part], clip: Clip) -> Model:
-        """The tables of cells for all parts that are not empty.
+    def model(self, parts: list[_Part], clip: Sequence[str]) -> Model:
+        """The tables of cells for all parts that are not empty, cut by the texts of ``--clip``.
 
         Raises:
             SceneError: all parts are empty.
+            UsageError: a text is no clip.
         """
-        name = self._source.name
-        colors: dict[tuple[float, ...], str] = {}
-        cells: list[Table] = []
-        boxes: list[Array] = []
-        for part in parts:
-            box = self._box(part.region)
-            if box is None:
-                continue
-            color = part.color or COLOR
-            finish = colors.setdefault(color, f"color {len(colors) + 1}")
-            cells.append({"region": both(part.region, clip.region), "material": finish})
-            boxes.append(box)
-        whole = hull(boxes)
+        shown = self._shown(parts)
+        sides = sum(count for *_, count in shown)
+        if clip or sides <= MOST_TOGETHER:
+            shown = self._shown([self._at_home(part) for part, *_ in shown])
+        whole = hull(box for _, box, _ in shown)
         if whole is None:
-            raise SceneError(f"{name}: {NOTHING}")
+            raise SceneError(f"{self._source.name}: {NOTHING}")
+        kept = [part for part, *_ in shown]
+        tints = dict.fromkeys(part.color or COLOR for part in kept)
+        colors = {tint: f"color {number}" for number, tint in enumerate(tints, 1)}
         tables: Table = {
             "material": [
                 {"name": text, "color": linear(color).tolist()} for color, text in colors.items()
             ]
         }
-        sides = sum(1 for cell in cells for _ in sides_of(cell["region"]))
+        left = clip_of(clip, 1 + len(self.matrices))
         if sides <= MOST_TOGETHER:
-            tables |= self._group(cells, clip)
+            tables |= self._group([_cell(part, colors, left) for part in kept], left)
         else:
-            names = [f"part {number}" for number in range(1, len(cells) + 1)]
-            tables["group"] = [
-                {"name": text, **self._group([cell], clip)}
-                for text, cell in zip(names, cells, strict=True)
-            ]
-            tables["place"] = [{"group": text} for text in names]
-        return Model(name, tables, whole)
+            tables |= self._copies(kept, colors, left)
+        return Model(self._source.name, tables, whole)
+
+    def _shown(self, parts: list[_Part]) -> list[tuple[_Part, Array, int]]:
+        """The parts that are not empty, with their boxes and the number of their sides."""
+        known: dict[Formula, tuple[Array | None, int]] = {}
+        found: list[tuple[_Part, Array, int]] = []
+        for part in parts:
+            if part.region not in known:
+                known[part.region] = self._box(part.region), sum(1 for _ in leaves(part.region))
+            box, count = known[part.region]
+            if box is not None:
+                found.append((part, box + part.origin, count))
+        return found
+
+    def _copies(
+        self, parts: list[_Part], colors: Mapping[tuple[float, ...], str], clip: Clip
+    ) -> Table:
+        """The tables of groups, one for all parts that differ in their origins alone."""
+        groups: dict[_Part, Table] = {}
+        places: list[Table] = []
+        for part in parts:
+            key = replace(part, origin=(0.0, 0.0, 0.0))
+            if key not in groups:
+                cell = _cell(part, colors, clip)
+                groups[key] = {"name": f"part {len(groups) + 1}", **self._group([cell], clip)}
+            place: Table = {"group": groups[key]["name"]}
+            places.append(place | ({"origin": list(part.origin)} if any(part.origin) else {}))
+        return {"group": [*groups.values()], "place": places}
 
     def _box(self, region: Formula) -> Array | None:
         matrices = {number: self.matrices[number - 1] for number, _ in sides_of(region)}
@@ -307,6 +367,18 @@ class _Builder:
             for number in own
         ]
         return {"surface": [*surfaces, *clip.surfaces], "cell": cells}
+
+
+def _cell(part: _Part, colors: Mapping[tuple[float, ...], str], clip: Clip) -> Table:
+    """The table of the cell of a part."""
+    region = both(part.region, clip.region)
+    return {"region": region, "material": colors[part.color or COLOR]}
+
+
+def _is_singular(matrix: Array) -> bool:
+    """Whether a matrix (3, 3) leaves no volume."""
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return bool(sizes[-1] <= SINGULAR * max(sizes[0], 1e-300))
 
 
 def _surface(matrix: Array, number: int) -> Table:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from halfstep.host.formulas import Senses, normal_form
+from halfstep.host.formulas import normal_form
 from halfstep.host.higher import Higher, box_with
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Not, Sense, leaves
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
@@ -56,8 +56,7 @@ def box_of_region(
     numbers, region = region_of(formula)
     own = np.array([matrices[number] for number in numbers])
     higher = {numbers.index(number): each for number, each in (tori or {}).items()}
-    senses = Senses(range(len(own)), [False] * len(own))
-    return box_with(normal_form(region, senses), own, higher)
+    return box_with(normal_form(region), own, higher)
 
 
 def common(first: Array | None, second: Array | None) -> Array | None:

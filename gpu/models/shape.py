@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from halfstep.errors import SceneError
+from halfstep.host.formulas import normal_form
 from halfstep.host.higher import higher_of
 from halfstep.host.merging import cells_with_points
 from halfstep.models.look import PLACE, Clip, Look, Table, both, camera_of, lights_of, plane
@@ -88,7 +89,8 @@ def without_empty(fragment: FragmentT) -> FragmentT:
         return fragment.model_copy(update={"groups": groups})
     functions = fragment.functions()
     matrices = np.array([function.matrix for function in functions]).reshape(-1, 4, 4)
-    kept = cells_with_points(matrices, fragment.names().regions, shown, higher_of(functions))
+    regions = [normal_form(region) for region in fragment.names().regions]
+    kept = cells_with_points(matrices, regions, shown, higher_of(functions))
     if kept.issuperset(np.flatnonzero(shown).tolist()):
         return fragment.model_copy(update={"groups": groups})
     cells = tuple(

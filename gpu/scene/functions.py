@@ -16,6 +16,7 @@ from halfstep.scene.surfaces import Surface
 from halfstep.scene.values import Array
 
 EVERYWHERE = Intersection(())
+_NO_ROWS = np.zeros((0, 4))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,8 +85,9 @@ def _half_spaces(owner: Surface | Part) -> Array:
     given: object = owner
     if isinstance(given, Part):
         return given.half_spaces()
-    sides = given.sides() if isinstance(given, ImplicitShape) else ()
-    return np.array([*sides], np.float64).reshape(-1, 4)
+    if isinstance(given, ImplicitShape):
+        return np.array([*given.sides()], np.float64).reshape(-1, 4)
+    return _NO_ROWS
 
 
 def _matrices(owner: Surface | Part) -> Iterator[tuple[int, Array | None]]:
@@ -103,11 +105,21 @@ def _matrices(owner: Surface | Part) -> Iterator[tuple[int, Array | None]]:
 
 def _moved(matrix: Array, placed: Placed) -> Array:
     """A matrix (4, 4) of local coordinates, converted to coordinates of the group."""
-    rotation, origin = placed.world_from_local(), np.array(placed.origin)
-    moved = np.zeros((4, 4))
-    second = rotation @ matrix[:3, :3] @ rotation.T
-    moved[:3, :3] = (second + second.T) / 2
-    linear, bend = rotation @ matrix[:3, 3], moved[:3, :3] @ origin
+    is_turned = placed.axis is not None or placed.rotation_degrees is not None
+    if not is_turned and not any(placed.origin):
+        return matrix
+    origin = np.array(placed.origin)
+    second, linear = matrix[:3, :3], matrix[:3, 3]
+    is_bent = bool(second.any())
+    if is_turned:
+        rotation = placed.world_from_local()
+        linear = rotation @ linear
+        if is_bent:
+            second = rotation @ second @ rotation.T
+            second = (second + second.T) / 2
+    bend = second @ origin if is_bent else np.zeros(3)
+    moved = np.empty((4, 4))
+    moved[:3, :3] = second
     moved[:3, 3] = moved[3, :3] = linear - bend
     moved[3, 3] = matrix[3, 3] - 2 * (linear @ origin) + origin @ bend
     return moved

@@ -240,9 +240,9 @@ def _is_table(value: object) -> bool:
 
 def get(table: object, key: str) -> object:
     """The value of a key of a table, which is a mapping or a `Table`; None if it is missing."""
-    if isinstance(table, Mapping):
+    if type(table) is dict or isinstance(table, Mapping):
         # From Python, an array of tables may have the name of its attribute.
-        return table.get(key, table.get(f"{key}s"))
+        return table[key] if key in table else table.get(f"{key}s")
     if isinstance(table, BaseModel):
         fields = type(table).model_fields
         name = next((name for name, field in fields.items() if field.alias == key), key)

@@ -12,8 +12,11 @@ PARALLEL_SINE = 1e-9
 
 def unit(vector: Array) -> Array:
     """The vector (3,) at length 1. It is scaled first, so that no square over- or underflows."""
-    scaled = vector / np.abs(vector).max()
-    return np.asarray(scaled / math.hypot(*scaled))
+    numbers = vector.tolist()
+    largest = max(map(abs, numbers))
+    scaled = [number / largest for number in numbers]
+    length = math.hypot(*scaled)
+    return np.array([number / length for number in scaled])
 
 
 def orientation(axis: Vector | None, angles: Vector | None) -> Array:
@@ -28,7 +31,7 @@ def orientation(axis: Vector | None, angles: Vector | None) -> Array:
 
 def _shortest_rotation(axis: Array) -> Array:
     """The shortest rotation (3, 3) taking +Z to a unit axis (3,)."""
-    ax, ay, az = axis
+    ax, ay, az = axis.tolist()
     across = ax * ax + ay * ay
     if across == 0.0:
         return np.diag([1.0, 1.0, 1.0] if az > 0.0 else [1.0, -1.0, -1.0])

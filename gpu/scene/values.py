@@ -29,6 +29,8 @@ from halfstep.scene.faults import (
 
 Array = NDArray[np.float64]
 LARGEST = 1e15
+# Types of values that `plain` returns at once.
+_SCALARS = frozenset({float, int, str, bool, type(None)})
 
 
 def _counted(values: list[Any] | tuple[Any, ...]) -> str:
@@ -201,10 +203,13 @@ def described(error: ValidationError, table: type[Table], root: Loc = ()) -> lis
 
 def plain(value: Any) -> Any:
     """A value as TOML would give it, with numbers and lists of Python in place of NumPy's."""
+    kind = type(value)
+    if kind in _SCALARS:
+        return value
+    if kind is dict or isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    if isinstance(value, Mapping):
-        return {key: plain(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [plain(each) for each in value]
     return value
