@@ -378,6 +378,8 @@ CELLS = {
     "part": [{"name": "ball", "kind": "sphere", "radius": 1}],
     "cell": [{"region": "ball", **GRAY}],
 }
+TORUS = {"kind": "torus", "major": 2, "minor": 0.5, **GRAY}
+CELL = [{"region": "ring", **GRAY}]
 BAD = [
     ({"light": [LIGHT] * 33}, "light: 33 with shadows is not <= 32"),
     ({"light": [{**LIGHT, "shadows": 1}]}, "light[0].shadows: 1 is not true or false"),
@@ -386,9 +388,19 @@ BAD = [
         'accuracy.number_format: "fixed32" cannot draw shadows of cells yet; use float32',
     ),
     (
-        {"solid": [{"kind": "torus", "major": 2, "minor": 0.5, **GRAY}]},
-        "light[0].shadows: true: shadows are not drawn of tori and formulas yet, and the scene has "
-        "some",
+        {"solid": [TORUS], "accuracy": {"number_format": "fixed32"}},
+        'accuracy.number_format: "fixed32" cannot draw shadows of tori and formulas yet; use '
+        "float32",
+    ),
+    (
+        {"solid": [{**TORUS, "minor": 3}]},
+        "light[0].shadows: true: shadows are not drawn of formulas that are no polynomials yet, "
+        "and the scene has some",
+    ),
+    (
+        {"part": [{"name": "ring", "kind": "torus", "major": 2, "minor": 0.5}], "cell": CELL},
+        "light[0].shadows: true: shadows are not drawn of cells of tori and formulas yet, and the "
+        "scene has some",
     ),
     (
         {
@@ -422,8 +434,10 @@ def test_options_replace_what_lights_say() -> None:
     assert not with_overrides(scene, shadows=False).lights[0].shadows
     with pytest.raises(halfstep.SceneError, match="shadows: 3 is not true or false"):
         with_overrides(scene, shadows=3)  # type: ignore[arg-type]
-    with pytest.raises(halfstep.SceneError, match="shadows: true: shadows are not drawn of tori"):
-        with_overrides(halfstep.load("one_torus"), shadows=True)
+    with pytest.raises(halfstep.SceneError, match="shadows: true: shadows are not drawn of form"):
+        with_overrides(halfstep.load("metaballs"), shadows=True)
+    with pytest.raises(halfstep.SceneError, match="shadows of tori and formulas yet"):
+        with_overrides(halfstep.load("one_torus"), shadows=True, number_format="fixed32")
 
 
 def test_scenes_far_wider_than_a_solid_are_told_of() -> None:

@@ -37,6 +37,7 @@ from halfstep.scene import Scene
 from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
 from halfstep.shader.source import (
+    CASTERS_BINDING,
     EXPRESSIONS_BINDING,
     HIGHERS_BINDING,
     LOCATIONS,
@@ -87,6 +88,7 @@ _NAMES = {
     29: "copies before lights",
     30: "planes of copies before lights",
     31: "quadrics of copies before lights",
+    32: "polynomials of occluders",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
 _Binding = tuple[GpuBuffer, int, int] | object
@@ -531,6 +533,8 @@ def _special(packed: Packed, lists: Lists) -> dict[int, Array]:
         found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
     if packed.shadows is not None:
         found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
+        if packed.shadows.casters is not None:
+            found[CASTERS_BINDING] = packed.shadows.casters
     if packed.veils is not None:
         found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
     return found
