@@ -69,8 +69,10 @@ def far_trace(caster: np.void, ray: Ray) -> Trace:
     """Rays that count from the solid."""
     ahead = np.where(ray.t > 0, ray.t, _ONE)
     x, y = ray.x / ahead, ray.y / ahead
-    k = [caster[name] for name in ("level", "by_x", "by_y", "by_v")]
-    return Trace(*(far_track(*(one[i] for one in k), caster["shrink"], x, y) for i in range(3)))
+    level, by_x, by_y, by_v = (caster[name] for name in ("level", "by_x", "by_y", "by_v"))
+    shrink = caster["shrink"]
+    tracks = (far_track(level[i], by_x[i], by_y[i], by_v[i], shrink, x, y) for i in range(3))
+    return Trace(*tracks)
 
 
 def lamp_track(
@@ -84,18 +86,20 @@ def lamp_track(
 ) -> Track:
     """A coordinate of points of rays that count from a lamp."""
     right, down, ahead = by_x * x, by_y * y, by_v * z
+    start = np.full_like(right, level)
     return Track(
-        np.full_like(right, level),
+        start,
         -((right + down) + ahead),
-        np.full_like(right, np.abs(level)),
+        np.abs(start),
         (np.abs(right) + np.abs(down)) + np.abs(ahead),
     )
 
 
 def lamp_trace(caster: np.void, ray: Ray) -> Trace:
     """Rays that count from a lamp."""
-    k = [caster[name] for name in ("level", "by_x", "by_y", "by_v")]
-    return Trace(*(lamp_track(*(one[i] for one in k), ray.x, ray.y, ray.z) for i in range(3)))
+    level, by_x, by_y, by_v = (caster[name] for name in ("level", "by_x", "by_y", "by_v"))
+    at = ray.x, ray.y, ray.z
+    return Trace(*(lamp_track(level[i], by_x[i], by_y[i], by_v[i], *at) for i in range(3)))
 
 
 def size_of_track(track: Track) -> Track:
