@@ -89,6 +89,25 @@ def test_a_camera_at_any_distance(distance: float, rng: np.random.Generator) -> 
     assert total.dark > 200
 
 
+@pytest.mark.parametrize("lamp", [[4.05, 0.1, 4.05], [5.0, 5.0, 5.0], [9.0, 9.0, 9.0]])
+def test_corners_towards_lamps_across_the_axes(lamp: list[float]) -> None:
+    """A box that fills its radius, from a lamp some radii away: its corners reach far across."""
+    bounds = {"min": [-5, -9, -9], "max": [0, 9, 9]}
+    tables = {
+        "camera": {"center": [-1.2, 14, 3], "look_at": [-4, 0, 0], "fov_degrees": 60},
+        "light": [{"position": lamp, "shadows": True}],
+        "solid": [
+            {"kind": "box", "size": [1.998] * 3, **GRAY},
+            {"kind": "plane", "axis": [1, 0, 0], "origin": [-4, 0, 0], "bounds": bounds, **GRAY},
+        ],
+    }
+    total = Count()
+    scene = Judged(Scene.from_dict({**SCENE, **tables}), SMALL)
+    scene.count(total, backend="numpy", number_format="float32")
+    assert total.wrong == 0
+    assert total.dark > 10
+
+
 def test_light_along_faces() -> None:
     """Half-spaces along the rays to a light: beside a solid it is bright, under it dark."""
     box = {"kind": "box", "size": [1, 1, 1], "origin": [0, 0, 2], **GRAY}
