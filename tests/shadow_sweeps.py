@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -32,6 +33,13 @@ Random = np.random.Generator
 Table = dict[str, Any]
 
 
+class Sees(Protocol):
+    """An oracle."""
+
+    def at(self, i: Any, j: Any) -> Any:
+        """Solid, surface and the bits of dark lights at pixels (N,), which may have fractions."""
+
+
 @dataclass
 class Count:
     """Pixels of frames."""
@@ -39,6 +47,7 @@ class Count:
     hits: int = 0
     dark: int = 0
     ties: int = 0
+    unsure: int = 0  # wrong where `error` says so, if that is asked
     wrong: int = 0
 
     def __str__(self) -> str:
@@ -48,16 +57,28 @@ class Count:
 class Judged:
     """A scene and what the oracle sees of it, for frames of both formats."""
 
-    def __init__(self, scene: Scene, size: tuple[int, int] = SIZE) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int] = SIZE,
+        make: Callable[[Scene, tuple[int, int]], Sees] | None = None,
+    ) -> None:
+        """``make``: an oracle of a scene at a size; None for that of solids of second order.
+
+        With another oracle, pixels count apart whose `error` is infinite.
+        """
+        self._certain = make is not None
         self.scene = with_overrides(scene, size=size)
-        self._oracle = ShadowOracle(self.scene, Judge(self.scene, size).oracle)
+        make = make or (lambda *given: ShadowOracle(given[0], Judge(*given).oracle))
+        self._oracle = make(self.scene, size)
         j, i = np.mgrid[: size[1], : size[0]].astype(np.float64)
         self._i, self._j = i.ravel(), j.ravel()
         self._truth = self._oracle.at(self._i, self._j)
 
     def count(self, total: Count, **options: Any) -> None:
         """Count a frame's pixels that show the oracle's solid and surface."""
-        frame = halfstep.render(self.scene, outputs=("surface", "shadow"), **options)
+        outputs = ("surface", "shadow", "error") if self._certain else ("surface", "shadow")
+        frame = halfstep.render(self.scene, outputs=outputs, **options)
         solid, surface, dark = self._truth
         found = frame.shadow.ravel()
         same = (frame.solid.ravel() == solid) & (frame.surface.ravel() == surface) & (solid >= 0)
@@ -68,10 +89,12 @@ class Judged:
                 beside = self._oracle.at(self._i[k] + across, self._j[k] + down)
                 for there, here in zip(beside, self._truth, strict=True):
                     stable &= there == here[k]
+        certain = np.isfinite(frame.error.ravel()[k]) if self._certain else np.ones(len(k), bool)
         total.hits += int(same.sum())
         total.dark += int((dark[same] > 0).sum())
         total.ties += int((~stable).sum())
-        total.wrong += int(stable.sum())
+        total.unsure += int((stable & ~certain).sum())
+        total.wrong += int((stable & certain).sum())
 
 
 def light(rng: Random, size: float, center: Any = (0.0, 0.0, 0.0)) -> Table:

@@ -21,8 +21,10 @@ TYPES = {
     FIXED32: {"Coefficient": "i64", "Value": "i32", "Length": "i64"},
 }
 # Terms of a polynomial and numbers of a formula, as the records here have them.
-TERMS, NUMBERS = 40, 8
-COUNTED = [record.counted(TERMS=TERMS, NUMBERS=NUMBERS) for record in RECORDS]
+TERMS, NUMBERS, CASTER_TERMS = 40, 8, 20
+COUNTED = [
+    record.counted(TERMS=TERMS, NUMBERS=NUMBERS, CASTER_TERMS=CASTER_TERMS) for record in RECORDS
+]
 # So many records that a wrong stride shows.
 COUNT = 3
 
@@ -63,7 +65,8 @@ def echo(record: Record, number_format: Format) -> tuple[str, int]:
     )
     return (
         f"{''.join(f'alias {name} = {type_};' for name, type_ in types.items())}\n"
-        f"const TERMS: u32 = {TERMS}u;\nconst NUMBERS: u32 = {NUMBERS}u;\n{stage('layout')}\n"
+        f"const TERMS: u32 = {TERMS}u;\nconst NUMBERS: u32 = {NUMBERS}u;\n"
+        f"const CASTER_TERMS: u32 = {CASTER_TERMS}u;\n{stage('layout')}\n"
         f"@group(0) @binding(0) var<{space}> records: {stored};\n"
         "@group(0) @binding(1) var<storage, read_write> found: array<i64>;\n"
         "@compute @workgroup_size(1)\n"

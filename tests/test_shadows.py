@@ -89,6 +89,25 @@ def test_a_camera_at_any_distance(distance: float, rng: np.random.Generator) -> 
     assert total.dark > 200
 
 
+@pytest.mark.parametrize("lamp", [[4.05, 0.1, 4.05], [5.0, 5.0, 5.0], [9.0, 9.0, 9.0]])
+def test_corners_towards_lamps_across_the_axes(lamp: list[float]) -> None:
+    """A box that fills its radius, from a lamp some radii away: its corners reach far across."""
+    bounds = {"min": [-5, -9, -9], "max": [0, 9, 9]}
+    tables = {
+        "camera": {"center": [-1.2, 14, 3], "look_at": [-4, 0, 0], "fov_degrees": 60},
+        "light": [{"position": lamp, "shadows": True}],
+        "solid": [
+            {"kind": "box", "size": [1.998] * 3, **GRAY},
+            {"kind": "plane", "axis": [1, 0, 0], "origin": [-4, 0, 0], "bounds": bounds, **GRAY},
+        ],
+    }
+    total = Count()
+    scene = Judged(Scene.from_dict({**SCENE, **tables}), SMALL)
+    scene.count(total, backend="numpy", number_format="float32")
+    assert total.wrong == 0
+    assert total.dark > 10
+
+
 def test_light_along_faces() -> None:
     """Half-spaces along the rays to a light: beside a solid it is bright, under it dark."""
     box = {"kind": "box", "size": [1, 1, 1], "origin": [0, 0, 2], **GRAY}
@@ -378,6 +397,8 @@ CELLS = {
     "part": [{"name": "ball", "kind": "sphere", "radius": 1}],
     "cell": [{"region": "ball", **GRAY}],
 }
+TORUS = {"kind": "torus", "major": 2, "minor": 0.5, **GRAY}
+CELL = [{"region": "ring", **GRAY}]
 BAD = [
     ({"light": [LIGHT] * 33}, "light: 33 with shadows is not <= 32"),
     ({"light": [{**LIGHT, "shadows": 1}]}, "light[0].shadows: 1 is not true or false"),
@@ -386,9 +407,19 @@ BAD = [
         'accuracy.number_format: "fixed32" cannot draw shadows of cells yet; use float32',
     ),
     (
-        {"solid": [{"kind": "torus", "major": 2, "minor": 0.5, **GRAY}]},
-        "light[0].shadows: true: shadows are not drawn of tori and formulas yet, and the scene has "
-        "some",
+        {"solid": [TORUS], "accuracy": {"number_format": "fixed32"}},
+        'accuracy.number_format: "fixed32" cannot draw shadows of tori and formulas yet; use '
+        "float32",
+    ),
+    (
+        {"solid": [{**TORUS, "minor": 3}]},
+        "light[0].shadows: true: shadows are not drawn of formulas that are no polynomials yet, "
+        "and the scene has some",
+    ),
+    (
+        {"part": [{"name": "ring", "kind": "torus", "major": 2, "minor": 0.5}], "cell": CELL},
+        "light[0].shadows: true: shadows are not drawn of cells of tori and formulas yet, and the "
+        "scene has some",
     ),
     (
         {
@@ -422,8 +453,10 @@ def test_options_replace_what_lights_say() -> None:
     assert not with_overrides(scene, shadows=False).lights[0].shadows
     with pytest.raises(halfstep.SceneError, match="shadows: 3 is not true or false"):
         with_overrides(scene, shadows=3)  # type: ignore[arg-type]
-    with pytest.raises(halfstep.SceneError, match="shadows: true: shadows are not drawn of tori"):
-        with_overrides(halfstep.load("one_torus"), shadows=True)
+    with pytest.raises(halfstep.SceneError, match="shadows: true: shadows are not drawn of form"):
+        with_overrides(halfstep.load("metaballs"), shadows=True)
+    with pytest.raises(halfstep.SceneError, match="shadows of tori and formulas yet"):
+        with_overrides(halfstep.load("one_torus"), shadows=True, number_format="fixed32")
 
 
 def test_scenes_far_wider_than_a_solid_are_told_of() -> None:

@@ -112,7 +112,14 @@ NEEDS = Needs(
 
 
 SHADOWED = replace(
-    NEEDS, shadows=2, far_lights=1, curves=True, encloses=True, bounces=1, veils=True
+    NEEDS,
+    shadows=2,
+    far_lights=1,
+    curves=True,
+    encloses=True,
+    casters=True,
+    bounces=1,
+    veils=True,
 )
 
 
@@ -313,10 +320,11 @@ def _combinations() -> Iterator[Needs]:
         yield from (lit, replace(lit, parallel=True))
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
         bounces = int(form is not FIXED32)  # which cannot draw mirrors
-        lit = replace(SHADOWED, format=form, bounces=bounces, veils=False)
+        lit = replace(SHADOWED, format=form, bounces=bounces, veils=False, casters=False)
         yield replace(lit, far_lights=far, encloses=encloses)
-        if form is not FIXED32:  # which cannot draw shadows of cells
+        if form is not FIXED32:  # which cannot draw shadows of cells and polynomials
             yield replace(lit, far_lights=far, encloses=encloses, veils=True)
+            yield replace(lit, far_lights=far, encloses=encloses, casters=True)
     for continued, classes in product((False, True), ((Class.PATCH,), (Class.REGION,))):
         counted = replace(SHADOWED, bounces=0, veil_rounds=64, continued=continued)
         yield replace(counted, classes=classes, outputs=ALL)
@@ -364,7 +372,8 @@ def as_it_lies(name: str) -> str:
         # Blocks of regions are of one quad.
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
-    need = replace(need, veils=need.veils and form is not FIXED32)
+    if form is FIXED32:  # cannot draw shadows of cells and polynomials
+        need = replace(need, veils=False, casters=False)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)
     method = "article" if name == "visit_article" else "visible"

@@ -20,11 +20,13 @@ from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.layout import Flag, Shade
 from halfstep.contract.powers import (
     BOUNDS,
+    CAST_STEPS,
     CLOCKS,
     PLACE_HALVINGS,
     SEARCH_HALVINGS,
     SLOPE_HALVINGS,
     WEIGHT_BITS,
+    solid_terms,
     term_count,
 )
 from halfstep.contract.srgb import SRGB_ENTRIES, srgb_quads, srgb_table
@@ -70,7 +72,7 @@ LIT = ("ambient", "specular")
 SHADERS = ("shade", "finish")
 
 # Records of what hides lights, and files of functions that read them.
-SHADOWED = ("location.", "occluder.", "slab.", "body.", "face.", "veil.", "flat.")
+SHADOWED = ("location.", "occluder.", "slab.", "body.", "face.", "veil.", "flat.", "caster.")
 SHADOWS = ("place", "beam", "beam_fixed", "shadow", "mirror", "veil")
 
 # Values that make products, sums and roots coincide exactly.
@@ -142,6 +144,8 @@ const LEVELS: u32 = {LEVELS}u;
 const DEGREE: u32 = {DEGREE}u;
 const PAIRS: u32 = {PAIRS}u;
 const TERMS: u32 = {term_count(DEGREE)}u;
+const CASTER_TERMS: u32 = {solid_terms(DEGREE)}u;
+const CAST_STEPS: u32 = {CAST_STEPS}u;
 const NUMBERS: u32 = 4u;
 const CLOCKS: u32 = {CLOCKS}u;
 const BOUNDS: u32 = {BOUNDS}u;
@@ -156,8 +160,8 @@ var<private> lights: array<Light, LIGHTS>;
     alone = {name for item in STAGES if item.kind in ALONE for name in (item.file, *item.others)}
     # Short keys are never kept together with what needs long ones.
     alone -= {"keep", "finish"} if chosen else set()
-    # Mirrors and shadows of cells are for float32.
-    alone -= {"mirror", "veil"} if number_format is FIXED32 else set()
+    # Mirrors and shadows of cells and polynomials are for float32.
+    alone -= {"mirror", "veil", "trace", "cast"} if number_format is FIXED32 else set()
     files = [name for name in files_of(number_format, {"lines", *chosen}) if name in alone]
     return Module("the stages", "\n".join([shared, TABLE, *map(stage, files)]))
 
@@ -610,6 +614,23 @@ FAULTS = [
     ("arcs.jet_of_arc", "h > f4(WIDEST_ARC)", "h < f4(WIDEST_ARC)"),
     ("algebraic.first_place", "PIECES - 1u", "PIECES - 2u"),
     ("algebraic.last_place", "+ 1u", "+ 2u"),
+    ("trace.far_track", "by_v - shrink", "by_v + shrink"),
+    ("trace.far_trace", "ray.y / ahead", "ray.y"),
+    ("trace.lamp_track", "-((right", "((right"),
+    ("trace.lamp_trace", "k.by_v[2], ray.x", "k.by_v[1], ray.x"),
+    ("trace.size_of_track", "abs(track.along)", "track.along"),
+    ("trace.moved_track", "abs(start)", "start"),
+    ("trace.moved_trace", "trace.z, start", "trace.y, start"),
+    ("trace.longest_change", "abs(trace.y.along)", "trace.y.along"),
+    ("trace.narrowed_way", "max(one, two)", "min(one, two)"),
+    ("trace.boxed_way", "trace.y, least", "trace.x, least"),
+    ("cast.powers_along", "line[0] * z.level + term", "line[0] + term"),
+    ("cast.powers_along", "plane[b - 1u - i] * y.along", "plane[b - 1u - i] * y.level"),
+    ("cast.sizes_along", "abs(k[term])", "k[term]"),
+    ("cast.rest_of_powers", "f4(0.0), some", "p[0], some"),
+    ("cast.shaded", "(powers[0] < -error)", "(powers[0] > error)"),
+    ("cast.cast_of", "== u4(1u)", "== u4(2u)"),
+    ("cast.cast_of", "inside | cell.met | beside", "inside | cell.met"),
     ("arcs.most_bent", "+ a.rest", ""),
     ("arcs.number_arc", "f4(k), f4(0.0)", "f4(k), f4(k)"),
     ("arcs.checked_arc", "return a;", "return negated_arc(a);"),
@@ -781,6 +802,12 @@ class Draw:
                 return rng.choice([0, 4], shape)
             case "state":
                 return rng.integers(0, 8, shape)
+            case "least":
+                return np.abs(self._usual(name, leaf))
+            case "t" if self._function.file in ("trace", "cast"):
+                # Ways to lamps are no shorter than a part of the way to the solid.
+                value = self._usual(name, leaf)
+                return np.where(value > 0, np.maximum(value, 2.0**-4), value)
             case "half_turns":
                 return rng.integers(-4, 5, shape) / 2
             case "x" if self._function.name == "turned_sine":

@@ -42,7 +42,8 @@ fn light_ray(beam: Beam, occluder: Occluder) -> Ray {
   let v = f4(beam.v) * occluder.unit;
   let to_lamp = f4(i4(occluder.reach) - beam.v) * occluder.weight;
   let h = select(to_lamp, f4(1.0), b4(occluder.reach == 0));
-  let before = (h > f4(0.0)) & (v <= f4(1.0)) & (max(abs(x), abs(y)) <= h + h);
+  // Sheared, a box is two radii wide, and looks at most 4/3 as wide from a lamp four radii away.
+  let before = (h > f4(0.0)) & (v <= f4(1.0)) & (max(abs(x), abs(y)) <= (h + h) + h);
   return Ray(
     x,
     y,

@@ -6,21 +6,6 @@
 // The widest cell that is tried about a u at which F must have one sign: the whole interval.
 const WIDEST: f32 = 2.0;
 
-// One coordinate of the points of rays, level + u along, with the magnitudes of its terms.
-struct Track {
-  level: f4,
-  along: f4,
-  level_size: f4,
-  along_size: f4,
-}
-
-// The points of rays.
-struct Trace {
-  x: Track,
-  y: Track,
-  z: Track,
-}
-
 // The outline of a solid that a formula bounds.
 fn outline_of_formula(form: Expression) -> Outline {
   return Outline(

@@ -45,6 +45,23 @@ fn hide(occluder: Occluder, bit: u32) {
     }
   }
   // each quad
+  var sheet_0 = b4(false);  //? casters
+  // each quad
+  var cast_0 = Cast(b4(false), b4(false), b4(true));  //? casters
+  for (var once = 0u; once < min(occluder.caster, 1u); once++) {  //? casters
+    let caster = caster_at(occluder.caster - 1u);
+    // each quad
+    {
+      let own = is_own(nearest_0.surface, occluder.first, occluder.count);
+      let on_f = own & (nearest_0.surface == u4(occluder.surface));
+      let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);
+      let asked = (nearest_0.surface > u4(0u)) & (!own | on_f | encloses);
+      cast_0 = cast_of(caster, occluder, ray_0, piece_0, asked, on_f, nearest_0.turned);
+      // Both sides of a sheet are outer sides.
+      sheet_0 = b4(caster.sheet != 0u);
+    }
+  }
+  // each quad
   {
     let own = is_own(nearest_0.surface, occluder.first, occluder.count);
     var again = b4(false);
@@ -53,15 +70,25 @@ fn hide(occluder: Occluder, bit: u32) {
       var form = far_curve(occluder, ray_0);
       form = curve_along(occluder, ray_0);  //? lamps
       let rest = rest_of(form, ray_0, at_lamp);
-      let on_curve = own & (nearest_0.surface == u4(occluder.surface));
+      let on_curve = own & (nearest_0.surface == u4(occluder.curve));
       faces_0 = select(faces_0, starts_beyond(rest, whole_ray(ray_0)), on_curve);
       again = on_curve & is_met_again(rest, piece_0);
       hidden = is_met(form, piece_0) & ray_0.near;
       leaves_0 = leaves_0 | comes_out(form, rest, whole_ray(ray_0), on_curve);  //? encloses
     }
+    var enclosed = b4((occluder.flags & SHADE_FLAT) == 0u);
+    {  //? casters
+      let is_caster = b4(occluder.caster != 0u);
+      let on_f = own & is_caster & (nearest_0.surface == u4(occluder.surface));
+      faces_0 = select(faces_0, cast_0.faces, on_f);
+      again = select(again, cast_0.met, on_f);
+      hidden = select(hidden, cast_0.met, is_caster);
+      leaves_0 = leaves_0 | cast_0.met;  //? encloses
+      unsure_0 = unsure_0 | (!cast_0.sure & b4(casts));  //? error
+      enclosed = select(enclosed, again, sheet_0);
+    }
     let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);  //? encloses
     hidden = select(hidden, leaves_0, encloses);  //? encloses
-    var enclosed = b4((occluder.flags & SHADE_FLAT) == 0u);
     enclosed = enclosed & (leaves_0 | !encloses);  //? encloses
     let dark = own_shadow(faces_0, nearest_0.turned, again, enclosed, casts);
     nearest_0.dark |= select(u4(0u), u4(bit), select(hidden & b4(casts), dark, own));

@@ -236,6 +236,8 @@ struct Occluder {
   factor_shift: u32,  // see factor
   flags: u32,  // SHADE_… bits
   surface: u32,  // number of F among surfaces; those of its half-spaces follow
+  curve: u32,  // number of the quadric among surfaces; 0 if it has none
+  caster: u32,  // row of its polynomial among casters, from 1; 0 if it has none
   first: u32,  // number of its first surface in the scene, from 1
   count: u32,  // how many surfaces it has
   slab_start: u32,  // its first slab
@@ -248,6 +250,19 @@ struct Slab {
   b: array<Value, 3>,  // coefficients of z, x, y
   width: Value,  // distance of the two half-spaces, as a coefficient of t
   numbers: u32,  // SLAB_… bits: its surfaces, and whether the light is outside
+}
+
+// The polynomial of an occluder, and its coordinates, from -1 to 1, along rays to a light.
+struct Caster {
+  @align(32) level: array<f32, 3>,  // coordinates of the middle, or of a lamp that is near
+  by_x: array<f32, 3>,  // their changes along the first axis across the rays, per radius
+  by_y: array<f32, 3>,  // along the second
+  by_v: array<f32, 3>,  // along the rays
+  shrink: f32,  // 1/v where the rays meet, at a lamp; else 0
+  rounding: f32,  // error of F from rounding, of the sum of all |terms|
+  sheet: u32,  // 1 if F = 0 is shown from both sides, else 0
+  ball: u32,  // 1 if the quadric of the occluder is a ball that bounds it, else 0
+  terms: array<f32, CASTER_TERMS>,  // as gpu/contract/powers.py orders them
 }
 
 // The veils of a light with shadows.

@@ -6,7 +6,8 @@ struct Key {
   low: u4,
 }
 
-// The key behind all points.
+// The key before all points, and the key behind them.
+const FIRST: Key = Key(u4(0u), u4(0u));
 const FAR: Key = Key(u4(0xFFFFFFFFu), u4(0xFFFFFFFFu));
 
 // Key of a position in an interval that starts at `start`; a last step is 2^shift units.

@@ -202,5 +202,7 @@ fn find_shadows() {
     try_veils(ix, light.bit, all_around(around, is_far.x), other);  //? veils
   }
   // each quad
+  nearest_0.doubt = either_key(unsure_0, FIRST, nearest_0.doubt);  //? casters & error
+  // each quad
   nearest_0.dark = select(u4(0u), nearest_0.dark, nearest_0.surface > u4(0u));
 }

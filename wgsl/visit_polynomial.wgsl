@@ -186,6 +186,8 @@ fn visit_polynomial(solid: Solid, y: i32, member: u32) {
       select(last.met | (id_out > i4(0)), hit, stays),  //? exit
       select(left_at, position, stays),  //? exit
     );
+    let other = other_side(solid, inside);  //? places
+    turned_0 = select(other, select(u4(0u), u4(1u), inside), b4(is_sheet));  //? places
     let start_off = abs(start - form.middle);  //? error & !formula
     let stop_off = abs(stop - form.middle);  //? error & !formula
     let slope = slope_at_most(curve.sizes, max(start_off, stop_off));  //? error & !formula

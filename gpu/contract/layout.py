@@ -393,6 +393,8 @@ OCCLUDER = Record(
         Field("factor_shift", "u32", 1, "see factor"),
         Field("flags", "u32", 1, "SHADE_… bits"),
         Field("surface", "u32", 1, "number of F among surfaces; those of its half-spaces follow"),
+        Field("curve", "u32", 1, "number of the quadric among surfaces; 0 if it has none"),
+        Field("caster", "u32", 1, "row of its polynomial among casters, from 1; 0 if it has none"),
         Field("first", "u32", 1, "number of its first surface in the scene, from 1"),
         Field("count", "u32", 1, "how many surfaces it has"),
         Field("slab_start", "u32", 1, "its first slab"),
@@ -408,6 +410,22 @@ SLAB = Record(
         Field("b", "Value", 3, "coefficients of z, x, y"),
         Field("width", "Value", 1, "distance of the two half-spaces, as a coefficient of t"),
         Field("numbers", "u32", 1, "SLAB_… bits: its surfaces, and whether the light is outside"),
+    ),
+)
+
+CASTER = Record(
+    "Caster",
+    "The polynomial of an occluder, and its coordinates, from -1 to 1, along rays to a light.",
+    (
+        Field("level", "f32", 3, "coordinates of the middle, or of a lamp that is near"),
+        Field("by_x", "f32", 3, "their changes along the first axis across the rays, per radius"),
+        Field("by_y", "f32", 3, "along the second"),
+        Field("by_v", "f32", 3, "along the rays"),
+        Field("shrink", "f32", 1, "1/v where the rays meet, at a lamp; else 0"),
+        Field("rounding", "f32", 1, "error of F from rounding, of the sum of all |terms|"),
+        Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
+        Field("ball", "u32", 1, "1 if the occluder's quadric is a ball that bounds it, else 0"),
+        Field("terms", "f32", "CASTER_TERMS", "as gpu/contract/powers.py orders them"),
     ),
 )
 
@@ -535,6 +553,7 @@ RECORDS = (
     LIGHT_VIEW,
     OCCLUDER,
     SLAB,
+    CASTER,
     VEIL_VIEW,
     VEIL,
     VEIL_FLAT,

@@ -3,6 +3,9 @@
 Horner's rule sets the order of the terms of a polynomial of degree d. The power of u rises from 0
 to d. For each, the power of x falls from d to 0. For each power of x, the power of y falls from the
 highest that keeps the degree in (x, y) at most d.
+
+The terms of a polynomial in x, y and z are ordered likewise: the power of x falls from d to 0, for
+each of them that of y, and for each of these that of z, from the highest that keeps the degree.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ BOUNDS = 8
 # can be judged, and even fewer where F is a formula.
 MADE = 2
 MADE_OF_FORMULA = 4
+# Halvings of what is left of a ray to a light, down to its least cells.
+CAST_STEPS = 20
 # In integers, the weights of Bernstein's polynomials have so many bits behind the point, so that
 # their products with pixel offsets of up to 2^16 stay within 64 bits.
 WEIGHT_BITS = 46
@@ -51,3 +56,21 @@ def places(degree: int) -> tuple[Ints, Ints, Ints]:
     ]
     u, x, y = np.array(terms, np.int64).T
     return u, x, y
+
+
+def solid_terms(degree: int) -> int:
+    """Terms of a polynomial in x, y and z."""
+    return (degree + 1) * (degree + 2) * (degree + 3) // 6
+
+
+@functools.cache
+def solid_places(degree: int) -> tuple[Ints, Ints, Ints]:
+    """The powers of x, y and z of every term, (T,) each."""
+    terms = [
+        (degree - a, a - b, b - c)
+        for a in range(degree + 1)
+        for b in range(a + 1)
+        for c in range(b + 1)
+    ]
+    x, y, z = np.array(terms, np.int64).T
+    return x, y, z

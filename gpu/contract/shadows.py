@@ -24,6 +24,7 @@ class PackedShadows:
     occluders: Records  # one light after another; each light begins at a multiple of GROUP^2
     slabs: Records
     boxes: Records  # of occluders, of groups, of groups of groups; no ray meets the last box
+    casters: Records | None  # polynomials of occluders, if some have one
     far_lights: int  # how many of the L lights are far away
     curves: bool  # whether an occluder has a quadric
     many: bool  # whether a light has more than MANY occluders

@@ -23,6 +23,7 @@ import numpy as np
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.bounds import bounds
 from halfstep.host.camera import View
+from halfstep.host.casters import Caster, asked_boxes, caster_of
 from halfstep.host.geometry import Geometry
 from halfstep.host.world import Grid, World, planes_of
 from halfstep.scene import Light, Scene
@@ -101,7 +102,7 @@ class Occluder:
 
     solid: int  # index in the scene
     is_patch: bool
-    has_quadric: bool
+    has_quadric: bool  # of its own, or a ball that bounds it
     axes: Axes
     level: int
     center: Ints  # (3,), on the grid
@@ -117,6 +118,7 @@ class Occluder:
     # (2, 3), a box of all points that may be hidden. For a far light it is in units of the grid;
     # for a lamp the way across over the way along, and the way along in units of the grid.
     box: Floats
+    caster: Caster | None  # its polynomial, if it has one
 
 
 @dataclass(frozen=True)
@@ -198,6 +200,8 @@ def _spans(
     spans = np.concatenate([seen.tangent, seen.depth[None]]).transpose(1, 0, 2)
     around = _spans_of_boxes(found, view)
     spans[0], spans[1] = np.maximum(spans[0], around[0]), np.minimum(spans[1], around[1])
+    if geometry.polynomials is not None:
+        spans[..., geometry.polynomials.solid] = _spans_of_boxes(asked_boxes(geometry), view)
     return from_behind(spans, is_lamp)
 
 
@@ -271,19 +275,22 @@ def _before(geometry: Geometry, grid: Grid, ix: int, spans: Floats, approach: Ap
     axes, level, center = approach.axes, approach.level, approach.center
     forms = _Forms.of(geometry, grid, ix, axes.basis, center.astype(np.float64), level)
     is_patch, encloses = bool(geometry.is_patch[ix]), False
+    end = 0.0 if approach.reach == 0 else approach.end
+    caster = caster_of(geometry, ix, forms.to_local, end)
     if approach.at_lamp:
         light = np.array([0.0, 0.0, 0.0, 1.0])
         quadrics, sides = quadratics_at_lamp(forms.quadric), linears_at_lamp(forms.slabs[:, 0])
         outside = (forms.slabs[..., 3] > 0) & (forms.numbers > 0)
         encloses = not outside.any() and float(forms.quadric[3, 3]) <= 0 and not is_patch
+        if caster is not None:
+            encloses = encloses and caster.is_inside and not caster.is_sheet
     else:
-        end = 0.0 if approach.reach == 0 else approach.end
         light = np.array([0.0, 0.0, 1.0, end])
         quadrics, sides = quadratics(forms.quadric, end), linears(forms.slabs[:, 0], end)
     return Occluder(
         solid=ix,
         is_patch=is_patch,
-        has_quadric=bool(geometry.has_quadric[ix]),
+        has_quadric=bool(geometry.has_quadric[ix]) or (caster is not None and caster.is_in_ball),
         axes=axes,
         level=level,
         center=center,
@@ -297,6 +304,7 @@ def _before(geometry: Geometry, grid: Grid, ix: int, spans: Floats, approach: Ap
         numbers=forms.numbers,
         lit=forms.slabs @ light > 0,
         box=spans,
+        caster=caster,
     )
 
 
@@ -304,6 +312,7 @@ def _before(geometry: Geometry, grid: Grid, ix: int, spans: Floats, approach: Ap
 class _Forms:
     """A solid in the coordinates a, b, v, 1."""
 
+    to_local: Floats  # (4, 4), takes a, b, v, 1 to the coordinates of the solid
     quadric: Floats  # (4, 4), the largest entry about 1; F = -1 if the solid has no quadric
     slabs: Floats  # (S, 2, 4), both half-spaces, the largest entry about 1
     numbers: Ints  # (S, 2), see `Occluder`
@@ -319,7 +328,7 @@ class _Forms:
         start = grid.middle - geometry.origin[:, ix]
         to_local[:3, 3] = back @ (start + center * grid.unit)
         quadric = np.diag([0.0, 0.0, 0.0, -1.0])
-        if geometry.has_quadric[ix]:
+        if geometry.quadric[..., ix].any():  # its own, or a ball that bounds it
             quadric = to_local.T @ geometry.quadric[..., ix] @ to_local
             quadric = quadric / np.abs(quadric).max()
         rows = planes_of(geometry, ix) @ to_local
@@ -329,7 +338,7 @@ class _Forms:
         numbers = _pairs(rows)
         slabs = rows[np.where(numbers > 0, numbers, numbers[:, :1]) - 1]
         size = np.abs(slabs).max(axis=(1, 2), keepdims=True, initial=0.0)
-        return cls(quadric, slabs / np.where(size > 0, size, 1.0), numbers)
+        return cls(to_local, quadric, slabs / np.where(size > 0, size, 1.0), numbers)
 
     @property
     def widths(self) -> Floats:

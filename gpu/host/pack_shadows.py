@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from halfstep.contract.arrays import Floats, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.layout import Shade
 from halfstep.contract.shadows import GROUP, MANY, PackedShadows
+from halfstep.host.casters import Caster
+from halfstep.host.forms import FAINT
 from halfstep.host.occluders import Occluder, Shadows
 
 # Integer coefficients are scaled so that no value of a form exceeds 2^VALUE_BITS, with a radius of
@@ -25,6 +28,8 @@ LINEAR_REACH = np.array([1.0, 2.0, 2.0])
 BOX_MARGIN = 2.0**8
 # The coordinates of a box that nothing touches, and of an infinite end.
 NOWHERE = 3e38
+# Half the spacing of floats at 1, and room for the rounding of bounds themselves.
+EPSILON, ROOM = 2.0**-24, 1.03
 # Number of boxes behind the last one: the most invocations of a subgroup.
 SPARE_BOXES = 16
 
@@ -39,6 +44,7 @@ class ShadowTables:
         """The records of frames in a number format."""
         shadows = self.shadows
         views, occluders, slabs, boxes = self._tables(number_format is FIXED32)
+        casters = [one.caster for hiding in shadows.occluders for one in hiding]
         return PackedShadows(
             views=views,
             occluders=occluders,
@@ -48,6 +54,7 @@ class ShadowTables:
             curves=any(one.has_quadric for hiding in shadows.occluders for one in hiding),
             many=max(map(len, shadows.occluders)) > MANY,
             encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
+            casters=_casters([each for each in casters if each is not None]),
         )
 
     @functools.cache  # noqa: B019 - two entries, and they last as long as the scene
@@ -73,6 +80,8 @@ class ShadowTables:
         occluders["slab_count"][places] = counts
         occluders["slab_start"][places] = np.cumsum(counts) - counts
         slabs = np.zeros(counts.sum(), layout.SLAB.dtype(number_format))
+        has_caster = np.array([one.caster is not None for one in every], bool)
+        occluders["caster"][places] = np.where(has_caster, np.cumsum(has_caster), 0)
         ends = np.cumsum([room, room // GROUP, room // GROUP**2])
         boxes = np.zeros(ends[-1] + SPARE_BOXES, layout.BOX.dtype())
         boxes["low"], boxes["high"] = NOWHERE, -NOWHERE
@@ -127,7 +136,11 @@ def fill(record: np.void, one: Occluder, shadows: Shadows, *, integer: bool) -> 
     record["flags"] = flags | Shade.FLAT * one.is_patch
     # The surface of a bounded plane has the number of its first side.
     record["surface"] = shadows.world.first_surface[one.solid] - one.is_patch
-    record["first"] = shadows.world.first_surface[one.solid]
+    first = shadows.world.first_surface[one.solid]
+    record["curve"] = first if one.has_quadric else 0
+    if one.caster is not None and one.caster.is_in_ball:
+        record["curve"] = first + shadows.world.surface_count[one.solid] - 1
+    record["first"] = first
     record["count"] = shadows.world.surface_count[one.solid]
 
 
@@ -151,3 +164,19 @@ def _scales(one: Occluder, integer: bool) -> Floats:
 def _integer_scale(largest: float) -> float:
     """The factor that takes values of at most ``largest``, in radii, to almost 2^VALUE_BITS."""
     return 2.0**VALUE_BITS * (1 - 2.0**-10) / largest if largest > 0 else 1.0
+
+
+def _casters(casters: Sequence[Caster]) -> Records | None:
+    """Records of casters; None if there are none."""
+    if not casters:
+        return None
+    record = layout.CASTER.counted(CASTER_TERMS=len(casters[0].terms))
+    records = np.zeros(len(casters), record.dtype())
+    for name, column in zip(("level", "by_x", "by_y", "by_v"), range(4), strict=True):
+        records[name] = [one.axes[column] for one in casters]
+    records["shrink"] = [one.shrink for one in casters]
+    records["rounding"] = [ROOM * EPSILON * (6 * one.degree + 5) for one in casters]
+    records["sheet"] = [one.is_sheet for one in casters]
+    records["ball"] = [one.is_in_ball for one in casters]
+    records["terms"] = [np.where(np.abs(one.terms) < FAINT, 0.0, one.terms) for one in casters]
+    return records

@@ -177,6 +177,7 @@ def _before(
             numbers=np.zeros((0, 2), np.int64),
             lit=np.zeros((0, 2), np.bool_),
             box=np.zeros((2, 3)),
+            caster=None,
         ),
         planes=planes,
         quadrics=quadrics.transpose(2, 0, 1),

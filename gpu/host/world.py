@@ -70,6 +70,7 @@ class World:
         lights = [light for light in scene.lights if light.shadows]
         grid = _grid(shown.transpose(2, 0, 1).reshape(-1, 3), lights)
         per_solid = geometry.plane_count + 1
+        per_solid[geometry.in_balls] += 1  # a ball has the number behind those of half-spaces
         if geometry.regions is not None:
             per_solid[geometry.solid_count :] = geometry.regions.faces[geometry.regions.of]
         units = (found[1] - found[0]).max(axis=0) / grid.unit

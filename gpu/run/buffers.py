@@ -16,6 +16,7 @@ from halfstep.run.parts import PART_BYTES
 from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES
 from halfstep.shader.source import (
+    CASTERS_BINDING,
     EXPRESSIONS_BINDING,
     HIGHERS_BINDING,
     LOCATIONS,
@@ -57,6 +58,7 @@ _NAMES = {
     29: "copies before lights",
     30: "planes of copies before lights",
     31: "quadrics of copies before lights",
+    32: "polynomials of occluders",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
 Binding = tuple[GpuBuffer, int, int] | object
@@ -203,6 +205,8 @@ def contents_of(packed: Packed, lists: Lists, frame: Records, tiles: Array) -> d
         found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
     if packed.shadows is not None:
         found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
+        if packed.shadows.casters is not None:
+            found[CASTERS_BINDING] = packed.shadows.casters
     if packed.veils is not None:
         found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
     return found

@@ -118,6 +118,9 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
         # The box of an occluder, of its group and of that group's group take a round each.
         slabs = packed.shadows.occluders["slab_count"].astype(np.int64)
         of_shadows = int((slabs + 5).sum()) + 2 * len(packed.shadows.views)
+        casters = packed.shadows.casters
+        if casters is not None:
+            of_shadows += len(casters) * (needs.quads * (CLOCKS + 1) + 1)
     if packed.veils is not None and "veils" in needs.facts:
         of_shadows += _rounds_of_veils(needs, packed.veils)
     if packed.mirrors is not None and "mirrors" in needs.facts:

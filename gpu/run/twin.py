@@ -149,7 +149,9 @@ class Band:
                 facts=self._facts,
             )
         dark = shadows.find_shadows(hidden, nearest, points, beams, self._facts, of_copies)
-        return nearest._replace(dark=dark)
+        if {"casters", "error"} <= self._facts:
+            nearest = shadows.doubted_where(dark, nearest)
+        return nearest._replace(dark=dark.bits)
 
     def _lights(self) -> list[Light]:
         """The lights of the frame. Those with shadows come first."""

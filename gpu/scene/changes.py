@@ -13,9 +13,9 @@ from halfstep.scene.groups import Fragment, Place
 from halfstep.scene.keys import Animation, SolidKey
 from halfstep.scene.limits import (
     algebraic_faults,
-    cell_shadow_faults,
     mirror_faults,
     shadow_faults,
+    shadow_format_faults,
 )
 from halfstep.scene.model import Scene
 from halfstep.scene.solids import NO_PATCH, Implicit, PlanePatch, box_cuts_area
@@ -105,7 +105,7 @@ def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
     """Faults of the options that are ``given``: those that do not fit the solids of the scene."""
     found = algebraic_faults(scene, scene.solids, scene.accuracy)
     lights = [each.shadows for each in scene.lights]
-    found += cell_shadow_faults(scene, lights, scene.accuracy)
+    found += shadow_format_faults(scene, lights, scene.solids, scene.accuracy)
     found += mirror_faults(scene, scene.materials, scene.image, scene.accuracy, scene.solids)
     return [(loc[1:] if loc[1] in given else loc, text) for loc, text in found]
 

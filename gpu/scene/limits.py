@@ -95,20 +95,36 @@ def shadow_faults(
     faults: list[Fault] = []
     if len(lights) > MAX_SHADOWS:
         faults.append((("light",), f"{len(lights)} with shadows is not <= {MAX_SHADOWS}"))
-    if lights and has_algebraic(scene, solids):
-        text = "true: shadows are not drawn of tori and formulas yet, and the scene has some"
+    kinds = []
+    if any(isinstance(solid, Algebraic) and not solid.has_polynomial for solid in solids):
+        kinds.append("formulas that are no polynomials")
+    if next(_shapes_of_cells(scene, ()), None) is not None:
+        kinds.append("cells of tori and formulas")
+    for kind in kinds:
+        text = f"true: shadows are not drawn of {kind} yet, and the scene has some"
         faults += [(("light", index, "shadows"), text) for index in lights]
     return [*faults, *_of_parts(scene, ())]
 
 
-def cell_shadow_faults(
-    scene: Fragment, has_shadows: Sequence[bool], accuracy: Accuracy
+def shadow_format_faults(
+    scene: Fragment,
+    has_shadows: Sequence[bool],
+    solids: Sequence[BaseSolid],
+    accuracy: Accuracy,
 ) -> list[Fault]:
-    """Faults of ``[accuracy]`` for shadows of cells; ``has_shadows`` tells it of each light."""
-    if not any(has_shadows) or not has_cells(scene) or accuracy.number_format == "float32":
+    """Faults of ``[accuracy]`` for shadows; ``has_shadows`` tells it of each light."""
+    if not any(has_shadows) or accuracy.number_format == "float32":
         return []
-    text = f"{show(accuracy.number_format)} cannot draw shadows of cells yet; use float32"
-    return [(("accuracy", "number_format"), text)]
+    kinds = {
+        "cells": has_cells(scene),
+        "tori and formulas": any(isinstance(solid, Algebraic) for solid in solids),
+    }
+    shown, loc = show(accuracy.number_format), ("accuracy", "number_format")
+    return [
+        (loc, f"{shown} cannot draw shadows of {kind} yet; use float32")
+        for kind, is_there in kinds.items()
+        if is_there
+    ]
 
 
 def has_cells(scene: Fragment) -> bool:

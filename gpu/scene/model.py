@@ -34,11 +34,11 @@ from halfstep.scene.groups import Cell, Fragment
 from halfstep.scene.keys import Animation
 from halfstep.scene.limits import (
     algebraic_faults,
-    cell_shadow_faults,
     has_algebraic,
     limit_faults,
     mirror_faults,
     shadow_faults,
+    shadow_format_faults,
 )
 from halfstep.scene.names import get, name_faults
 from halfstep.scene.placement import unit
@@ -144,7 +144,9 @@ class Scene(Fragment, _Tables):
         return [
             *limit_faults(self),
             *shadow_faults(self, [each.shadows for each in self.lights], self.solids),
-            *cell_shadow_faults(self, [each.shadows for each in self.lights], self.accuracy),
+            *shadow_format_faults(
+                self, [each.shadows for each in self.lights], self.solids, self.accuracy
+            ),
             *algebraic_faults(self, self.solids, self.accuracy),
             *mirror_faults(self, self.materials, self.image, self.accuracy, self.solids),
         ]

@@ -17,6 +17,7 @@ from halfstep.contract.layout import (
     BALL,
     BODY,
     BOX,
+    CASTER,
     CURVED,
     EXPRESSION,
     FACE,
@@ -38,7 +39,7 @@ from halfstep.contract.layout import (
     VEIL_VIEW,
     Record,
 )
-from halfstep.contract.powers import term_count
+from halfstep.contract.powers import solid_terms, term_count
 from halfstep.contract.program import GROUP, NOTHING_KNOWN
 from halfstep.shader.needs import Needs
 
@@ -161,6 +162,9 @@ def fetches(needs: Needs) -> str:
     if needs.has_formulas:
         record = EXPRESSION.counted(NUMBERS=needs.numbers)
         functions.append(_record_at(needs, record, "expressions", "expression"))
+    if "casters" in needs.facts:
+        record = CASTER.counted(CASTER_TERMS=solid_terms(needs.degree))
+        functions.append(_record_at(needs, record, "casters", "caster"))
     placed: dict[str, Record] = {}
     placed |= PLACE_RECORDS if "places" in needs.facts else {}
     placed |= SHADOW_RECORDS if "shadows" in needs.facts else {}

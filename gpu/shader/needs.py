@@ -68,6 +68,7 @@ class Needs:
     far_lights: int = 0  # how many of the lights with shadows are far away
     curves: bool = False  # an occluder has a quadric
     encloses: bool = False  # a light may be inside an occluder
+    casters: bool = False  # an occluder has a polynomial
     many: bool = False  # a light has so many occluders that groups of boxes pay
     veils: bool = False  # a copy of a group of cells may hide a light
     veil_rounds: int = 0  # loop rounds after which no more veils are tried; 0: all are tried
@@ -95,6 +96,7 @@ class Needs:
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
             wanted |= {"curves"} if self.curves else set()
+            wanted |= {"casters"} if self.casters else set()
             wanted |= {"veils"} if self.veils else set()
             wanted |= {"counted"} if self.veils and self.veil_rounds else set()
             wanted |= {"continued"} if self.continued else set()
@@ -162,7 +164,7 @@ class Needs:
         is_long = self.method == "article" or "error" in self.outputs or self.has_regions
         walks = Class.POLYNOMIAL in self.classes
         is_long |= walks and self.degree > MOST_DEGREE_OF_BLOCKS
-        is_long |= Class.FORMULA in self.classes
+        is_long |= Class.FORMULA in self.classes or "casters" in self.facts
         if is_long or shades_long:
             return 1
         is_alone = len(self.classes) <= 1 and not walks

@@ -32,12 +32,14 @@ from halfstep.contract.layout import LANES, TILE, Record
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import (
     BOUNDS,
+    CAST_STEPS,
     CLOCKS,
     MADE,
     MADE_OF_FORMULA,
     PLACE_HALVINGS,
     SEARCH_HALVINGS,
     SLOPE_HALVINGS,
+    solid_terms,
     term_count,
 )
 from halfstep.contract.shadows import GROUP
@@ -73,6 +75,8 @@ EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
 # The bindings for veils.
 VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
+# The binding for polynomials of solids that may hide lights.
+CASTERS_BINDING = VEIL_BINDINGS.stop
 
 # The type of a binding that is a texture.
 TEXTURE = "texture"
@@ -138,7 +142,8 @@ def _definitions(needs: Needs) -> list[Definition]:
 
 def _expanded(needs: Needs, name: str) -> str:
     """The expanded text of a stage."""
-    bounds = {"DEGREE": needs.degree, "PAIRS": needs.pairs}
+    terms = solid_terms(needs.degree)
+    bounds = {"DEGREE": needs.degree, "PAIRS": needs.pairs, "CASTER_TERMS": terms}
     return expand(stage(name), needs.facts, needs.quads, bounds)
 
 
@@ -176,6 +181,7 @@ def constants(needs: Needs) -> str:
         "KNOWN_QUADRICS": (known.quadrics, "quadrics of that program"),
         "DEGREE": (needs.degree, "the highest degree of a polynomial"),
         "TERMS": (term_count(needs.degree), "terms of a polynomial"),
+        "CASTER_TERMS": (solid_terms(needs.degree), "terms of a polynomial in x, y and z"),
         "PAIRS": (needs.pairs, "the most pairs of ends of a surface of an order above two"),
         "NUMBERS": (needs.numbers, "constants that a formula has room for"),
         "CLOCKS": (CLOCKS, "the most cells that a pixel tries"),
@@ -191,6 +197,7 @@ def constants(needs: Needs) -> str:
         "GROUPED": (GROUP, "occluders in a group"),
         "BOUNCES": (needs.bounces, "the most reflections of a ray"),
         "MIRROR_STEPS": (MIRROR_STEPS, "halvings for a ray from a mirror"),
+        "CAST_STEPS": (CAST_STEPS, "halvings of the rest of a ray to a light"),
         "VEIL_STEPS": (VEIL_STEPS, "halvings for a crossing of a veil"),
         **{name: (getattr(program, name), "of a word of a program") for name in WORD},
     }
@@ -231,6 +238,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[HIGHERS_BINDING] = "read-only-storage"
     if needs.programs:  # likewise
         types[EXPRESSIONS_BINDING] = _read_from("expressions" in textures)
+    if "casters" in needs.facts:
+        types[CASTERS_BINDING] = _read_from("casters" in textures)
     types |= {number: _read_from(name in textures) for number, (name, _) in _placed(needs).items()}
     return types
 
@@ -289,14 +298,16 @@ def bindings(needs: Needs) -> str:
             _records(needs, number, name, type_)
             for number, (name, type_) in enumerate((arrays | {"programs": "u32"}).items(), start=9)
         ]
-    if "higher" in needs.facts:
-        higher = "Higher" if needs.broadcast == 1 else "vec4<u64>"
-        binding = f"@group(0) @binding({HIGHERS_BINDING})"
-        lines.append(f"{binding} var<storage, read> highers: array<{higher}>;")
-    if needs.has_polynomials:
-        lines.append(_records(needs, 10 + len(REGION_RECORDS), "polynomials", "Polynomial"))
-    if needs.has_formulas:
-        lines.append(_records(needs, EXPRESSIONS_BINDING, "expressions", "Expression"))
+    special = (
+        ("higher" in needs.facts, HIGHERS_BINDING, "highers", "Higher"),
+        (needs.has_polynomials, 10 + len(REGION_RECORDS), "polynomials", "Polynomial"),
+        (needs.has_formulas, EXPRESSIONS_BINDING, "expressions", "Expression"),
+        ("casters" in needs.facts, CASTERS_BINDING, "casters", "Caster"),
+    )
+    for is_there, number, name, type_ in special:
+        if is_there:
+            element = type_ if needs.broadcast == 1 else "vec4<u64>"
+            lines.append(_records(needs, number, name, element))
     for number, (name, record) in _placed(needs).items():
         type_ = record.name if needs.broadcast == 1 else "vec4<u64>"
         lines.append(_records(needs, number, name, type_))

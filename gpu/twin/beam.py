@@ -36,7 +36,8 @@ def light_ray(beam: Beam, occluder: np.void) -> Ray:
     h = one
     if occluder["reach"]:
         h = (occluder["reach"] - beam.v).astype(np.float32) * occluder["weight"]
-    near = (h > 0) & (v <= ONE) & (np.maximum(np.abs(x), np.abs(y)) <= h + h)
+    # Sheared, a box is two radii wide, and looks at most 4/3 as wide from a lamp four radii away.
+    near = (h > 0) & (v <= ONE) & (np.maximum(np.abs(x), np.abs(y)) <= (h + h) + h)
     return Ray(x, y, h, h, v, -one, -one, np.full_like(x, occluder["end"]), near)
 
 

@@ -16,8 +16,6 @@ from halfstep.twin.cells import Cell, Span, cells_from, half_of, middle_of, span
 from halfstep.twin.certify import EPSILON, UNBOUNDED
 from halfstep.twin.expression import (
     Formula,
-    Trace,
-    Track,
     expression_jet,
     expression_value,
     trace_of,
@@ -32,6 +30,7 @@ from halfstep.twin.higher import (
 )
 from halfstep.twin.jets import FAINTEST, UNDEFINED, judged_jet, reach_of
 from halfstep.twin.lanes import F32, I32, Bools
+from halfstep.twin.trace import Trace, Track
 
 # Ends of pieces are known to this much.
 END_SLACK = np.float32(2.0**-20)

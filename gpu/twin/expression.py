@@ -50,6 +50,7 @@ from halfstep.twin.jets import (
 )
 from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.normal import Vector
+from halfstep.twin.trace import Trace, Track
 
 # The widest cell that is tried about a u at which F must have one sign: the whole interval.
 WIDEST = np.float32(2)
@@ -75,23 +76,6 @@ VALUES: dict[str, Callable[..., Any]] = {
     "exponential": exponential_of,
     "logarithm": logarithm_of,
 }
-
-
-class Track(NamedTuple):
-    """One coordinate of the points of rays, level + u along, with the magnitudes of its terms."""
-
-    level: F32
-    along: F32
-    level_size: F32
-    along_size: F32
-
-
-class Trace(NamedTuple):
-    """The points of rays."""
-
-    x: Track
-    y: Track
-    z: Track
 
 
 class Formula(NamedTuple):

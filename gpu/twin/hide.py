@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from halfstep.contract.arrays import Records
 from halfstep.contract.layout import Shade
+from halfstep.twin.cast import cast_of
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import Bools
 from halfstep.twin.piece import remains
@@ -35,14 +38,22 @@ from halfstep.twin.shadow import (
 )
 
 
+class Hidden(NamedTuple):
+    """The pixels from which an occluder hides the light, and those where that is not certain."""
+
+    dark: Bools
+    unsure: Bools
+
+
 def hide(
     occluder: np.void,
     slabs: NDArray[np.void],
+    casters: Records | None,
     ray: Ray,
     nearest: Nearest,
     facts: Collection[str],
-) -> Bools:
-    """The pixels from which it hides the light."""
+) -> Hidden:
+    """The pixels from which it hides the light; ``casters`` are the polynomials of occluders."""
     flags, surface = int(occluder["flags"]), int(occluder["surface"])
     casts, encloses = bool(flags & Shade.CASTS), bool(flags & Shade.ENCLOSES)
     along = slab_along if "lamps" in facts else far_slab
@@ -68,14 +79,27 @@ def hide(
     if "curves" in facts:
         form = curve_along(occluder, ray) if "lamps" in facts else far_curve(occluder, ray)
         rest = rest_of(form, ray, bool(flags & Shade.AT_LAMP))
-        on_curve = own & (nearest.surface == np.uint32(surface))
+        on_curve = own & (nearest.surface == occluder["curve"])
         faces = np.where(on_curve, starts_beyond(rest, whole), faces)
         again = on_curve & is_met_again(rest, piece)
         hidden = is_met(form, piece) & ray.near
         leaves |= comes_out(form, rest, whole, on_curve)
     enclosed = np.full(own.shape, not flags & Shade.FLAT)
+    unsure = np.zeros(own.shape, bool)
+    if casters is not None and occluder["caster"]:
+        caster = casters[int(occluder["caster"]) - 1]
+        on_f = own & (nearest.surface == np.uint32(surface))
+        asked = (nearest.surface > 0) & (~own | on_f | encloses)
+        found = cast_of(caster, occluder, ray, piece, asked, on_f, nearest.turned)
+        faces = np.where(on_f, found.faces, faces)
+        again = on_f & found.met
+        hidden = found.met
+        leaves |= found.met
+        unsure = ~found.sure & casts
+        # Both sides of a sheet are outer sides.
+        enclosed = np.where(caster["sheet"] > 0, again, enclosed)
     if encloses:
         hidden = leaves
         enclosed &= leaves
     dark = own_shadow(faces, nearest.turned, again, enclosed, casts)
-    return np.where(own, dark, hidden & casts)
+    return Hidden(np.where(own, dark, hidden & casts), unsure)

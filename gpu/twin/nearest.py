@@ -16,7 +16,8 @@ class Key(NamedTuple):
     low: U32
 
 
-# The key behind all points.
+# The key before all points, and the key behind them.
+FIRST = Key(*(np.array(0, np.uint32) for _ in range(2)))
 FAR = Key(*(np.array(0xFFFFFFFF, np.uint32) for _ in range(2)))
 
 

@@ -17,6 +17,7 @@ from halfstep.twin.hide import hide
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.mirror import NO_BODY, is_left
+from halfstep.twin.nearest import FIRST, either_key
 from halfstep.twin.place import (
     NO_POINT,
     Point,
@@ -24,6 +25,13 @@ from halfstep.twin.place import (
     is_own,
     point_from,
 )
+
+
+class Dark(NamedTuple):
+    """Bits of lights that do not reach points, and of those for which that is not certain."""
+
+    bits: U32
+    unsure: U32
 
 
 class Mirror(NamedTuple):
@@ -69,7 +77,7 @@ def find_shadows(
     beams: Any,
     facts: Collection[str],
     veils: Callable[[int], Bools] | None = None,
-) -> U32:
+) -> Dark:
     """The bits of lights that are hidden from the points, or that the points are turned away from.
 
     Args:
@@ -81,15 +89,21 @@ def find_shadows(
         veils: the pixels from which copies of groups hide a light, by its number.
     """
     some = nearest.surface > 0
-    dark = np.zeros(some.shape, np.uint32)
+    dark = unsure = np.zeros(some.shape, np.uint32)
     ray_of = beams.light_ray if "lamps" in facts else beams.far_ray
     for number, view in enumerate(shadows.views):
         for occluder in shadows.occluders[view["first"] : view["end"]]:
             axes = (occluder[name] for name in ("sign", "shear_x", "shear_y"))
             from_center = point_from(points, *occluder["center"])
             ray = ray_of(beam_of(from_center, int(occluder["axis"]), *axes), occluder)
-            hidden = hide(occluder, shadows.slabs, ray, nearest, facts)
-            dark |= np.where(some & hidden, view["bit"], np.uint32(0))
+            hidden = hide(occluder, shadows.slabs, shadows.casters, ray, nearest, facts)
+            dark = dark | np.where(some & hidden.dark, view["bit"], np.uint32(0))
+            unsure = unsure | np.where(some & hidden.unsure, view["bit"], np.uint32(0))
         if veils is not None:
-            dark |= np.where(some & veils(number), view["bit"], np.uint32(0))
-    return dark
+            dark = dark | np.where(some & veils(number), view["bit"], np.uint32(0))
+    return Dark(dark, unsure)
+
+
+def doubted_where(dark: Dark, nearest: Nearest) -> Nearest:
+    """The points, uncertain where it is not certain whether something hides a light."""
+    return nearest._replace(doubt=either_key(dark.unsure > 0, FIRST, nearest.doubt))

@@ -65,6 +65,7 @@ from halfstep.twin.solid import (
     eye_sure,
     near_cut,
     normal_of,
+    other_side,
     slope_at,
     starts_at_eye,
 )
@@ -365,4 +366,7 @@ def visit_polynomial(
             on_cap = is_ball & (surface == outline.ball)
             slope_vector = either(on_cap, slope_at(solid, x, y, position), slope_vector)
         slope_vector = either(curved, bend, slope_vector)
-    return Seen(sight, slope_vector, certificate)
+    side = other_side(solid, inside)
+    if is_sheet:
+        side = inside.astype(np.uint32)
+    return Seen(sight, slope_vector, certificate, turned=side)

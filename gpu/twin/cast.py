@@ -1,0 +1,188 @@
+"""Twin of ``cast.wgsl``: whether a polynomial solid hides a light: F along the rest of a ray.
+
+Let s run along the rest of a ray, from 0 where it begins to 2. F(s) is a polynomial, and the light
+is hidden if F <= 0 somewhere. Cells of s are tried as in ``cells``, but it suffices that F < 0 at
+the end of one. If the ray begins on F, one root is known: F is s times another polynomial, which is
+tried in its place. Its value at 0, the slope of F there, tells whether the surface faces the light.
+The error of the point's position puts it on F = constant, beside its surface. No sign asks for that
+constant.
+
+*Roundings.* Let ε = 2^-24. The size of a polynomial is the sum of the magnitudes of its terms.
+With Horner's rule in z, y and x, a term of F passes at most 3 d + 1 roundings, and in a cell
+3 d + 4 more, as in ``taylor``. So the error of F is at most ε (6 d + 5) times its size. That holds
+for the ray as float32 has it. Its points are off by some ε of the box. The point at which it begins
+is off by more, 2^-16 of its solid's interval: signs that this changes are the edge of a shadow.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.layout import Shade
+from halfstep.contract.powers import CAST_STEPS, CLOCKS
+from halfstep.twin.algebraic import chord_of, line_place
+from halfstep.twin.cells import Cell, cells_from, judged_of, next_cell, span_of
+from halfstep.twin.lanes import U32, Bools
+from halfstep.twin.piece import Piece
+from halfstep.twin.rays import Ray
+from halfstep.twin.shadow import curve_along, whole_ray
+from halfstep.twin.taylor import Curve, Powers, about, curve_error, opposite
+from halfstep.twin.trace import (
+    Track,
+    Way,
+    boxed_way,
+    far_trace,
+    lamp_trace,
+    moved_trace,
+    size_of_track,
+)
+
+# A step of the last halving.
+CAST_LAST_STEP = np.float32(2.0**-CAST_STEPS)
+# Rays whose rest is shorter are taken for as long, so that their slope is known.
+SHORTEST = np.float32(2.0**-24)
+_ONE = np.float32(1)
+
+
+class Cast(NamedTuple):
+    """What a polynomial solid does to a light."""
+
+    faces: Bools  # F rises towards the light
+    met: Bools  # F <= 0 somewhere on the rest of the ray; where that is asked, F >= 0
+    sure: Bools  # that is certain
+
+
+def _degree(k: NDArray[np.float32]) -> int:
+    """The degree of a polynomial in x, y and z with the terms ``k``."""
+    degree = 0
+    while (degree + 1) * (degree + 2) * (degree + 3) // 6 < len(k):
+        degree += 1
+    return degree
+
+
+def powers_along(k: NDArray[np.float32], x: Track, y: Track, z: Track) -> Powers:
+    """F with the terms ``k`` (T,) as a polynomial in u: Horner's rule in z, then y, then x."""
+    degree, zero = _degree(k), np.zeros_like(x.level)
+    whole = [zero] * (degree + 1)
+    terms = iter(k)
+    for a in range(degree + 1):
+        plane = [zero] * (degree + 1)
+        for b in range(a + 1):
+            line = [zero] * (degree + 1)
+            for c in range(b + 1):
+                for i in range(c, 0, -1):
+                    line[i] = line[i] * z.level + line[i - 1] * z.along
+                line[0] = line[0] * z.level + next(terms)
+            for i in range(b, 0, -1):
+                plane[i] = (line[i] + plane[i] * y.level) + plane[i - 1] * y.along
+            plane[0] = plane[0] * y.level + line[0]
+        for i in range(a, 0, -1):
+            whole[i] = (plane[i] + whole[i] * x.level) + whole[i - 1] * x.along
+        whole[0] = whole[0] * x.level + plane[0]
+    return whole
+
+
+def sizes_along(k: NDArray[np.float32], x: Track, y: Track, z: Track) -> Powers:
+    """Sums of the magnitudes of the terms that ``powers_along`` sums."""
+    return powers_along(np.abs(k), size_of_track(x), size_of_track(y), size_of_track(z))
+
+
+def rest_of_powers(p: Powers, some: Bools) -> Powers:
+    """In some pixels the polynomial without its constant, divided by the variable."""
+    zero = np.zeros_like(p[0])
+    return [np.where(some, next_, own) for own, next_ in zip(p, [*p[1:], zero], strict=True)]
+
+
+def shaded(curve: Curve, going: Bools) -> Cell:
+    """The first cell that shows that F <= 0 somewhere, from s = 0 to 2; F > 0 at 0."""
+    first = np.zeros(going.shape, np.int32)
+    cell = cells_from(first, going, CAST_STEPS)
+    begin, end = np.full(going.shape, -_ONE), np.full(going.shape, _ONE)
+    for _ in range(CLOCKS):
+        if not cell.going.any():
+            break
+        span = span_of(cell, begin, end, CAST_LAST_STEP)
+        m = span.middle - curve.middle
+        error = curve_error(curve, np.abs(m) + span.half)
+        powers = about(curve.powers, m, span.half)
+        judged = judged_of(powers, error)
+        judged = judged._replace(
+            single=judged.below | (powers[0] < -error), within=judged.within | (powers[0] <= 0)
+        )
+        cell = next_cell(cell, span, judged, end, CAST_STEPS)
+    return cell._replace(sure=cell.sure & ~cell.going)
+
+
+def cast_of(
+    caster: np.void,
+    occluder: np.void,
+    ray: Ray,
+    piece: Piece,
+    asked: Bools,
+    on_curve: Bools,
+    turned: U32,
+) -> Cast:
+    """What a solid does to a light.
+
+    Args:
+        caster: its polynomial.
+        occluder: the solid.
+        ray: the whole rays, from points to the light.
+        piece: the parts within its half-spaces.
+        asked: the pixels that ask for it.
+        on_curve: those whose points lie on F.
+        turned: the side of the surface that these show.
+    """
+    flags = int(occluder["flags"])
+    at_lamp, encloses = bool(flags & Shade.AT_LAMP), bool(flags & Shade.ENCLOSES)
+    is_sheet, is_ball = bool(caster["sheet"]), bool(caster["ball"])
+    whole = whole_ray(ray)
+    # Where the light is inside, F > 0 counts beyond the half-spaces, too.
+    start = line_place(piece.c_in, piece.b_in)
+    stop = line_place(piece.c_out, piece.b_out)
+    form = curve_along(occluder, ray)
+    none = np.zeros_like(form.a)
+    chord = chord_of(form.a, form.g, form.c, none, none, none)
+    start = np.where(is_ball, np.maximum(start, chord.enter), start)
+    stop = np.where(is_ball, np.minimum(stop, chord.leave), stop)
+    free = on_curve | encloses
+    start = np.where(free, line_place(whole.c_in, whole.b_in), start)
+    stop = np.where(encloses, line_place(whole.c_out, whole.b_out), stop)
+    trace = lamp_trace(caster, ray) if at_lamp else far_trace(caster, ray)
+    way = boxed_way(trace, Way(start, stop))
+    begin, end = np.where(on_curve, start, way.begin), way.end
+    ahead = ((ray.t > 0) & (ray.c_in <= _ONE)) | at_lamp
+    some = asked & ahead & (chord.met | (not is_ball) | free)
+    # A light inside is hidden from what is not in the box.
+    beside = some & encloses & ((way.begin > start) | (way.begin >= way.end))
+    some = some & (begin < end) & ~beside
+
+    half = np.maximum((end - begin) * np.float32(0.5), SHORTEST)
+    rest = moved_trace(trace, begin, half)
+    powers = powers_along(caster["terms"], *rest)
+    sizes = sizes_along(caster["terms"], *rest)
+    faces = powers[1] > 0
+    # What is turned away from the light is dark whatever else stands there.
+    some = some & ~(on_curve & (faces == (turned > 0)))
+    of_own = np.where(is_sheet, turned > 0, turned == 1)
+    is_opposite = np.where(is_sheet, powers[0] <= 0, encloses)
+    is_opposite = np.where(on_curve, of_own, is_opposite)
+    curve = Curve(
+        rest_of_powers(powers, on_curve),
+        rest_of_powers(sizes, on_curve),
+        -_ONE,
+        caster["rounding"],
+        np.float32(0),
+    )
+    curve = opposite(is_opposite, curve)
+    inside = some & (curve.powers[0] <= 0) & (not is_sheet) & ~on_curve
+    cell = shaded(curve, some & ~inside)
+    clear = np.abs(curve.powers[0]) > curve_error(curve, np.zeros_like(half))
+    return Cast(
+        faces=faces,
+        met=inside | cell.met | beside,
+        sure=np.where(inside, clear, cell.sure) | ~some,
+    )

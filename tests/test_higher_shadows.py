@@ -1,0 +1,202 @@
+"""Shadows of tori and polynomials, and on them: bits against the oracle, device and twin."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import halfstep
+from halfstep.device.adapters import Adapter
+from halfstep.host.prepare import prepare
+from halfstep.run.needs import needs_of_frame
+from halfstep.scene import Scene, with_overrides
+from halfstep.shader.source import compose
+from tests.higher_shadows import HigherShadows, occluded, random_lit, scene_of
+from tests.shadow_sweeps import Count, Judged
+
+SMALL = (64, 48)
+RING: dict[str, Any] = {"kind": "torus", "major": 1.0, "minor": 0.3}
+
+
+def judged(scenes: list[Scene], size: tuple[int, int] = SMALL) -> Count:
+    """Counts of frames of the twin."""
+    total = Count()
+    for scene in scenes:
+        Judged(scene, size, HigherShadows).count(total, backend="numpy")
+    sys.stdout.write(f"{total}\n")
+    return total
+
+
+@pytest.mark.parametrize("name", ["one_torus", "linked_rings", "clebsch_cubic", "heart"])
+def test_bundled_scenes(name: str) -> None:
+    total = judged([with_overrides(halfstep.load(name), shadows=True)])
+    assert total.wrong == 0
+    # At the crease of the heart F has no slope.
+    assert total.ties + total.unsure <= (10 if name == "heart" else 2)
+    assert total.dark > 20
+    assert total.hits > 500
+
+
+def test_random_scenes(rng: np.random.Generator) -> None:
+    """Tori and polynomials, whole and cut, sheets, a ball and a floor; a far light and lamps."""
+    total = judged([random_lit(rng) for _ in range(3)])
+    assert total.wrong == 0
+    assert total.ties + total.unsure <= 2e-3 * total.hits
+    assert total.dark > 1000
+    assert total.hits > 3000
+
+
+@pytest.mark.parametrize(
+    ("distance", "lamp"), [(3.0, False), (1e4, False), (3.0, True), (1e4, True)]
+)
+def test_rings_at_any_distance(distance: float, lamp: bool, rng: np.random.Generator) -> None:
+    total = judged([occluded(rng, distance, lamp=lamp)])
+    assert total.wrong == 0
+    assert total.ties + total.unsure <= 2
+    assert total.dark > 60
+
+
+def lamp_in_a_ring(eye: list[float]) -> Scene:
+    """A lamp within the tube of a ring, in its hole, and beside it."""
+    wide = {"kind": "torus", "major": 2.0, "minor": 0.9, "origin": [0, 0, 0.4]}
+    cut = {**RING, "origin": [0, 0, -1.2], "cut": [[1, 0, 0, 0.4]]}
+    lights = [
+        {"position": [1.9, 0.3, 0.5]},
+        {"position": [0.1, 0.2, 0.3]},
+        {"position": [0, -3, 2]},
+    ]
+    floor = {
+        "kind": "plane",
+        "bounds": {"min": [-5, -5, -2], "max": [5, 5, 0]},
+        "origin": [0, 0, -1.6],
+    }
+    return scene_of([wide, cut, floor], lights, eye, 80.0)
+
+
+# In the tube of the ring, and outside.
+WITHIN, WITHOUT = [0.2, -2.3, 0.5], [1.0, -4.5, 3.5]
+
+
+def test_lamps_in_rings() -> None:
+    """A light inside of a solid shines on its inner side."""
+    total = judged([lamp_in_a_ring(WITHIN), lamp_in_a_ring(WITHOUT)])
+    assert total.wrong == 0
+    assert total.ties + total.unsure <= 4
+    scene = lamp_in_a_ring(WITHIN)
+    frame = halfstep.render(scene, size=SMALL, backend="numpy", outputs=("shadow",))
+    assert ((frame.shadow & 1) == 0).sum() > 100
+    assert ((frame.shadow & 1) == 1).sum() > 100
+    assert ((frame.shadow & 6) == 6).all()
+
+
+def test_a_ring_does_not_hide_the_light_from_itself() -> None:
+    """No acne at any scale: what is lit along the axis is its whole upper half."""
+    for scale in (1e-6, 1.0, 1e6):
+        ring = {"kind": "torus", "major": scale, "minor": 0.3 * scale}
+        eye = [0.5 * scale, -2.5 * scale, 4 * scale]
+        scene = scene_of([ring], [{"direction": [0, 0, 1]}], eye, 40.0)
+        frame = halfstep.render(
+            scene, size=(160, 120), backend="numpy", outputs=("shadow", "normal", "error")
+        )
+        hit, up = frame.solid >= 0, frame.normal[..., 2]
+        assert not (frame.shadow > 0)[hit & (up > 1e-3)].any()
+        assert (frame.shadow > 0)[hit & (up < -1e-3)].all()
+        assert (hit & (up > 1e-3)).sum() > 3000
+        assert np.isfinite(frame.error[hit]).mean() > 0.999
+
+
+def test_what_casts_no_shadow_hides_nothing() -> None:
+    """It is dark where it is turned away, as ever."""
+    rings = [{**RING, "casts_shadow": False}, {**RING, "origin": [0, 0, 1], "casts_shadow": False}]
+    scene = scene_of(rings, [{"direction": [0.3, 0.1, 1]}], [1, -4, 3], 40.0)
+    frame = halfstep.render(scene, size=SMALL, backend="numpy", outputs=("shadow", "normal"))
+    cosine = frame.normal @ (np.array([0.3, 0.1, 1]) / np.linalg.norm([0.3, 0.1, 1]))
+    hit = frame.solid >= 0
+    assert ((frame.shadow > 0) == (cosine < 0))[hit & (np.abs(cosine) > 1e-3)].all()
+    assert hit.sum() > 500
+    assert judged([scene]).wrong == 0
+
+
+def beneath_a_wire() -> Scene:
+    """A floor beneath a ring, and one so thin that float32 does not know whether rays pass it."""
+    wire = {"kind": "torus", "major": 1.0, "minor": 1e-4, "origin": [0, 0, 2]}
+    floor = {"kind": "plane", "bounds": {"min": [-3, -3, -1], "max": [3, 3, 1]}}
+    ring = {"kind": "torus", "major": 0.3, "minor": 0.1, "origin": [-0.2, 0.1, 2]}
+    lights = [{"direction": [0, 0, 1]}, {"position": [1, 2, 9]}]
+    return scene_of([wire, floor, ring], lights, [0, -4, 4], 20.0)
+
+
+def test_doubt_is_told() -> None:
+    frames = [
+        halfstep.render(
+            beneath_a_wire(),
+            size=SMALL,
+            backend="numpy",
+            shadows=shadows,
+            outputs=("error", "shadow"),
+        )
+        for shadows in (True, False)
+    ]
+    doubted = np.isinf(frames[0].error) & np.isfinite(frames[1].error)
+    assert doubted[frames[0].solid == 1].sum() == doubted.sum()
+    assert 4 < doubted.sum() < 600
+    assert judged([beneath_a_wire()]).wrong == 0
+
+
+# ------------------------------------------------------------------------------ device and twin
+
+
+def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[str]:
+    """Outputs of which the device and the twin differ in a bit."""
+    frames = [
+        halfstep.render(scene, size=SMALL, outputs=outputs, backend=backend, **options)
+        for backend in ("gpu", "numpy")
+    ]
+    assert (frames[1].shadow > 0).any()
+    return [
+        name
+        for name in frames[0].outputs
+        if not np.array_equal(getattr(frames[0], name), getattr(frames[1], name), equal_nan=True)
+    ]
+
+
+@pytest.mark.usefixtures("adapter")
+def test_the_device_gives_the_bits_of_the_twin(rng: np.random.Generator) -> None:
+    for scene in (random_lit(rng), lamp_in_a_ring(WITHIN)):
+        assert differing(scene, ("image", "shadow", "error")) == []
+    assert differing(beneath_a_wire(), ("shadow", "error")) == []
+
+
+# A word of the kernel, and what a slip would make of it.
+FAULTS = [
+    ("select(p[0u], p[0u + 1u], some)", "p[0u]"),
+    ("(turned > u4(0u))", "(turned == u4(0u))"),
+    ("inside | cell.met | beside", "inside | cell.met"),
+    ("select(of_other, of_own, on_curve)", "of_other"),
+    ("unsure_0 | (!cast_0.sure", "unsure_0 & (!cast_0.sure"),
+    ("by_v - shrink * across", "by_v + shrink * across"),
+]
+
+
+@pytest.mark.parametrize(("old", "new"), FAULTS)
+def test_a_fault_in_the_kernel_is_seen(
+    old: str, new: str, adapter: Adapter, plant: Callable[[str, str], list[str]]
+) -> None:
+    texts = plant(old, new)
+    sheet = with_overrides(halfstep.load("clebsch_cubic"), shadows=True)
+    scenes = (lamp_in_a_ring(WITHOUT), beneath_a_wire(), sheet)
+    index = adapter.summary.index
+    assert any(differing(each, ("shadow", "error"), adapter=index) for each in scenes)
+    assert any(old in text for text in texts)
+
+
+def test_scenes_without_casters_hold_no_code_of_them() -> None:
+    scene = with_overrides(halfstep.load("figure"), shadows=True, size=SMALL)
+    text = compose(needs_of_frame(prepare(scene), "visible", frozenset({"image", "tag"})))
+    assert "hide(" in text
+    for word in ("Caster", "Cast(", "unsure_0", "moved_track"):
+        assert word not in text
