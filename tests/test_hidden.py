@@ -184,8 +184,8 @@ def test_copies_of_which_none_is_asked_hide_no_square(cells: str) -> None:
             scene = with_overrides(pins(cells, "across"), size=size, camera=camera)
             hides, may_hide = hiders(scene)
             assert not (hides & ~may_hide).any()
-            hidden += bool(hides.any())
-            left_out += not may_hide.any()
+            hidden += int(hides.any())
+            left_out += int(not may_hide.any())
     assert min(hidden, left_out) > 2
 
 
