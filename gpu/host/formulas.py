@@ -213,7 +213,8 @@ class Decided(NamedTuple):
 
     def at(self, blocks: Ints) -> Decided:
         """The same for some of the blocks."""
-        return Decided(*(of.take(blocks, axis=-1) for of in self))
+        true, false = (of.take(blocks, axis=-1) for of in (self.true, self.false))
+        return Decided(self.first[blocks], self.last[blocks], true, false)
 
 
 class Excerpt(NamedTuple):

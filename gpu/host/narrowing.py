@@ -106,6 +106,7 @@ class Narrowing:
             if level:
                 asked = formula.surfaces_of(formula.live(known), program.count)
                 rays = rays.narrowed(first, last)
+        assert known is not None  # there is a level
         parts = self._cut(program, blocks.take(of), truth.at(of), known.at(of), rays.at(of))
         return Left(*(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)))
 
