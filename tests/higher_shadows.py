@@ -77,9 +77,9 @@ def _functions(solid: Any) -> list[tuple[int, dict[tuple[int, int, int], Any]]]:
     if isinstance(solid, QuadricSolid):
         found.append((0, _quadric(solid.quadric())))
     if isinstance(solid, Algebraic):
-        terms = solid.polynomial()
-        largest = max(map(abs, terms.values()))
-        found.append((0, {powers: _wide(value / largest) for powers, value in terms.items()}))
+        exact = solid.polynomial()
+        largest = max(map(abs, exact.values()))
+        found.append((0, {powers: _wide(value / largest) for powers, value in exact.items()}))
         if solid.is_in_ball():
             found = [(k + 1 if k else 0, each) for k, each in found]
             found.append((1, _quadric(solid.quadric())))

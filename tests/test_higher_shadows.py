@@ -69,7 +69,7 @@ def lamp_in_a_ring(eye: list[float]) -> Scene:
         {"position": [0.1, 0.2, 0.3]},
         {"position": [0, -3, 2]},
     ]
-    floor = {
+    floor: dict[str, Any] = {
         "kind": "plane",
         "bounds": {"min": [-5, -5, -2], "max": [5, 5, 0]},
         "origin": [0, 0, -1.6],

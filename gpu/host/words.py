@@ -113,7 +113,7 @@ class _Leaves(NamedTuple):
     opens: Ints  # number of levels that open before it, and that close behind it
     closes: Ints
     level: Ints  # number of open levels
-    ends: Bools  # it is the last one of its cell
+    ends: Ints  # 1 if it is the last one of its cell, else 0
     cell: Ints
 
 
@@ -152,7 +152,8 @@ def excerpts_of(
     flat, curved, higher = (
         np.bincount(used.excerpt[kind == which], minlength=count) for which in range(3)
     )
-    cells = np.bincount(block[leaves.ends], minlength=count)
+    last = leaves.ends > 0
+    cells = np.bincount(block[last], minlength=count)
 
     groups = -(-lengths // GROUP)
     listed = flat + curved + cells + (2 + higher if lists_higher else 0)
@@ -166,7 +167,6 @@ def excerpts_of(
         for k in range(int(room.max(initial=0))):
             own = which[room[which] > k]
             content[(at + shift)[own] + k] = bit
-    last = leaves.ends
     hidden = np.where(tree.formula.hidden[leaves.cell[last]], HIDDEN, 0)
     content[(at + rooms - 1)[last]] |= (CELL_ENDS | hidden).astype(np.uint32)
 
@@ -273,12 +273,12 @@ def _leaves(tree: Tree, marks: _Marks, holds: Bools) -> _Leaves:
     ones = np.ones(len(cell), np.int64)
     # The complement of nothing.
     roots, none = tree.depths[0].node[cell], np.zeros_like(ones)
-    found = [_Leaves(excerpt, roots, none, ones, ones, ones, ones.astype(bool), cell)]
+    found = [_Leaves(excerpt, roots, none, ones, ones, ones, ones, cell)]
     # Of the nodes above: whether they count as an AND, the levels that open before them, close
     # behind them and are open, whether they end a cell, and that cell.
     cell = parts[0].place
     is_and, opens, closes, level = (np.zeros(len(cell), np.int64) for _ in range(4))
-    ends = np.ones(len(cell), bool)
+    ends = np.ones(len(cell), np.int64)
     for number, (depth, part) in enumerate(zip(tree.depths, parts, strict=True)):
         if number:
             begins = np.diff(part.parent, prepend=-1) != 0
@@ -286,7 +286,7 @@ def _leaves(tree: Tree, marks: _Marks, holds: Bools) -> _Leaves:
             is_and, level, cell = is_and[part.parent], level[part.parent], cell[part.parent]
             opens = np.where(begins, opens[part.parent], 0)
             closes = np.where(stops, closes[part.parent], 0)
-            ends = stops & ends[part.parent]
+            ends = np.where(stops, ends[part.parent], 0)
         own = np.flatnonzero(depth.is_literal[part.place])
         literal, of = depth.literal[part.place[own]], part.excerpt[own]
         surface, positive = tree.surface[literal], tree.positive[literal]

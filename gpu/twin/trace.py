@@ -68,7 +68,7 @@ def far_track(
 def far_trace(caster: np.void, ray: Ray) -> Trace:
     """Rays that count from the solid."""
     ahead = np.where(ray.t > 0, ray.t, _ONE)
-    x, y = ray.x / ahead, ray.y / ahead
+    x, y = np.asarray(ray.x / ahead, np.float32), np.asarray(ray.y / ahead, np.float32)
     level, by_x, by_y, by_v = (caster[name] for name in ("level", "by_x", "by_y", "by_v"))
     shrink = caster["shrink"]
     tracks = (far_track(level[i], by_x[i], by_y[i], by_v[i], shrink, x, y) for i in range(3))
@@ -112,7 +112,7 @@ def moved_track(track: Track, start: F32, stretch: F32) -> Track:
     return Track(
         track.level + start * track.along,
         track.along * stretch,
-        track.level_size + np.abs(start) * track.along_size,
+        np.asarray(track.level_size + np.abs(start) * track.along_size, np.float32),
         track.along_size * stretch,
     )
 
