@@ -62,9 +62,9 @@ def test_rings_at_any_distance(distance: float, lamp: bool, rng: np.random.Gener
 
 def lamp_in_a_ring(eye: list[float]) -> Scene:
     """A lamp within the tube of a ring, in its hole, and beside it."""
-    wide = {"kind": "torus", "major": 2.0, "minor": 0.9, "origin": [0, 0, 0.4]}
+    wide: dict[str, Any] = {"kind": "torus", "major": 2.0, "minor": 0.9, "origin": [0, 0, 0.4]}
     cut = {**RING, "origin": [0, 0, -1.2], "cut": [[1, 0, 0, 0.4]]}
-    lights = [
+    lights: list[dict[str, Any]] = [
         {"position": [1.9, 0.3, 0.5]},
         {"position": [0.1, 0.2, 0.3]},
         {"position": [0, -3, 2]},

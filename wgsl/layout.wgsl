@@ -261,7 +261,7 @@ struct Caster {
   shrink: f32,  // 1/v where the rays meet, at a lamp; else 0
   rounding: f32,  // error of F from rounding, of the sum of all |terms|
   sheet: u32,  // 1 if F = 0 is shown from both sides, else 0
-  ball: u32,  // 1 if the quadric of the occluder is a ball that bounds it, else 0
+  ball: u32,  // 1 if the occluder's quadric is a ball that bounds it, else 0
   terms: array<f32, CASTER_TERMS>,  // as gpu/contract/powers.py orders them
 }
 
