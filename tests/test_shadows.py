@@ -89,8 +89,9 @@ def test_a_camera_at_any_distance(distance: float, rng: np.random.Generator) -> 
     assert total.dark > 200
 
 
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
 @pytest.mark.parametrize("lamp", [[4.05, 0.1, 4.05], [5.0, 5.0, 5.0], [9.0, 9.0, 9.0]])
-def test_corners_towards_lamps_across_the_axes(lamp: list[float]) -> None:
+def test_corners_towards_lamps_across_the_axes(lamp: list[float], number_format: str) -> None:
     """A box that fills its radius, from a lamp some radii away: its corners reach far across."""
     bounds = {"min": [-5, -9, -9], "max": [0, 9, 9]}
     tables = {
@@ -103,7 +104,7 @@ def test_corners_towards_lamps_across_the_axes(lamp: list[float]) -> None:
     }
     total = Count()
     scene = Judged(Scene.from_dict({**SCENE, **tables}), SMALL)
-    scene.count(total, backend="numpy", number_format="float32")
+    scene.count(total, backend="numpy", number_format=number_format)
     assert total.wrong == 0
     assert total.dark > 10
 

@@ -1,8 +1,9 @@
 // An occluder and points along the rays to a light -> its forms along these rays, in integers;
 // and hits -> their positions.
 //
-// A radius is 2^28. Rays that may meet an occluder stay within two radii. Rays to lamps have a
-// scale of their own, which changes no sign, because their forms are homogeneous.
+// A radius is 2^28. Rays that may meet an occluder stay within two radii, those to lamps within
+// three. Rays to lamps have a scale of their own, which changes no sign, because their forms are
+// homogeneous.
 
 // Parts of positions on the grid, times a power of two.
 alias Length = i64;
@@ -83,10 +84,12 @@ fn light_ray(beam: Beam, occluder: Occluder) -> Ray {
   let to_lamp = (ahead * i64(occluder.factor) + half) >> u4(occluder.factor_shift);
   let is_far = b4(occluder.reach == 0) & !at_lamp;
   let h = select(to_lamp, w4(1li << RADIUS_BITS), is_far);
-  let before = (h > w4(0li)) & (v <= w4(1li << RADIUS_BITS)) & (max(abs(x), abs(y)) <= h + h);
-  let size = select(max(h, w4(1li)), max(max(abs(x), abs(y)), abs(v)), at_lamp);
-  let excess = select(excess_bits(size + size), u4(0u), is_far);
-  let most = size + size;
+  let across = max(abs(x), abs(y));
+  let size = select(max(h, w4(1li)), max(across, abs(v)), at_lamp);
+  // Sheared, a box is two radii wide, and looks at most 4/3 as wide from a lamp four radii away.
+  let most = select((size + size) + size, size + size, at_lamp | is_far);
+  let before = (h > w4(0li)) & (v <= w4(1li << RADIUS_BITS)) & (across <= most);
+  let excess = select(excess_bits(most), u4(0u), is_far);
   let z = shifted(within(select(h, v, at_lamp), most), excess);
   return Ray(
     shifted(within(x, most), excess),

@@ -1,7 +1,7 @@
 """Twin of ``beam_fixed.wgsl``: forms of occluders along rays to a light, in integers.
 
-A radius is 2^28. Rays that may meet an occluder stay within two radii. Rays to lamps have a scale
-of their own, which changes no sign, because their forms are homogeneous.
+A radius is 2^28. Rays that may meet an occluder stay within two radii, those to lamps within three.
+Rays to lamps have a scale of their own, which changes no sign, because their forms are homogeneous.
 """
 
 from __future__ import annotations
@@ -84,7 +84,8 @@ def light_ray(beam: Beam, occluder: np.void) -> Ray:
     across = np.maximum(np.abs(x), np.abs(y))
     radius = np.full(x.shape, RADIUS)
     size = np.maximum(across, np.abs(v)) if at_lamp else np.maximum(h, np.int64(1))
-    most = size + size
+    # Sheared, a box is two radii wide, and looks at most 4/3 as wide from a lamp four radii away.
+    most = size + size if at_lamp or is_far else (size + size) + size
     excess = np.zeros(x.shape, np.uint32) if is_far else excess_bits(most)
     z = shifted(within(v if at_lamp else h, most), excess)
     x, y = within(x, most), within(y, most)
@@ -100,7 +101,7 @@ def light_ray(beam: Beam, occluder: np.void) -> Ray:
             radius,
             np.ones(z.shape, bool),
         )
-    near = (h > 0) & (v <= RADIUS) & (across <= h + h)
+    near = (h > 0) & (v <= RADIUS) & (across <= most)
     end = np.full(z.shape, occluder["end"])
     return Ray(
         shifted(x, excess), shifted(y, excess), z, z, start_on(v), -radius, -radius, end, near
