@@ -404,12 +404,6 @@ def test_what_tori_cannot_have_is_said(option: str, value: Any, text: str) -> No
     assert caught.value.faults == (f"scene: accuracy.{option}: {text}",)
 
 
-def test_tori_have_no_shadows() -> None:
-    lit = scene_of(torus(), (3, 4, 5), light=[{"direction": [1, 2, 3]}])
-    with pytest.raises(halfstep.SceneError, match="shadows are not drawn of tori and formulas yet"):
-        with_overrides(lit, shadows=True)
-
-
 @pytest.mark.parametrize("name", ["torus", "clebsch", "kummer"])
 def test_parallel_rays_see_the_first_root(name: str, rng: np.random.Generator) -> None:
     """From outside, and from places where rays start in the solid."""

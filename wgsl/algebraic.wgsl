@@ -105,6 +105,17 @@ fn later_slack(u: f4, slack: f4, other: f4, other_slack: f4) -> f4 {
   return select(max(slack, other_slack), select(other_slack, slack, u > other), clear);
 }
 
+// A plane or a ball that may be seen instead of F: where, and c + b u + a u² on rays, which has one
+// root between `start` and `stop`.
+struct Cap {
+  seen: b4,
+  c: f4,
+  b: f4,
+  a: f4,
+  start: f4,
+  stop: f4,
+}
+
 // The cell to halve: the one found, or the whole interval where a cap is seen.
 fn begun_cell(found: Cell, is_cap: b4, steps: u32) -> Cell {
   var cell = found;
@@ -113,28 +124,22 @@ fn begun_cell(found: Cell, is_cap: b4, steps: u32) -> Cell {
   return cell;
 }
 
-// The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen. That
-// form has one root between `cap_start` and `cap_stop`.
+// The position of the root in a cell, or of the root of a cap's form where that is seen.
 fn finished(
   curve: Curve,
   start: f4,
   stop: f4,
   found: Cell,
-  is_cap: b4,
-  c: f4,
-  b: f4,
-  a: f4,
-  cap_start: f4,
-  cap_stop: f4,
+  cap: Cap,
   steps: u32,
   last_step: f32,
 ) -> i4 {
-  let cell = begun_cell(found, is_cap, steps);
-  let capped = is_cap & !found.met;
-  let powers = cap_or(capped, curve.powers, c, b, a);
+  let cell = begun_cell(found, cap.seen, steps);
+  let capped = cap.seen & !found.met;
+  let powers = cap_or(capped, curve.powers, cap.c, cap.b, cap.a);
   let middle = select(f4(curve.middle), f4(0.0), capped);
-  let low = select(start, cap_start, capped);
-  let high = select(stop, cap_stop, capped);
+  let low = select(start, cap.start, capped);
+  let high = select(stop, cap.stop, capped);
   return position_in(leaf_in(powers, middle, low, high, cell, steps, last_step), steps);
 }
 

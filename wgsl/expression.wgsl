@@ -98,10 +98,9 @@ fn expression_near(form: Expression, trace: Trace, turned: b4, m: f4, h: f4) -> 
   return opposite_jet(turned, jet);
 }
 
-// The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen. That
-// form has one root between `cap_start` and `cap_stop`. The sign of F in the middle of a cell
-// decides. A jet tells it for halves of the cell, too, as long as it is larger than its error. The
-// form of a cap is a jet without errors.
+// The position of the root in a cell, or of the root of a cap's form where that is seen. The sign
+// of F in the middle of a cell decides. A jet tells it for halves of the cell, too, as long as it
+// is larger than its error. The form of a cap is a jet without errors.
 fn finished_formula(
   form: Expression,
   trace: Trace,
@@ -109,26 +108,21 @@ fn finished_formula(
   start: f4,
   stop: f4,
   found: Cell,
-  is_cap: b4,
-  c: f4,
-  b: f4,
-  a: f4,
-  cap_start: f4,
-  cap_stop: f4,
+  cap: Cap,
   steps: u32,
   last_step: f32,
 ) -> i4 {
-  let cell = begun_cell(found, is_cap, steps);
-  let capped = is_cap & !found.met;
-  let low = select(start, cap_start, capped);
-  let high = select(stop, cap_stop, capped);
+  let cell = begun_cell(found, cap.seen, steps);
+  let capped = cap.seen & !found.met;
+  let low = select(start, cap.start, capped);
+  let high = select(stop, cap.stop, capped);
   var left = begin_of(cell, last_step);
   var half = half_width(cell, last_step);
   var middle = f4(0.0);
   var unit = f4(1.0);
-  var level = c;
-  var slope = b;
-  var bend = a;
+  var level = cap.c;
+  var slope = cap.b;
+  var bend = cap.a;
   var rough = f4(0.0);
   var rest = select(f4(UNBOUNDED), f4(-1.0), capped);
   // First the caps; then each round begins with another jet.

@@ -96,36 +96,13 @@ fn visit_polynomial(solid: Solid, y: i32, member: u32) {
     a = select(a, select(-ball.a, ball.a, on_entry), on_ball);  //? ball
     cap_start = select(cap_start, chord.middle, on_ball & !on_entry);  //? ball
     cap_stop = select(cap_stop, chord.middle, on_ball & on_entry);  //? ball
+    let cap = Cap(on_entry | on_exit, c, b, a, cap_start, cap_stop);
     var position = i4(0);
     position = finished(  //? !formula
-      seen,
-      begin,
-      end,
-      cell,
-      on_entry | on_exit,
-      c,
-      b,
-      a,
-      cap_start,
-      cap_stop,
-      solid.steps,
-      solid.last_step,
+      seen, begin, end, cell, cap, solid.steps, solid.last_step
     );
     position = finished_formula(  //? formula
-      formula,
-      trace,
-      inside,
-      begin,
-      end,
-      cell,
-      on_entry | on_exit,
-      c,
-      b,
-      a,
-      cap_start,
-      cap_stop,
-      solid.steps,
-      solid.last_step,
+      formula, trace, inside, begin, end, cell, cap, solid.steps, solid.last_step
     );
     let hit = some & (cell.met | on_entry | on_exit);
     let surface = select(select(i4(0), id_out, on_exit), id_in, on_entry);
@@ -148,36 +125,14 @@ fn visit_polynomial(solid: Solid, y: i32, member: u32) {
     out_b = select(out_b, -ball.g, leaves);  //? exit & ball
     out_a = select(out_a, -ball.a, leaves);  //? exit & ball
     out_start = select(out_start, chord.middle, leaves);  //? exit & ball
+    let out_seen = hit & !stays & (id_out > i4(0));  //? exit
+    let out = Cap(out_seen, out_c, out_b, out_a, out_start, f4(BEYOND));  //? exit
     var left_at = i4(0);  //? exit
     left_at = finished(  //? exit & !formula
-      leaving,
-      begin,
-      end,
-      last,
-      hit & !stays & (id_out > i4(0)),
-      out_c,
-      out_b,
-      out_a,
-      out_start,
-      f4(BEYOND),
-      solid.steps,
-      solid.last_step,
+      leaving, begin, end, last, out, solid.steps, solid.last_step
     );
     left_at = finished_formula(  //? exit & formula
-      formula,
-      trace,
-      !inside,
-      begin,
-      end,
-      last,
-      hit & !stays & (id_out > i4(0)),
-      out_c,
-      out_b,
-      out_a,
-      out_start,
-      f4(BEYOND),
-      solid.steps,
-      solid.last_step,
+      formula, trace, !inside, begin, end, last, out, solid.steps, solid.last_step
     );
     sight_0 = Sight(
       hit,

@@ -122,6 +122,20 @@ def later_slack(u: F32, slack: F32, other: F32, other_slack: F32) -> F32:
     return np.where(clear, later, np.maximum(slack, other_slack))
 
 
+class Cap(NamedTuple):
+    """A plane or a ball that may be seen instead of F.
+
+    On rays it is c + b u + a u², which has one root between ``start`` and ``stop``.
+    """
+
+    seen: Bools
+    c: F32
+    b: F32
+    a: F32
+    start: F32
+    stop: F32
+
+
 def begun_cell(found: Cell, is_cap: Bools, steps: int) -> Cell:
     """The cell to halve: the one found, or the whole interval where a cap is seen."""
     zero = np.zeros_like(found.first)
@@ -136,24 +150,16 @@ def finished(
     start: F32,
     stop: F32,
     found: Cell,
-    is_cap: Bools,
-    c: F32,
-    b: F32,
-    a: F32,
-    cap_start: F32,
-    cap_stop: F32,
+    cap: Cap,
     steps: int,
     last_step: np.float32,
 ) -> I32:
-    """The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen.
-
-    That form has one root between ``cap_start`` and ``cap_stop``.
-    """
-    cell = begun_cell(found, is_cap, steps)
-    capped = is_cap & ~found.met
-    powers = cap_or(capped, curve.powers, c, b, a)
+    """The position of the root in a cell, or of the root of a cap's form where that is seen."""
+    cell = begun_cell(found, cap.seen, steps)
+    capped = cap.seen & ~found.met
+    powers = cap_or(capped, curve.powers, cap.c, cap.b, cap.a)
     middle = np.where(capped, np.float32(0), curve.middle)
-    low, high = np.where(capped, cap_start, start), np.where(capped, cap_stop, stop)
+    low, high = np.where(capped, cap.start, start), np.where(capped, cap.stop, stop)
     return position_in(leaf_in(powers, middle, low, high, cell, steps, last_step), steps)
 
 

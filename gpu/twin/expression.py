@@ -15,7 +15,7 @@ import numpy as np
 from halfstep.contract.expressions import NO_NUMBER, PackedExpressions, Program, is_tame
 from halfstep.contract.powers import BOUNDS, CLOCKS
 from halfstep.twin import arcs, grades, jets
-from halfstep.twin.algebraic import begun_cell
+from halfstep.twin.algebraic import Cap, begun_cell
 from halfstep.twin.cells import (
     CLIPPING,
     Cell,
@@ -196,27 +196,22 @@ def finished_formula(
     start: F32,
     stop: F32,
     found: Cell,
-    is_cap: Bools,
-    c: F32,
-    b: F32,
-    a: F32,
-    cap_start: F32,
-    cap_stop: F32,
+    cap: Cap,
     steps: int,
     last_step: np.float32,
 ) -> I32:
-    """The position of the root in a cell, or of the root of c + b u + a u² where a cap is seen.
+    """The position of the root in a cell, or of the root of a cap's form where that is seen.
 
-    That form has one root between ``cap_start`` and ``cap_stop``. The sign of F in the middle of a
-    cell decides. A jet tells it for halves of the cell, too, as long as it is larger than its
-    error. The form of a cap is a jet without errors.
+    The sign of F in the middle of a cell decides. A jet tells it for halves of the cell, too, as
+    long as it is larger than its error. The form of a cap is a jet without errors.
     """
-    cell = begun_cell(found, is_cap, steps)
-    capped = is_cap & ~found.met
-    low, high = np.where(capped, cap_start, start), np.where(capped, cap_stop, stop)
+    cell = begun_cell(found, cap.seen, steps)
+    capped = cap.seen & ~found.met
+    low, high = np.where(capped, cap.start, start), np.where(capped, cap.stop, stop)
     left, half = begin_of(cell, last_step), half_width(cell, last_step)
     middle, unit = np.zeros_like(low), np.ones_like(low)
-    level, slope, bend, rough = c + middle, b + middle, a + middle, np.zeros_like(low)
+    level, slope, bend = cap.c + middle, cap.b + middle, cap.a + middle
+    rough = np.zeros_like(low)
     rest = np.where(capped, np.float32(-1), UNBOUNDED)
     # First the caps; then each round begins with another jet.
     for _ in range(steps + 1):

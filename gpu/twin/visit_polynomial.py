@@ -19,6 +19,7 @@ from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.contract.powers import MADE, MADE_OF_FORMULA
 from halfstep.twin.algebraic import (
     BEYOND,
+    Cap,
     Chord,
     chord_of,
     finished,
@@ -254,20 +255,8 @@ def visit_polynomial(
         a_cap = np.where(on_ball, np.where(on_entry, ball.a, -ball.a), a_cap)
         cap_start = np.where(on_ball & ~on_entry, chord.middle, cap_start)
         cap_stop = np.where(on_ball & on_entry, chord.middle, cap_stop)
-    position = of_f.finished(
-        inside,
-        begin,
-        end,
-        cell,
-        on_entry | on_exit,
-        c_cap,
-        b_cap,
-        a_cap,
-        cap_start,
-        cap_stop,
-        steps,
-        last_step,
-    )
+    cap = Cap(on_entry | on_exit, c_cap, b_cap, a_cap, cap_start, cap_stop)
+    position = of_f.finished(inside, begin, end, cell, cap, steps, last_step)
     hit = some & (cell.met | on_entry | on_exit)
     surface = np.where(on_entry, id_in, np.where(on_exit, id_out, 0))
     left, exit_position = hit, position
@@ -284,20 +273,9 @@ def visit_polynomial(
             c_out, b_out = np.where(leaves, -ball.c, c_out), np.where(leaves, -ball.g, b_out)
             a_out = np.where(leaves, -ball.a, a_out)
             out_start = np.where(leaves, chord.middle, out_start)
-        exit_position = of_f.finished(
-            ~inside,
-            begin,
-            end,
-            last,
-            hit & ~stays & (id_out > 0),
-            c_out,
-            b_out,
-            a_out,
-            out_start,
-            np.zeros_like(c_out) + BEYOND,
-            steps,
-            last_step,
-        )
+        out_stop = np.zeros_like(c_out) + BEYOND
+        out = Cap(hit & ~stays & (id_out > 0), c_out, b_out, a_out, out_start, out_stop)
+        exit_position = of_f.finished(~inside, begin, end, last, out, steps, last_step)
         exit_position = np.where(stays, position, exit_position)
         left = np.where(stays, hit, last.met | (id_out > 0))
     certificate = NO_CERTIFICATE
