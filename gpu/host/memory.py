@@ -6,8 +6,9 @@ longer than to write them.
 
 from __future__ import annotations
 
-import sys
 import threading
+import weakref
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,35 +19,38 @@ from halfstep.contract.arrays import Records
 FRAMES = 2
 
 
+class _Block(NamedTuple):
+    """A block, and the array that all arrays of its last records refer to."""
+
+    content: bytearray
+    whole: weakref.ref[NDArray[np.uint8]]
+
+
 class Memory:
     """Blocks of memory by name. A block is used again when nothing refers to its last records."""
 
     def __init__(self) -> None:
-        self._blocks: dict[tuple[str, np.dtype[np.void]], list[NDArray[np.uint8]]] = {}
+        self._blocks: dict[tuple[str, np.dtype[np.void]], list[_Block]] = {}
         # Threads may prepare frames at the same time.
         self._lock = threading.Lock()
-        # What Python counts of a block that only a list and a variable refer to.
-        kept = [np.zeros(0, np.uint8)]
-        self._unused = min(_references(block) for block in kept)
 
     def records(self, name: str, count: int, dtype: np.dtype[np.void]) -> Records:
         """Room for records (count,) in a block called ``name``.
 
         They hold 0, or what earlier records of this dtype held. What is between members stays 0.
         """
-        size = count * dtype.itemsize
+        size = max(count * dtype.itemsize, 1)
         with self._lock:
             kept = self._blocks.setdefault((name, dtype), [])
-            for block in kept:
-                if block.nbytes >= size and _references(block) <= self._unused:
-                    break
-            else:
-                block = np.zeros(size, np.uint8)
-                kept.append(block)
-                del kept[:-FRAMES]
-            # These records, and all parts of them, refer to the block.
-            return block[:size].view(dtype)
-
-
-def _references(block: NDArray[np.uint8]) -> int:
-    return sys.getrefcount(block)
+            unused = (
+                block for block in kept if len(block.content) >= size and block.whole() is None
+            )
+            block = next(unused, None)
+            if block is not None:
+                kept.remove(block)
+            content = bytearray(size) if block is None else block.content
+            # Every view of an array refers to the first one that is no view of another array.
+            whole = np.frombuffer(content, np.uint8)
+            kept.append(_Block(content, weakref.ref(whole)))
+            del kept[:-FRAMES]
+            return whole[: count * dtype.itemsize].view(dtype)
