@@ -256,6 +256,25 @@ def test_cells_without_an_end_are_refused() -> None:
         halfstep.render(scene, backend="numpy")
 
 
+def test_shadows_where_all_copies_are_cut_away(backend: str) -> None:
+    """A cell is filled with a group whose ball lies elsewhere."""
+    balls = [{"name": "b", "kind": "sphere", "radius": 1, "origin": [x, 0, 0]} for x in (0, 10)]
+    scene = Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [0, -8, 2], "look_at": [0, 0, 0]},
+            "volume": {"min": [-2, -2, -2], "max": [2, 2, 2]},
+            "light": [SUN],
+            "part": balls[:1],
+            "cell": [{"region": "b", "fill": "far"}],
+            "group": [{"name": "far", "part": balls[1:], "cell": [{"region": "b", **GRAY}]}],
+        }
+    )
+    frame = halfstep.render(scene, size=SMALL, backend=backend, outputs=("surface", "shadow"))
+    assert (frame.surface == -1).all()
+    assert not frame.shadow.any()
+
+
 def test_too_many_copies_are_refused() -> None:
     across = int(np.sqrt(MOST_VEILED)) + 1
     lattice = {"kind": "rectangular", "pitch": [2, 2], "shape": [across, across], "group": "ball"}

@@ -115,7 +115,9 @@ def planes_of(geometry: Geometry, ix: int) -> Floats:
 
 
 def _grid(points: Floats, lights: list[Light]) -> Grid:
-    """A grid that holds world points (P, 3) and all lamps."""
+    """A grid that holds world points (P, 3) and all lamps; where nothing is, about the origin."""
+    if not len(points):
+        points = np.zeros((1, 3))
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     lamps = [np.array(light.position) for light in lights if light.position is not None]
