@@ -67,7 +67,7 @@ def test_the_processor_flushes() -> None:
 def test_a_bundled_scene(scene: str) -> None:
     loaded = halfstep.load(scene)
     for number_format in FORMATS if scene in drawn_by_all() else FORMATS[:1]:
-        options = {"number_format": number_format, "camera": CLOSE.get(scene)}
+        options: Table = {"number_format": number_format, "camera": CLOSE.get(scene)}
         if scene in FEW:
             options["size"] = (21, 15)
         assert flushed(loaded, **options) == {}
