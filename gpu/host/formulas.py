@@ -411,8 +411,13 @@ class Formula:
     @functools.cached_property
     def whole(self) -> Excerpt:
         """The whole formula as an excerpt."""
+        return self.excerpt(*self.everything)
+
+    @property
+    def everything(self) -> tuple[Bools, Bools]:
+        """All literals (L,), and the cells (C,) that are everywhere: the whole as an excerpt."""
         everywhere = [self.nodes[root] == Node(Intersection) for root in self.roots]
-        return self.excerpt(np.ones(self.literal_count, bool), np.array(everywhere, bool))
+        return np.ones(self.literal_count, bool), np.array(everywhere, bool)
 
     def excerpt(self, live: Bools, holds: Bools) -> Excerpt:
         """The rest of the formula if only ``live`` literals (L,) matter and cells (C,) hold."""

@@ -134,23 +134,6 @@ class Merged:
         )
 
 
-def compiled(
-    matrices: Floats,
-    regions: Sequence[Region],
-    is_visible: Bools,
-    volume: Floats | None,
-    *,
-    higher: Mapping[int, Higher],
-    hidden: bool = False,
-) -> Program | None:
-    """The program of a group; None if no visible cell has a point, or none has a surface.
-
-    Arguments are those of `merged_cells`.
-    """
-    merged = merged_cells(matrices, regions, is_visible, volume, higher=higher, hidden=hidden)
-    return None if merged is None or not merged.seen else merged.program()
-
-
 def merged_cells(
     matrices: Floats,
     regions: Sequence[Region],
@@ -160,7 +143,7 @@ def merged_cells(
     higher: Mapping[int, Higher],
     hidden: bool = False,
 ) -> Merged | None:
-    """The cells of a group's program; None if no visible cell has a point.
+    """The cells of a group's program; None if no visible one has a point, or none a surface.
 
     Args:
         matrices: (F, 4, 4), the functions of the group, in its coordinates.
@@ -200,7 +183,7 @@ def merged_cells(
     # Merging may leave a cell without a point. A cell that is all of space has no visible surface:
     # it hides nothing, but overlaps all others.
     everywhere = [region == Intersection(()) for region in normal]
-    return Merged(
+    merged = Merged(
         taken=taken,
         normal=normal,
         is_shown=is_visible[taken] & ~np.array(everywhere, bool),
@@ -214,6 +197,7 @@ def merged_cells(
         planes=sum(is_plane.values()),
         hidden=hidden,
     )
+    return merged if merged.seen else None
 
 
 def cells_with_points(

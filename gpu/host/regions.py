@@ -31,7 +31,7 @@ from halfstep.host.higher import (
     signed,
     stacked_of,
 )
-from halfstep.host.merging import COINCIDENT, Merged, Program, compiled, merged_cells
+from halfstep.host.merging import COINCIDENT, Merged, Program, merged_cells
 from halfstep.host.polynomials import Polynomials
 from halfstep.scene import Material, Scene
 from halfstep.scene.copies import Copies, Layout, Within
@@ -268,8 +268,6 @@ def _whole_of(
     where = f"group {group.name}: " if isinstance(group, Group) else ""
     matrices, higher, regions = own.matrices, own.higher, own.regions
     whole = merged_cells(matrices, regions, shown, volume, higher=higher, hidden=hidden)
-    if whole is not None and not whole.seen:
-        whole = None
     # Merging surfaces may leave a cell without a point.
     kept = set() if whole is None else set(whole.taken[whole.some].tolist())
     faults += [
@@ -337,10 +335,11 @@ def _cut_copies(
             regions = [joined(Intersection, [cell, cut]) for cell in regions]
             functions.append(own)
             higher |= {first + k: each.moved(one.maps[ix]) for k, each in one.higher.items()}
-        program = compiled(
+        cells = merged_cells(
             np.concatenate(functions), regions, shown, box, higher=higher, hidden=hidden
         )
-        if program is not None:
+        if cells is not None:
+            program = cells.program()
             program = replace(program, functions=numbers[program.functions])
             programs.append((members, program))
     return np.flatnonzero(state == 1), programs

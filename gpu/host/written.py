@@ -31,24 +31,9 @@ def whole_length(program: Program) -> int:
 
 def _of_whole(program: Program, *, lists_higher: bool) -> Excerpts:
     """A whole program as an excerpt."""
-    excerpt = program.formula.whole
-    flat, lower = np.searchsorted(excerpt.surfaces, (program.planes, program.lower)).tolist()
-    listed = np.concatenate([excerpt.surfaces[:lower], excerpt.cells])
-    if lists_higher:
-        higher = excerpt.surfaces[lower:]
-        listed = np.concatenate([listed, [len(higher), program.lower], higher])
-    count = len(excerpt.words)
-    groups = -(-count // GROUP)
-    content = np.zeros((groups - (-len(listed) // GROUP)) * GROUP, np.uint32)
-    content[:count] = excerpt.words
-    content[groups * GROUP :][: len(listed)] = listed
-    return Excerpts(
-        content,
-        np.array([len(content)]),
-        np.array([groups]),
-        np.array([[flat], [lower - flat], [len(excerpt.cells)]]),
-        np.array([excerpt.crossings]),
-        np.array([whole_length(program)]),
+    live, holds = (each[:, None] for each in program.formula.everything)
+    return excerpts_of(
+        program.tree, live, holds, program.planes, program.lower, lists_higher=lists_higher
     )
 
 
