@@ -63,6 +63,11 @@ def solid_terms(degree: int) -> int:
     return (degree + 1) * (degree + 2) * (degree + 3) // 6
 
 
+def solid_degree(count: int) -> int:
+    """The degree of a polynomial in x, y and z with so many terms."""
+    return next(degree for degree in range(count) if solid_terms(degree) >= count)
+
+
 @functools.cache
 def solid_places(degree: int) -> tuple[Ints, Ints, Ints]:
     """The powers of x, y and z of every term, (T,) each."""

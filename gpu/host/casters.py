@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.contract.arrays import Floats
-from halfstep.contract.powers import solid_places
+from halfstep.contract.powers import solid_degree, solid_places
 from halfstep.host.geometry import Geometry
 
 # The box of what a caster asks for is larger than that of the solid by this part.
@@ -33,16 +33,9 @@ class Caster:
     @property
     def is_inside(self) -> bool:
         """Whether F <= 0 where rays count from."""
-        x, y, z = solid_places(_degree(self.terms))
+        x, y, z = solid_places(solid_degree(len(self.terms)))
         at = self.axes[0]
         return bool((self.terms * at[0] ** x * at[1] ** y * at[2] ** z).sum() <= 0)
-
-
-def _degree(terms: Floats) -> int:
-    degree = 0
-    while len(solid_places(degree)[0]) < len(terms):
-        degree += 1
-    return degree
 
 
 def caster_of(geometry: Geometry, ix: int, to_local: Floats, shrink: float) -> Caster | None:

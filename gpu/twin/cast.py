@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.contract.layout import Shade
-from halfstep.contract.powers import CAST_STEPS, CLOCKS
+from halfstep.contract.powers import CAST_STEPS, CLOCKS, solid_degree
 from halfstep.twin.algebraic import chord_of, line_place
 from halfstep.twin.cells import Cell, cells_from, judged_of, next_cell, span_of
 from halfstep.twin.lanes import U32, Bools
@@ -55,17 +55,9 @@ class Cast(NamedTuple):
     sure: Bools  # that is certain
 
 
-def _degree(k: NDArray[np.float32]) -> int:
-    """The degree of a polynomial in x, y and z with the terms ``k``."""
-    degree = 0
-    while (degree + 1) * (degree + 2) * (degree + 3) // 6 < len(k):
-        degree += 1
-    return degree
-
-
 def powers_along(k: NDArray[np.float32], x: Track, y: Track, z: Track) -> Powers:
     """F with the terms ``k`` (T,) as a polynomial in u: Horner's rule in z, then y, then x."""
-    degree, zero = _degree(k), np.zeros_like(x.level)
+    degree, zero = solid_degree(len(k)), np.zeros_like(x.level)
     whole = [zero] * (degree + 1)
     terms = iter(k)
     for a in range(degree + 1):
