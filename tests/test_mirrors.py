@@ -222,7 +222,7 @@ def test_loops_that_a_driver_would_cut_short_are_refused(adapter: Adapter) -> No
 FAULTS = [
     ("number + 1u, is_wanted", "ball.next, is_wanted"),
     ("next_ball(number + 1u, end)", "next_ball(number + 2u, end)"),
-    ("number = next_body(number);", "number = next_body(NO_BODY);"),
+    ("number = next_body(number) - 1u;", "number = next_body(NO_BODY) - 1u;"),
     ("distance < old.distance", "distance > old.distance"),
     ("point_0 = caught_0.point;", ""),
     ("nearest_0.turned = spotted_0.turned;", ""),

@@ -147,16 +147,11 @@ fn next_ball(first: u32, end: u32) -> u32 {
 // What the rays from the mirrors of a block meet first.
 fn find_bodies() {
   let end = mirrors_at(0u).count;
-  var number = next_ball(0u, end);
-  loop {
-    // The last ball is that of a body alone: where nothing is found, it is tried in vain.
-    number = min(number, end - 1u);
+  let first = next_ball(0u, end);
+  for (var number = first; number < end; number++) {
     let body = ball_at(number).body;
     try_body(body, tried_at(body - 1u));
-    number = next_ball(number + 1u, end);
-    if number >= end {
-      break;
-    }
+    number = next_ball(number + 1u, end) - 1u;
   }
 }
 
@@ -179,10 +174,8 @@ fn catch_bodies() {
   gone_0 = u4(NO_BODY);
   // each quad
   let u_0 = f4(sight_0.position) * (1.0 / f32(1u << MIRROR_STEPS));
-  var number = next_body(0u);
-  loop {
-    // Where nothing is met, the first body is looked at in vain.
-    number = select(number, 1u, number == NO_BODY);
+  let first = next_body(0u);
+  for (var number = first; number < NO_BODY; number++) {
     let body = body_at(number - 1u);
     let is_flat = b4((body.flags & SHADE_FLAT) != 0u);
     // each quad
@@ -212,10 +205,7 @@ fn catch_bodies() {
         select(caught_0.reflection, f4(body.reflection), mine),
       );
     }
-    number = next_body(number);
-    if number == NO_BODY {
-      break;
-    }
+    number = next_body(number) - 1u;
   }
 }
 
