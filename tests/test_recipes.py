@@ -99,7 +99,7 @@ for ending in ("png", "tif", "exr", "npz"):
 )
 DEVICE_OUTPUT = Recipe(
     "A new output of the device",
-    6,
+    5,
     (
         "tests/test_frame.py::test_every_output_has_its_shape_type_and_value_of_a_miss[numpy]",
         "tests/test_frame.py::test_the_cosine_is_that_of_the_normal_and_the_ray[numpy]",

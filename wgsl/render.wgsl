@@ -287,31 +287,11 @@ fn render(
     nearest_0 = seen_0;
   }
   // each quad
-  {  //? store_words
-    let at = place + QUAD_0;
-    store(PLANE_SURFACE, at, nearest_0.surface);  //? store_surface
-    store(PLANE_KEY, at, nearest_0.key.high);  //? store_key
-    store(PLANE_KEY + 1u, at, nearest_0.key.low);  //? store_key
-    store(PLANE_EXIT, at, nearest_0.leaves.high);  //? store_exit
-    store(PLANE_EXIT + 1u, at, nearest_0.leaves.low);  //? store_exit
-    store(PLANE_COLOR, at, bitcast<u4>(shown_0.color.x));  //? store_color
-    store(PLANE_COLOR + 1u, at, bitcast<u4>(shown_0.color.y));  //? store_color
-    store(PLANE_COLOR + 2u, at, bitcast<u4>(shown_0.color.z));  //? store_color
-    store(PLANE_NORMAL, at, bitcast<u4>(shown_0.normal.x));  //? store_normal
-    store(PLANE_NORMAL + 1u, at, bitcast<u4>(shown_0.normal.y));  //? store_normal
-    store(PLANE_NORMAL + 2u, at, bitcast<u4>(shown_0.normal.z));  //? store_normal
-    store(PLANE_ERROR, at, nearest_0.low.high);  //? store_error
-    store(PLANE_ERROR + 1u, at, nearest_0.low.low);  //? store_error
-    store(PLANE_ERROR + 2u, at, nearest_0.doubt.high);  //? store_error
-    store(PLANE_ERROR + 3u, at, nearest_0.doubt.low);  //? store_error
-    store(PLANE_ERROR + 4u, at, bitcast<u4>(nearest_0.bound));  //? store_error
-    store(PLANE_SHADOW, at, nearest_0.dark);  //? store_shadow & shadows
-    store(PLANE_OVERLAP, at, nearest_0.overlap.high);  //? store_overlap & overlap
-    store(PLANE_OVERLAP + 1u, at, nearest_0.overlap.low);  //? store_overlap & overlap
-    store(PLANE_GAP, at, nearest_0.gap.high);  //? store_gap & gap
-    store(PLANE_GAP + 1u, at, nearest_0.gap.low);  //? store_gap & gap
-    store(PLANE_UNFINISHED, at, unfinished());  //? store_unfinished & counted
-  }
+  store_words(  //? store_words
+    place + QUAD_0,
+    nearest_0,
+    shown_0,  //? normal
+  );
   store_image(  //? store_image
     place,
     // each quad

@@ -48,23 +48,36 @@ class Plane:
     Attributes:
         name: name of the array.
         kept: how words hold it.
-        member: its name in the twin's `Nearest` or `Shown`, if that differs.
+        value: what is stored, as shaders have it: a member of ``nearest`` or ``shown``, which the
+            twin's `Nearest` and `Shown` have too, or a call.
         is_least: True for the least value of all solids that were tried, False for the value of the
             visible solid.
     """
 
     name: str
     kept: Kept
-    member: str = ""
+    value: str
     is_least: bool = False
+
+    @property
+    def member(self) -> str:
+        """The member of the twin's `Nearest` or `Shown`."""
+        return self.value.partition(".")[2]
 
 
 @dataclass(frozen=True)
 class DeviceOutput:
-    """An output of a device: its planes, and the facts that hold when it is requested."""
+    """An output of a device.
+
+    Attributes:
+        planes: its arrays.
+        facts: the facts that hold when it is requested.
+        only_if: the fact without which nothing is stored; "" for none.
+    """
 
     planes: tuple[Plane, ...]
-    facts: frozenset[str] = frozenset()
+    facts: frozenset[str]
+    only_if: str
 
     @property
     def words(self) -> int:
@@ -72,27 +85,29 @@ class DeviceOutput:
         return sum(plane.kept.words for plane in self.planes)
 
 
-def _output(*planes: Plane, facts: str = "") -> DeviceOutput:
-    return DeviceOutput(planes, frozenset(facts.split()))
+def _output(*planes: Plane, facts: str = "", only_if: str = "") -> DeviceOutput:
+    return DeviceOutput(planes, frozenset(facts.split()), only_if)
 
 
 # In the order of the frame buffer. The twin has no output "unfinished", because it finishes.
 DEVICE_OUTPUTS = {
-    "surface": _output(Plane("surface", Kept.NUMBER)),
-    "key": _output(Plane("key", Kept.KEY)),
-    "exit": _output(Plane("exit", Kept.KEY, "leaves"), facts="exit leaving"),
-    "color": _output(Plane("color", Kept.VECTOR), facts="normal color"),
-    "normal": _output(Plane("normal", Kept.VECTOR), facts="normal"),
+    "surface": _output(Plane("surface", Kept.NUMBER, "nearest.surface")),
+    "key": _output(Plane("key", Kept.KEY, "nearest.key")),
+    "exit": _output(Plane("exit", Kept.KEY, "nearest.leaves"), facts="exit leaving"),
+    "color": _output(Plane("color", Kept.VECTOR, "shown.color"), facts="normal color"),
+    "normal": _output(Plane("normal", Kept.VECTOR, "shown.normal"), facts="normal"),
     "error": _output(
-        Plane("low", Kept.KEY, is_least=True),
-        Plane("doubt", Kept.KEY, is_least=True),
-        Plane("bound", Kept.FLOAT),
+        Plane("low", Kept.KEY, "nearest.low", is_least=True),
+        Plane("doubt", Kept.KEY, "nearest.doubt", is_least=True),
+        Plane("bound", Kept.FLOAT, "nearest.bound"),
         facts="error",
     ),
-    "shadow": _output(Plane("shadow", Kept.NUMBER, "dark")),
-    "overlap": _output(Plane("overlap", Kept.KEY, is_least=True)),
-    "gap": _output(Plane("gap", Kept.KEY, is_least=True)),
-    "unfinished": _output(Plane("unfinished", Kept.NUMBER)),
+    "shadow": _output(Plane("shadow", Kept.NUMBER, "nearest.dark"), only_if="shadows"),
+    "overlap": _output(
+        Plane("overlap", Kept.KEY, "nearest.overlap", is_least=True), only_if="overlap"
+    ),
+    "gap": _output(Plane("gap", Kept.KEY, "nearest.gap", is_least=True), only_if="gap"),
+    "unfinished": _output(Plane("unfinished", Kept.NUMBER, "unfinished()"), only_if="counted"),
 }
 # Outputs that are held in bytes, with the bytes of a pixel.
 OUTPUT_BYTES = {"image": 3, "tag": 1}

@@ -167,7 +167,7 @@ class Band:
         planes: Planes = {}
         for name in self._outputs & DEVICE_OUTPUTS.keys() | {"surface"}:
             for plane in DEVICE_OUTPUTS[name].planes:
-                value = found[plane.member or plane.name]
+                value = found[plane.member]
                 if plane.kept is Kept.KEY:
                     value = joined_key(*value)
                 elif plane.kept is Kept.VECTOR:

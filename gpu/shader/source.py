@@ -7,7 +7,7 @@ The text comes from the files in ``halfstep.wgsl``. Three rules choose its parts
 - Marks keep lines only if a fact holds, and repeat statements for each quad (``expand``).
 
 Python writes only the bindings, the constants, the scene's formulas (``formulas``) and the
-functions that fetch records (``fetch``).
+functions that fetch records (``fetch``) and store outputs of words (``store``).
 
 Four rules make lavapipe fast, measured. The last two apply to software adapters only:
 
@@ -60,6 +60,7 @@ from halfstep.shader.fetch import (
 from halfstep.shader.formulas import formulas
 from halfstep.shader.library import Definition, definitions, joined, reached, stage
 from halfstep.shader.needs import UNIFORM_BYTES, Needs, byte_offsets, plane_offsets
+from halfstep.shader.store import stores
 
 # The most half-spaces of a solid when a function of the article method runs alone. llvmpipe would
 # compile 128 for minutes.
@@ -126,13 +127,14 @@ def stage_files(needs: Needs) -> list[str]:
 
 
 def _definitions(needs: Needs) -> list[Definition]:
-    """The constants, stages, formulas, fetches and visits that a shader needs, in order."""
+    """The constants, stages, formulas, fetches, stores and visits that a shader needs, in order."""
     *stages, render = files_of(needs.format, needs.choices)
     texts = [
         constants(needs),
         *(_expanded(needs, name) for name in stages),
         formulas(needs),
         fetches(needs),
+        stores(needs),
         *_visits(needs),
         _expanded(needs, render),
     ]
