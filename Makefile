@@ -6,23 +6,18 @@ VENV := .venv
 PYTHON := $(VENV)/bin/python
 INSTALLED := $(VENV)/installed
 
-.PHONY: render test coverage quick shaders test-swiftshader test-dawn test-view lint fix layout \
+.PHONY: render test quick shaders test-swiftshader test-dawn test-view lint fix layout \
     tables bench clean adapter lavapipe swiftshader
 
 render: adapter
 	$(PYTHON) -m halfstep render gallery -o gallery.png
 	@echo "the picture is $(CURDIR)/gallery.png"
 
-# Two processes: most tests wait for NumPy or for a compiler, which use one core each.
+# Two processes: most tests wait for NumPy or for a compiler, which use one core each. The report
+# lists lines of gpu/ that no test runs, except in processes that tests start.
 test: lavapipe
-	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m pytest -n 2 --dist loadfile
-
-# The same, and which lines of gpu/ no test runs. Counting lines takes half as long again, so `make
-# test`, which every commit passes, does not.
-coverage: lavapipe
-	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m coverage run -m pytest -n 2 --dist loadfile
-	$(PYTHON) -m coverage combine -q
-	$(PYTHON) -m coverage report
+	HALFSTEP_EXPECT_LAVAPIPE=1 $(PYTHON) -m slipcover --source gpu --skip-covered \
+	    -m pytest -n 2 --dist loadfile
 
 # What needs no device and no patience: about a minute on an idle core, lint aside.
 quick: lint
@@ -91,7 +86,7 @@ bench: adapter
 	$(PYTHON) -m halfstep bench
 
 clean:
-	rm -rf $(VENV) .coverage* build dist *.egg-info gallery.png .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) build dist *.egg-info gallery.png .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Any Vulkan adapter, or Mesa's driver. Where that cannot be installed, `doctor` says what to do.
