@@ -131,30 +131,37 @@ def formulas_on_rays(
 class FormulaAtEye:
     """Values of formulas at the centre of projection, (E,)."""
 
-    def __init__(self, known: Expressions, of: Ints, sight: Sight) -> None:
-        """``of`` has indices in ``known``; ``sight`` is the view of each, (E,)."""
+    def __init__(self, known: Expressions, of: Ints, sight: Sight, low: Floats) -> None:
+        """``of`` has indices in ``known``; ``sight`` is the view of each, (E,).
+
+        ``low`` (E,) is a depth that `nearest` need not tell if it is less.
+        """
         self._known, self._of = known, of
         self._eye = sight.rays[0]
         self._error = sight.error
-        found = self._ranges(np.zeros_like(self._eye))
-        # If a formula has no value there, the eye is outside.
-        self.outside: Bools = ~((found.high <= -found.low) & np.isfinite(found.high))
-        self.sure: Bools = (found.low > 0) | (found.high < 0)
         reach = np.concatenate([np.ones((1, *sight.offsets.shape[1:])), sight.offsets])
         self._steepest = np.einsum("iap,ip->ap", np.abs(sight.rays[1:]), reach)
+        # At the eye, and up to the depth.
+        low_reach = low * self._steepest
+        found = self._ranges(np.stack([np.zeros_like(low_reach), low_reach], axis=1))
+        # If a formula has no value there, the eye is outside.
+        self.outside: Bools = ~((found.high <= -found.low) & np.isfinite(found.high))[0]
+        signed = (found.low > 0) | (found.high < 0)
+        self.sure: Bools = signed[0]
+        self._is_far = bool(signed[1].any())
 
-    def nearest(self, far: float, low: Floats) -> Floats:
+    def nearest(self, far: float) -> Floats:
         """A lower bound (E,) of the depth, up to ``far``, at which any ray meets F = 0.
 
-        It is 0 where a search would end at a depth that is less than ``low`` (E,).
+        It is 0 where a search would end at less than the depth that need not be told.
         """
+        if not self._is_far:
+            return np.zeros(len(self._of))
 
         def passes(depth: Floats) -> Bools:
             found = self._ranges(depth * self._steepest[:, None])
             return np.asarray((found.low > 0) | (found.high < 0))
 
-        if not passes(low[None]).any():
-            return np.zeros(len(self._of))
         return furthest(passes, len(self._of), far)
 
     def _ranges(self, reach: Floats) -> Range:

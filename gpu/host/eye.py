@@ -110,7 +110,7 @@ def see_polynomials(
     known = geometry.polynomials
     assert known is not None
     own = known.at(np.searchsorted(known.solid, ix[row]))
-    _see(facts, row, AtEye(own, sight.at(row)), own.is_sheet, sight, low)
+    _see(facts, row, AtEye(own, sight.at(row), low[row]), own.is_sheet, sight)
     _see_balls(facts, row[own.is_in_ball], geometry, ix, sight)
 
 
@@ -127,7 +127,8 @@ def see_formulas(
     from_eye = starts_at_eye[formulas.row]
     row, of, known = formulas.row[from_eye], formulas.of[from_eye], formulas.known
     if len(row):
-        _see(facts, row, FormulaAtEye(known, of, sight.at(row)), known.is_sheet[of], sight, low)
+        at_eye = FormulaAtEye(known, of, sight.at(row), low[row])
+        _see(facts, row, at_eye, known.is_sheet[of], sight)
         _see_balls(facts, row[known.is_in_ball[of]], geometry, ix, sight)
 
 
@@ -137,14 +138,13 @@ def _see(
     at_eye: AtEye | FormulaAtEye,
     is_sheet: Bools,
     sight: Sight,
-    low: Floats,
 ) -> None:
     seen = sight.at(row)
     far = float((seen.middle + seen.half).max(initial=0.0))
     facts.inside[row] &= ~at_eye.outside & ~is_sheet
     facts.outside_quadric[row] = at_eye.outside
     facts.sure[row] &= at_eye.sure
-    facts.nearest[row] = np.minimum(facts.nearest[row], at_eye.nearest(far, low[row]))
+    facts.nearest[row] = np.minimum(facts.nearest[row], at_eye.nearest(far))
 
 
 def _see_balls(facts: Eye, row: Ints, geometry: Geometry, ix: Ints, sight: Sight) -> None:

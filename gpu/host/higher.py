@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.contract.arrays import Floats
+from halfstep.contract.powers import row_terms
 from halfstep.host.boxes import box_of
-from halfstep.host.polynomials import LEAST_DEGREE, Polynomials, restricted, stacked
+from halfstep.host.polynomials import LEAST_DEGREE, Polynomials, stacked
+from halfstep.host.restriction import restricted
 from halfstep.scene import Function, HigherShape, TorusShape
 from halfstep.scene.programs import Compiled, compiled
 from halfstep.scene.ranges import Range, range_of
@@ -131,7 +133,7 @@ class Higher:
         return [own.T @ matrix @ own for matrix in matrices]
 
     def coefficients(self, middle: Floats, half: float) -> Floats:
-        """F in units of ``half`` from ``middle``: coefficients of powers (d + 1, d + 1, d + 1).
+        """F in units of ``half`` from ``middle``: terms (T,) in the order of ``contract.powers``.
 
         Of what is no polynomial they are the numbers of the formula.
         """
@@ -159,9 +161,10 @@ class Higher:
             found = range_of(self.formula.program, self.formula.numbers, ends)
             return (found.low > 0).astype(np.int8) - (found.high < 0)
         terms = _expanded(self, own, box.mean(axis=0), np.ptp(box, axis=0) / 2)
-        value = terms[0, 0, 0]
-        rest = np.abs(terms).sum(axis=(0, 1, 2)) - np.abs(value)
-        known = np.abs(value) > MARGIN * rest + 2.0**-40 * np.abs(terms).sum(axis=(0, 1, 2))
+        value = terms[row_terms(self.polynomial.degree) - 1]
+        size = np.abs(terms).sum(axis=0)
+        rest = size - np.abs(value)
+        known = np.abs(value) > MARGIN * rest + 2.0**-40 * size
         return (known * np.sign(value)).astype(np.int8)
 
 
@@ -195,7 +198,7 @@ def _joined(second: Floats, first: Floats) -> Floats:
 
 
 def _expanded(higher: Higher, own: Floats, middle: Floats, half: Floats) -> Floats:
-    """Coefficients (d + 1, d + 1, d + 1, N) of F on boxes; ``own`` (N, 3, 4) maps to its own."""
+    """Terms (T, N) of F on boxes, as of `restricted`; ``own`` (N, 3, 4) maps to its own."""
     known = higher.polynomial
     center, size = known.center[:, 0], known.size[:, 0]
     linear = own[:, :, :3] * half

@@ -122,13 +122,17 @@ def higher_on_rays(
         some = np.flatnonzero(~is_formula)
         known = regions.polynomials.of_degree(degree).at(rank[some])
         forms = _polynomials(known, some, owner, seen, center, stretch, view)
-        eye.see(some, AtEye(known, seen.at(some)), seen.at(some))
+        eye.see(some, AtEye(known, seen.at(some), np.zeros(len(some))), seen.at(some))
     if expressions is not None and is_formula.any():
         some = np.flatnonzero(is_formula)
         of, turned = len(expressions.solid) + rank, rotation[..., some]
         formulas = formulas_on_rays(expressions, owner[some], of[some], seen.at(some), turned)
         some = some[at_eye[owner[some]]]
-        eye.see(some, FormulaAtEye(expressions, of[some], seen.at(some)), seen.at(some))
+        eye.see(
+            some,
+            FormulaAtEye(expressions, of[some], seen.at(some), np.zeros(len(some))),
+            seen.at(some),
+        )
     # Of a formula nothing is asked at an eye that is not within its bounds.
     beyond = (rays[0] < boxes[0] - error) | (rays[0] > boxes[1] + error)
     is_away = is_formula & beyond.any(axis=0)
@@ -169,7 +173,7 @@ class _Eye(NamedTuple):
         """Add what is known of some."""
         far = float((sight.middle + sight.half).max(initial=0.0))
         self.outside[some], self.sure[some] = found.outside, found.sure
-        self.nearest[some] = found.nearest(far, np.zeros(len(some)))
+        self.nearest[some] = found.nearest(far)
 
 
 def _polynomials(

@@ -20,6 +20,7 @@ import numpy as np
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.powers import places
 from halfstep.host.forms import Sight, power_of_two, scaled_error
+from halfstep.host.restriction import restricted
 from halfstep.scene import Algebraic, HigherShape, Solid, algebra
 
 # Roundings of float64 that a term passes on its way to a coefficient on the ray, for each degree.
@@ -186,18 +187,20 @@ def on_rays(
 
     # Only F between the ends of the solid counts.
     along = (depth[1] - depth[0]) / (2 * half) + 2.0**-MIDDLE_BITS
-    forms = restricted(known.coefficients, points)
+    terms = restricted(known.coefficients, points)
     size = np.abs(points[0]).sum(axis=0) + along * np.abs(points[1]).sum(axis=0)
     magnitude = _value(np.abs(known.coefficients), size)
     error = ROUNDINGS * (known.degree + 2) * magnitude
     off = (sight.error / (known.size * size)).max(axis=0)
     error += known.degree * magnitude * off * (1 + off) ** known.degree
-    weight = along ** np.arange(known.degree + 1)[:, None, None, None]
-    scale = power_of_two(np.abs(forms * weight).sum(axis=(0, 1, 2)))
-    forms *= scale
-    small = np.abs(forms * weight) < SMALLEST_TERM
-    error = scaled_error(error, scale) + SMALLEST_TERM * small.sum(axis=(0, 1, 2))
-    forms[small] = 0.0
+    in_u, _, _ = places(known.degree)
+    weight = along ** in_u[:, None]
+    largest = np.abs(terms) * weight
+    scale = power_of_two(largest.sum(axis=0))
+    terms *= scale
+    small = largest * scale < SMALLEST_TERM
+    error = scaled_error(error, scale) + SMALLEST_TERM * small.sum(axis=0)
+    terms[small] = 0.0
 
     step = pixel * reach
     aside, stretch = np.stack([*tangent, step]), np.stack([step * middle / half, step])
@@ -209,7 +212,7 @@ def on_rays(
         degree=known.degree,
         own_degree=known.own_degree,
         middle=place,
-        terms=forms[places(known.degree)].T,
+        terms=terms.T,
         host_error=error,
         along=along,
         scale=1.0 / reach,
@@ -222,52 +225,6 @@ def on_rays(
     )
 
 
-def restricted(coefficients: Floats, points: Floats) -> Floats:
-    """F on rays as coefficients (d + 1, d + 1, d + 1, P) of u^j x^a y^b.
-
-    Args:
-        coefficients: (d + 1, d + 1, d + 1, P), of F.
-        points: (2, 3, 3, P), points of rays: [1, u][1, x, y][axis].
-    """
-    first, second, third = np.moveaxis(points, 2, 0)
-    degree = len(coefficients) - 1
-    # Horner's rule in z for all powers of x and y at once, then in y for those of x, then in x.
-    # After s products nothing has a power above s, and nothing is there of more than d - s before.
-    i, j = np.indices((degree + 1, degree + 1)).reshape(2, -1)
-    i, j = np.stack([i, j])[:, np.argsort(i + j, kind="stable")]
-    lines = planes = whole = np.zeros((0, 1, 1, 1, coefficients.shape[-1]))
-    for s in range(degree + 1):
-        some = slice((s + 1) * (s + 2) // 2)
-        lines = _times(lines, third, len(i[some]), s + 1)
-        lines[:, 0, 0, 0] += coefficients[i[some], j[some], degree - s]
-    for s in range(degree + 1):
-        planes = _times(planes, second, s + 1, s + 1)
-        left = np.arange(s + 1)
-        # Where the sum is i + j, those with less come first, and then those with less i.
-        of_row = (left + degree - s) * (left + degree - s + 1) // 2 + left
-        planes += lines[of_row, : s + 1, : s + 1, : s + 1]
-    for s in range(degree + 1):
-        whole = _times(whole, first, 1, s + 1)
-        whole += planes[degree - s, : s + 1, : s + 1, : s + 1]
-    return whole[0]
-
-
-def _times(forms: Floats, affine: Floats, count: int, size: int) -> Floats:
-    """Forms (N, u, x, y, P) times one that is affine in (1, x, y), in both parts of u; (2, 3, P).
-
-    Forms of 0 make them ``count``. They get ``size`` powers each: those beyond are 0.
-    """
-    product = np.zeros((count, size, size, size, forms.shape[-1]))
-    for in_u in (0, 1):
-        for place, (in_x, in_y) in enumerate(((0, 0), (1, 0), (0, 1))):
-            source = forms[:, : size - in_u, : size - in_x, : size - in_y]
-            number, of_u, of_x, of_y, _ = source.shape
-            along = slice(in_u, in_u + of_u)
-            target = product[:number, along, in_x : in_x + of_x, in_y : in_y + of_y]
-            target += affine[in_u, place] * source
-    return product
-
-
 def _value(coefficients: Floats, point: Floats) -> Floats:
     """F (…, P) at points (3, …, P)."""
     powers = np.stack([point**k for k in range(len(coefficients))])
@@ -278,9 +235,13 @@ def _value(coefficients: Floats, point: Floats) -> Floats:
 class AtEye:
     """Values of polynomials at the centre of projection, (P,)."""
 
-    def __init__(self, known: Polynomials, sight: Sight) -> None:
-        """``sight``: the rays through each, (P,)."""
+    def __init__(self, known: Polynomials, sight: Sight, low: Floats) -> None:
+        """``sight``: the rays through each, (P,).
+
+        ``low`` (P,) is a depth that `nearest` need not tell if it is less.
+        """
         self._known, self._rays = known, known.normalized(sight.rays)
+        self._low = low
         eye = self._rays[0]
         self._size = np.abs(eye)
         self._sizes = np.abs(known.coefficients)
@@ -296,10 +257,10 @@ class AtEye:
         reach = np.concatenate([np.ones((1, *sight.offsets.shape[1:])), sight.offsets])
         self._steepest = np.einsum("iap,ip->ap", np.abs(self._rays[1:]), reach)
 
-    def nearest(self, far: float, low: Floats) -> Floats:
+    def nearest(self, far: float) -> Floats:
         """A lower bound (P,) of the depth, up to ``far``, at which any ray meets F = 0.
 
-        It is 0 where a search would end at a depth that is less than ``low`` (P,).
+        It is 0 where a search would end at less than the depth that need not be told.
         """
         least = _value(self._sizes, self._size)
 
@@ -308,7 +269,7 @@ class AtEye:
             reached = _value(self._sizes, places)
             return np.asarray(reached - least < self._level)
 
-        if not passes(low[None]).any():
+        if not passes(self._low[None]).any():
             return np.zeros(len(least))
         return furthest(passes, len(least), far)
 
