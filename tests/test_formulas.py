@@ -20,7 +20,7 @@ from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.expression import parsed
 from halfstep.scene.programs import compiled
-from halfstep.scene.ranges import Range, is_positive, range_of
+from halfstep.scene.ranges import Range, is_positive, range_of, slopes_of
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from halfstep.twin.expression import Formula, expression_jet, trace_of
@@ -175,6 +175,26 @@ def test_ranges_hold_all_values(text: str, rng: np.random.Generator) -> None:
         for k in np.flatnonzero(finite):
             value = exactly(text, *(mpmath.mpf(float(a[k])) for a in (x, y, z)))
             assert found.low[k] <= value <= found.high[k]
+
+
+@pytest.mark.parametrize("text", JETS)
+def test_slopes_hold_all_changes(text: str, rng: np.random.Generator) -> None:
+    """Between two points of a box, F changes by slopes in their ranges times the distances."""
+    made = compiled(parsed(text, {}))
+    low = rng.uniform(-1, 0.8, (3, 400))
+    high = low + np.exp2(rng.uniform(-12, -1, 400))
+    slopes = slopes_of(*made, [Range(*ends) for ends in zip(low, high, strict=True)])
+    one, two = low + rng.random((2, 3, 400)) * (high - low)
+    values = [range_of(*made, [Range(axis, axis) for axis in points]) for points in (one, two)]
+    ends = [[each.low * way, each.high * way] for each, way in zip(slopes, two - one, strict=True)]
+    least, greatest = (pick(ends, axis=1).sum(axis=0) for pick in (np.min, np.max))
+    known = np.isfinite(least) & np.isfinite(greatest)
+    assert known.sum() > 100
+    room = 1e-12 * (np.abs(least) + np.abs(greatest))
+    assert (values[1].high - values[0].low >= least - room)[known].all()
+    assert (values[1].low - values[0].high <= greatest + room)[known].all()
+    # And by no more than they must.
+    assert (slopes[0].high - slopes[0].low)[known].min() < 1
 
 
 FROM = (2.1, -3.2, 1.5)

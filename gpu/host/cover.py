@@ -1,13 +1,15 @@
 """Boxes that cover a solid with a polynomial or a formula: preselection by tile and by depth.
 
 A solid's bounds are halved along all axes. A part in which F > 0, by interval arithmetic, is left
-out. That is done once for all cameras, if the solid is large in a picture. In a frame, each box
-that is left names the tiles whose rays may enter it, and the pieces of their interval.
+out. In a part that may have F = 0, slopes tell between which parallel planes that is: a slice of
+the part. Where planes or a ball may cut the solid, the whole part counts. That is done once for all
+cameras, if the solid is large in a picture. In a frame, each box that is left, a whole part or a
+slice of one, names the tiles whose rays may enter it, and the pieces of their interval.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -20,10 +22,11 @@ from halfstep.contract.stretches import NOWHERE, PIECES
 from halfstep.host.forms import Sight
 from halfstep.scene import Algebraic, Solid
 from halfstep.scene.programs import compiled
-from halfstep.scene.ranges import Range, halves, is_beside, range_of
+from halfstep.scene.ranges import Range, halves, is_beside, range_of, slopes_of
 
-# At most so many boxes are tested at once, times the operations of a formula, and so many at all.
-MOST_TESTED, MOST_BOXES = 2**16, 2**11
+# At most so many boxes are tested at once, times the operations of a formula; and so many at all,
+# for a fine cover and for a coarse one. A box of a fine one has LEAST_SHARE pixels or more.
+MOST_TESTED, MOST_BOXES, FEW_BOXES, LEAST_SHARE = 2**18, 2**13, 2**11, 2**5
 # Solids with smaller rectangles are not preselected, and no more than so many of the largest: the
 # host would take longer than the device.
 LEAST_PIXELS, MOST_SOLIDS = 2**12, 8
@@ -32,21 +35,25 @@ ROOM, ROUNDING = 2.0**-10, 2.0**-40
 
 
 class Cover(NamedTuple):
-    """B boxes that hold all points of a solid, in its own coordinates."""
+    """B boxes, parallelepipeds, that hold all visible points of a solid, in its own coordinates."""
 
-    middle: Floats  # (3, B)
-    half: Floats  # (3, B)
+    shape: Floats  # (3, 4, B), middles, then halves of three edges: [axis][middle or edge]
+    size: Floats  # (3,), largest magnitudes of coordinates, or more
     crossed: Bools  # (B,), F may be 0 in it
 
 
 class Covered(NamedTuple):
-    """B boxes of visible solids, on the screen and in the intervals of the solids."""
+    """B boxes of a visible solid, on the screen and in the interval of the solid."""
 
-    row: Ints  # (B,), rows in ``Setup``
-    edges: Ints  # (4, B), first and last pixel: i0, i1, j0, j1
+    row: int  # in ``Setup``
+    edges: Ints  # (4, B), first and last pixel: i0, j0, i1, j1
     first: Ints  # (B,), first piece of the interval
     last: Ints  # (B,), last piece
     crossed: Bools  # (B,)
+
+    def at(self, some: Bools) -> Covered:
+        """Those of the boxes that are in ``some`` (B,)."""
+        return Covered(self.row, self.edges[:, some], *(each[some] for each in self[2:]))
 
 
 class Tiles(NamedTuple):
@@ -57,8 +64,8 @@ class Tiles(NamedTuple):
     last: Ints  # last piece
 
 
-class Covers(Mapping[int, Cover]):
-    """The covers of the solids that have a polynomial or a formula, by index.
+class Covers:
+    """The covers of the solids that have a polynomial or a formula, coarse and fine ones.
 
     Each is made when it is first asked for, because most of many solids are small in all pictures.
     """
@@ -66,25 +73,29 @@ class Covers(Mapping[int, Cover]):
     def __init__(self, solids: Sequence[Solid]) -> None:
         """Of ``solids``, some of which have no cover."""
         self._solids = {ix: one for ix, one in enumerate(solids) if isinstance(one, Algebraic)}
-        self._made: dict[int, Cover] = {}
+        self._made: dict[tuple[int, int], Cover] = {}
 
     def __len__(self) -> int:
         return len(self._solids)
 
-    def __iter__(self) -> Iterator[int]:
-        return iter(self._solids)
-
-    def __contains__(self, ix: object) -> bool:
+    def __contains__(self, ix: int) -> bool:
         return ix in self._solids
 
-    def __getitem__(self, ix: int) -> Cover:
-        if ix not in self._made:
+    def of(self, ix: int, pixels: int) -> Cover:
+        """The cover of a solid whose rectangle has so many pixels."""
+        fine = self._of(ix, MOST_BOXES)
+        return fine if len(fine.crossed) * LEAST_SHARE <= pixels else self._of(ix, FEW_BOXES)
+
+    def _of(self, ix: int, most: int) -> Cover:
+        if (ix, most) not in self._made:
             solid = self._solids[ix]
             low, high = solid.box()
             radius = float(high[0]) if solid.is_in_ball() else None
             formula = compiled(solid.expression())
-            self._made[ix] = _cover(*formula, (tuple(low), tuple(high)), radius, solid.is_sheet())
-        return self._made[ix]
+            planes = tuple(map(tuple, solid.half_spaces().tolist()))
+            box = tuple(low), tuple(high)
+            self._made[ix, most] = _cover(*formula, box, radius, planes, most)
+        return self._made[ix, most]
 
 
 @lru_cache(maxsize=256)
@@ -93,10 +104,11 @@ def _cover(
     numbers: tuple[float, ...],
     box: tuple[tuple[float, ...], tuple[float, ...]],
     radius: float | None,
-    is_sheet: bool,
+    planes: tuple[tuple[float, ...], ...],
+    most: int,
 ) -> Cover:
     low, high = (np.array(end, np.float64).reshape(3, 1) for end in box)
-    most = min(MOST_TESTED // max(len(program), 1), MOST_BOXES)
+    most = min(most, MOST_TESTED // max(len(program), 1))
     inside: list[tuple[Floats, Floats]] = []
     while True:
         found = range_of(program, numbers, [Range(*ends) for ends in zip(low, high, strict=True)])
@@ -104,22 +116,78 @@ def _cover(
         if radius is not None:
             some &= ~is_beside(low, high, radius)
         full = some & (found.high < 0)
-        if not is_sheet:
-            inside.append((low[:, full], high[:, full]))
+        # What is full shows only where something cuts it.
+        shown = full & _is_cut(low, high, radius, planes)
+        inside.append((low[:, shown], high[:, shown]))
         some &= ~full
         low, high = low[:, some], high[:, some]
         if not 0 < 8 * low.shape[1] <= most:
             break
         low, high = halves(low, high)
-    ends = [np.concatenate(parts, axis=1) for parts in zip((low, high), *inside, strict=True)]
-    crossed = np.arange(ends[0].shape[1]) < low.shape[1]
-    return Cover((ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2, crossed)
+    crossed = _slices(program, numbers, low, high, _is_cut(low, high, radius, planes))
+    low, high = (np.concatenate(parts, axis=1) for parts in zip(*inside, strict=True))
+    whole = _whole(low, high)
+    shape = np.concatenate([crossed, whole], axis=-1)
+    size = np.abs(shape).sum(axis=1).max(axis=1, initial=0.0)
+    return Cover(shape, size, np.arange(shape.shape[2]) < crossed.shape[2])
+
+
+def _whole(low: Floats, high: Floats) -> Floats:
+    """Boxes along the axes as in `Cover`."""
+    edges = np.eye(3)[..., None] * ((high - low) / 2)[:, None]
+    return np.concatenate([((low + high) / 2)[:, None], edges], axis=1)
+
+
+def _is_cut(
+    low: Floats, high: Floats, radius: float | None, planes: Sequence[Sequence[float]]
+) -> Bools:
+    """Whether a ball or half-spaces a x + b y + c z <= d may cut boxes (3, B), (B,)."""
+    found = np.zeros(low.shape[1], bool)
+    if radius is not None:
+        furthest = np.maximum(np.abs(low), np.abs(high))
+        found |= (furthest**2).sum(axis=0) >= radius**2 * (1 - ROOM)
+    for *normal, distance in planes:
+        across = np.array(normal)[:, None]
+        ends = across * low, across * high
+        size = np.abs(ends).sum(axis=(0, 1)) + abs(distance)
+        found |= np.maximum(*ends).sum(axis=0) >= distance - ROOM * size
+    return found
+
+
+def _slices(
+    program: Program, numbers: tuple[float, ...], low: Floats, high: Floats, is_cut: Bools
+) -> Floats:
+    """Parallelepipeds as in `Cover` that hold all points of boxes where F = 0.
+
+    F is a value in the middle, and slopes times the way from there. Along the axis of the steepest,
+    F = 0 lies within some distance of a plane. A box stays whole if it ``is_cut``.
+    """
+    shape = _whole(low, high)
+    middle, edges, half = shape[:, 0], shape[:, 1:], (high - low) / 2
+    value = range_of(program, numbers, [Range(axis, axis) for axis in middle])
+    ranges = slopes_of(program, numbers, [Range(*ends) for ends in zip(low, high, strict=True)])
+    with np.errstate(all="ignore"):  # what is not finite leaves boxes whole
+        slope = np.array([(each.low + each.high) / 2 for each in ranges])
+        off = np.array([(each.high - each.low) / 2 for each in ranges])
+        steep, every = np.abs(slope * half).argmax(axis=0), np.arange(middle.shape[1])
+        level = (value.low + value.high) / 2
+        room = (value.high - value.low) / 2 + (off * half).sum(axis=0)
+        leans = -slope / slope[steep, every]
+        thickness = (1 + ROOM) * room / np.abs(slope[steep, every])
+        lift = -level / slope[steep, every]
+        kept = (thickness < half[steep, every]) & np.isfinite(leans).all(axis=0) & ~is_cut
+    some = every[kept]
+    steep = steep[kept]
+    middle[steep, some] += lift[kept]
+    edges[steep, :, some] = (leans[:, kept] * half[:, kept]).T
+    edges[steep, steep, some] = thickness[kept]
+    return shape
 
 
 def covered(
-    known: Mapping[int, Cover], solid: Ints, sight: Sight, rectangle: Ints, center: Ints
-) -> Covered | None:
-    """The boxes of the largest visible solids, in order; None if no solid is large enough.
+    known: Covers, solid: Ints, sight: Sight, rectangle: Ints, center: Ints
+) -> tuple[Covered, ...]:
+    """The boxes of the largest visible solids, in order; of those that are large enough.
 
     Args:
         known: the covers by solid.
@@ -128,76 +196,86 @@ def covered(
         rectangle: (4, V), their first and last pixels: i0, i1, j0, j1.
         center: (2, V), pixel where x = y = 0.
     """
+    if not known:
+        return ()
     i0, i1, j0, j1 = rectangle
     pixels = (i1 - i0 + 1) * (j1 - j0 + 1)
-    is_large = np.flatnonzero(pixels >= LEAST_PIXELS).tolist() if known else []
+    is_large = np.flatnonzero(pixels >= LEAST_PIXELS).tolist()
     rows = [row for row in is_large if int(solid[row]) in known]
-    if not rows:
-        return None
     rows = sorted(sorted(rows, key=lambda row: -int(pixels[row]))[:MOST_SOLIDS])
-    parts = [
-        _on_screen(known[int(solid[row])], row, sight, rectangle[:, row], center[:, row])
+    return tuple(
+        _on_screen(
+            known.of(int(solid[row]), int(pixels[row])),
+            row,
+            sight,
+            rectangle[:, row],
+            center[:, row],
+        )
         for row in rows
-    ]
-    return Covered(*(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)))
+    )
 
 
 def _on_screen(cover: Cover, row: int, sight: Sight, rectangle: Ints, center: Ints) -> Covered:
     eye, *directions = sight.rays[..., row]
     # Depth, and x and y times depth for rays from an eye, are affine in the point.
     inverse = np.linalg.inv(np.stack(directions, axis=1))
-    at = inverse @ (cover.middle - eye[:, None])
-    reach = np.abs(inverse) @ cover.half * (1 + ROOM)
-    reach += ROUNDING * (np.abs(inverse) @ (np.abs(cover.middle) + np.abs(eye)[:, None]))
-    low, high = at - reach, at + reach
-    depths = np.stack([low[0], high[0]])
-    edges = np.empty((4, len(cover.crossed)))
-    edges[0::2], edges[1::2] = low[1:], high[1:]
+    off, *aside = ROUNDING * (np.abs(inverse) @ (cover.size + np.abs(eye)))
+    turned = (inverse @ cover.shape.reshape(3, -1)).reshape(cover.shape.shape)
+    turned[:, 0] -= (inverse @ eye)[:, None]
+    depth, along, place, across = turned[0, 0], turned[0, 1:], turned[1:, 0], turned[1:, 1:]
+    reach = (1 + ROOM) * np.abs(along).sum(axis=0) + off
+    ends = np.stack([depth - reach, depth + reach])
+    error, before = np.array(aside)[:, None], True
     if not sight.parallel:
-        before = depths[0] > 0
-        depths = np.where(before, depths, 1.0)
-        edges[0::2] = np.where(before, (low[1:] / depths[:, None]).min(axis=0), -np.inf)
-        edges[1::2] = np.where(before, (high[1:] / depths[:, None]).max(axis=0), np.inf)
+        before = ends[0] > 0
+        # From x to (x + dx)/(1 + dz), that is by (dx - x dz)/(1 + dz).
+        nearest = np.where(before, ends[0], 1.0)
+        place = place / np.where(before, depth, 1.0)
+        across -= place[:, None] * along
+        error = error + off * np.abs(place)
+    width = (1 + ROOM) * np.abs(across).sum(axis=1) + error
+    if not sight.parallel:
+        width = np.where(before, width / nearest, np.inf)
     # Whole pixels within, and within the rectangle.
-    edges += np.repeat(center, 2)[:, None]
-    edges[0::2], edges[1::2] = np.ceil(edges[0::2]), np.floor(edges[1::2])
-    edges[0::2] = np.maximum(edges[0::2], rectangle[0::2, None])
-    edges[1::2] = np.minimum(edges[1::2], rectangle[1::2, None])
-    ends = (np.stack([low[0], high[0]]) - sight.middle[row]) / sight.half[row]
-    pieces = np.floor((ends + 1) * (PIECES / 2) + np.array([[-ROOM], [ROOM]]))
-    pieces = np.clip(pieces, 0, PIECES - 1).astype(np.int64)
-    some = (edges[0] <= edges[1]) & (edges[2] <= edges[3])
-    owner = np.full(int(some.sum()), row)
-    first, last = pieces[:, some]
-    return Covered(owner, edges[:, some].astype(np.int64), first, last, cover.crossed[some])
+    place = place + center[:, None]
+    edges = np.concatenate([np.ceil(place - width), np.floor(place + width)])
+    np.maximum(edges[:2], rectangle[0::2, None], out=edges[:2])
+    np.minimum(edges[2:], rectangle[1::2, None], out=edges[2:])
+    ends = (ends - (sight.middle[row] - sight.half[row])) * (PIECES / 2 / sight.half[row])
+    ends += np.array([[-ROOM], [ROOM]])
+    first, last = np.clip(ends, 0, PIECES - 1).astype(np.int64)
+    found = Covered(row, edges.astype(np.int64), first, last, cover.crossed)
+    some = (edges[:2] <= edges[2:]).all(axis=0)
+    return found if some.all() else found.at(some)
 
 
-def tiles_of(boxes: Covered, row: int, first_row: int, shape: tuple[int, int]) -> Tiles | None:
-    """What the boxes of a visible solid tell about tiles; None if it has no boxes.
+def tiles_of(boxes: Covered, first_row: int, shape: tuple[int, int]) -> Tiles:
+    """What the boxes of a visible solid tell about tiles.
 
     Args:
-        boxes: boxes of visible solids, in order of these.
-        row: the solid, in ``Setup``.
+        boxes: the boxes.
         first_row: the picture row where the band begins.
         shape: (rows, columns) of tiles in the band.
     """
-    own = slice(*np.searchsorted(boxes.row, [row, row + 1]).tolist())
-    if own.start == own.stop:
-        return None
-    left, right, top, bottom = boxes.edges[:, own]
-    limits = np.array(shape) - 1
-    top, bottom = (np.maximum(top - first_row, 0) // TILE, (bottom - first_row) // TILE)
-    left, right, bottom = left // TILE, right // TILE, np.minimum(bottom, limits[0])
-    wide, high = right - left + 1, np.maximum(bottom - top + 1, 0)
-    count = wide * high
-    which = np.repeat(np.arange(len(count)), count)
-    place = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    down, across = np.divmod(place, wide[which])
-    tile = (top[which] + down) * shape[1] + left[which] + across
-    seen = np.zeros(shape[0] * shape[1], bool)
+    left, top, right, bottom = boxes.edges
+    top, bottom = np.maximum(top - first_row, 0) // TILE, (bottom - first_row) // TILE
+    high = np.maximum(np.minimum(bottom, shape[0] - 1) - top + 1, 0)
+    left = left // TILE
+    wide = right // TILE - left + 1
+    # First the rows of tiles of all boxes, then the tiles of all rows.
+    rows = _counted(top * shape[1] + left, high, shape[1])
+    tile, count = _counted(rows, np.repeat(wide, high), 1), wide * high
+    seen, first, last = (np.full(shape[0] * shape[1], k) for k in (False, *NOWHERE))
     seen[tile] = True
-    first, last = (np.full(len(seen), end) for end in NOWHERE)
-    some = boxes.crossed[own][which]
-    np.minimum.at(first, tile[some], boxes.first[own][which[some]])
-    np.maximum.at(last, tile[some], boxes.last[own][which[some]])
+    if not boxes.crossed.all():
+        tile, count = tile[np.repeat(boxes.crossed, count)], count[boxes.crossed]
+        boxes = boxes.at(boxes.crossed)
+    np.minimum.at(first, tile, np.repeat(boxes.first, count))
+    np.maximum.at(last, tile, np.repeat(boxes.last, count))
     return Tiles(*(each.reshape(shape) for each in (seen, first, last)))
+
+
+def _counted(first: Ints, count: Ints, step: int) -> Ints:
+    """Numbers from each of the first on, as many as ``count`` says, each ``step`` more."""
+    before = np.cumsum(count) - count
+    return np.repeat(first - step * before, count) + step * np.arange(int(count.sum()))

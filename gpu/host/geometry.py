@@ -15,7 +15,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Array, Bools, Floats, Ints
 from halfstep.errors import SceneError
-from halfstep.host.cover import Cover, Covers
+from halfstep.host.cover import Covers
 from halfstep.host.edges import EDGES
 from halfstep.host.expressions import Expressions, expressions, with_members
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
@@ -97,7 +97,7 @@ class Geometry:
     polynomials: Polynomials | None  # of the solids that have one of any degree
     # Of the solids that have a formula that is no polynomial, and of surfaces of groups.
     expressions: Expressions | None
-    covers: Mapping[int, Cover]  # of the solids that have a polynomial or a formula
+    covers: Covers  # of the solids that have a polynomial or a formula
 
     @property
     def count(self) -> int:

@@ -91,7 +91,7 @@ class Setup:
     copies: Copies | None  # the copies of groups, which are the last of the scene's solids
     polynomials: OnRays | None  # of solids whose F is a polynomial, but no quadric
     formulas: FormulasOnRays | None  # of solids whose F is another formula
-    covered: Covered | None  # boxes of the largest of both
+    covered: tuple[Covered, ...]  # boxes of the largest of both
 
     @property
     def count(self) -> int:

@@ -78,15 +78,16 @@ def _covered(
     packed: Packed, pairs: Pairs, first_row: int, tiles: tuple[int, int]
 ) -> tuple[Pairs, U32]:
     """The solids with tiles that may see them, as their covers tell, and these as members."""
-    boxes = packed.setup.covered
     first, last = np.zeros((2, len(pairs.row)), np.int64)
-    last[np.isin(packed.classes, [*STRETCHED])[pairs.row]] = EVERYWHERE[1]
+    stretched = np.zeros(len(packed.classes), bool)
+    for klass in STRETCHED:
+        stretched |= packed.classes == int(klass)
+    last[stretched[pairs.row]] = EVERYWHERE[1]
     kept = np.ones(len(pairs.row), bool)
-    chosen = [] if boxes is None else np.flatnonzero(np.isin(packed.order, boxes.row)).tolist()
-    for row in chosen:
-        assert boxes is not None
-        found = tiles_of(boxes, int(packed.order[row]), first_row, tiles)
-        assert found is not None
+    place = np.argsort(packed.order)
+    for boxes in packed.setup.covered:
+        found = tiles_of(boxes, first_row, tiles)
+        row = int(place[boxes.row])
         own = slice(*np.searchsorted(pairs.row, [row, row + 1]).tolist())
         places = pairs.y[own], pairs.x[own]
         kept[own], first[own], last[own] = (each[places] for each in found)

@@ -49,6 +49,52 @@ def range_of(program: Program, numbers: Sequence[float], box: Sequence[Range]) -
     return Range(*(np.broadcast_to(end, shape) for end in found[-1]))
 
 
+def slopes_of(program: Program, numbers: Sequence[float], box: Sequence[Range]) -> list[Range]:
+    """The ranges of a formula's derivatives along x, y and z over boxes, as of `range_of`.
+
+    Where a formula has a kink, all slopes count that lie between those on both sides. So between
+    any two points of a box F changes by some slopes within the ranges times the distance.
+    """
+    shape = np.broadcast_shapes(*(np.shape(end) for axis in box for end in axis))
+    one = Range(np.ones(shape), np.ones(shape))
+    found = [Range(*(np.asarray(end, np.float64) for end in axis)) for axis in box]
+    # Slopes along each axis, None where a value does not depend on it.
+    slopes: list[list[Range | None]] = [
+        [one if axis == own else None for axis in range(len(box))] for own in range(len(box))
+    ]
+    with np.errstate(all="ignore"):
+        for step in program:
+            given = [found[operand] for operand in step.operands]
+            if step.number != NO_NUMBER:
+                number = np.asarray(numbers[step.number], np.float64)
+                given.append(_widened(Range(number, number)))
+            value = _widened(_OPERATIONS[step.name](*given))
+            factors = _FACTORS[step.name](value, *given)
+            found.append(value)
+            along = zip(*(slopes[operand] for operand in step.operands), strict=True)
+            slopes.append([_weighted(factors, each) for each in along])
+            if not step.operands:
+                slopes[-1] = [None] * len(box)
+    none = Range(np.zeros(shape), np.zeros(shape))
+    last = [none if each is None else each for each in slopes[-1]]
+    return [Range(*(np.broadcast_to(end, shape) for end in each)) for each in last]
+
+
+def _weighted(factors: Sequence[Range], slopes: Sequence[Range | None]) -> Range | None:
+    """The slope of a value along an axis, from those of its operands."""
+    parts = [
+        _widened(_product(factor, slope))
+        for factor, slope in zip(factors, slopes, strict=True)
+        if slope is not None
+    ]
+    if not parts:
+        return None
+    total = parts[0]
+    for part in parts[1:]:
+        total = _widened(_OPERATIONS["sum"](total, part))
+    return total
+
+
 def is_positive(
     program: Program, numbers: Sequence[float], box: tuple[Floats, Floats], radius: float | None
 ) -> bool:
@@ -95,15 +141,15 @@ def _widened(found: Range) -> Range:
     return Range(np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high))
 
 
-def _hull(*values: Floats) -> Range:
-    stacked = np.stack(np.broadcast_arrays(*values))
-    return Range(stacked.min(axis=0), stacked.max(axis=0))
-
-
 def _product(a: Range, b: Range) -> Range:
-    # 0 times infinity is 0: infinity stands for numbers without a limit.
-    ends = [np.where((x == 0) | (y == 0), 0.0, x * y) for x in a for y in b]
-    return _hull(*ends)
+    ends = a.low * b.low, a.low * b.high, a.high * b.low, a.high * b.high
+    least = np.minimum(np.minimum(*ends[:2]), np.minimum(*ends[2:]))
+    if np.isnan(least).any():
+        # 0 times infinity is 0: infinity stands for numbers without a limit.
+        first, second, third, fourth = (np.where(np.isnan(end), 0.0, end) for end in ends)
+        ends = first, second, third, fourth
+        least = np.minimum(np.minimum(*ends[:2]), np.minimum(*ends[2:]))
+    return Range(least, np.maximum(np.maximum(*ends[:2]), np.maximum(*ends[2:])))
 
 
 def _square(a: Range) -> Range:
@@ -136,20 +182,20 @@ def _logarithm(a: Range) -> Range:
 
 
 def _turned(of: Callable[[Floats], Floats], top: float) -> Callable[[Range], Range]:
-    """A sine or cosine, which is 1 at ``top`` and every turn from there."""
+    """A sine or cosine, which is 1 after ``top`` turns and every turn from there."""
 
     def found(a: Range) -> Range:
-        unknown = (np.abs(a.low) > LARGEST_ANGLE) | (np.abs(a.high) > LARGEST_ANGLE)
+        unknown = np.maximum(-a.low, a.high) > LARGEST_ANGLE
+        # Turns with a margin for rounding.
+        low, high = a.low / (2 * np.pi) - 2.0**-20, a.high / (2 * np.pi) + 2.0**-20
 
-        def reaches(place: float) -> Bools:
-            # The angle with a margin for rounding.
-            low, high = (a.low - place) / (2 * np.pi), (a.high - place) / (2 * np.pi)
-            return np.asarray(np.floor(high + 2.0**-20) >= np.ceil(low - 2.0**-20)) | unknown
+        def reaches(turns: float) -> Bools:
+            return np.asarray(np.floor(high - turns) >= np.ceil(low - turns)) | unknown
 
-        ends = _hull(of(a.low), of(a.high))
+        ends = of(a.low), of(a.high)
         return Range(
-            np.where(reaches(top + np.pi), -1.0, ends.low),
-            np.where(reaches(top), 1.0, ends.high),
+            np.where(reaches(top + 0.5), -1.0, np.minimum(*ends)),
+            np.where(reaches(top), 1.0, np.maximum(*ends)),
         )
 
     return found
@@ -170,8 +216,44 @@ _OPERATIONS: dict[str, Callable[..., Range]] = {
     "magnitude": _magnitude,
     "greatest": lambda a, b: Range(np.maximum(a.low, b.low), np.maximum(a.high, b.high)),
     "least": lambda a, b: Range(np.minimum(a.low, b.low), np.minimum(a.high, b.high)),
-    "sine": _turned(np.sin, np.pi / 2),
+    "sine": _turned(np.sin, 0.25),
     "cosine": _turned(np.cos, 0.0),
     "exponential": lambda a: Range(np.exp(a.low), np.exp(a.high)),
     "logarithm": _logarithm,
+}
+
+_ONE, _LESS = Range(np.float64(1), np.float64(1)), Range(np.float64(-1), np.float64(-1))
+
+
+def _inverse(a: Range) -> Range:
+    return _widened(_reciprocal(a))
+
+
+def _share(a: Range, b: Range) -> Range:
+    """How much of the greater of two values is the first: 0 or 1, or all between."""
+    return Range(np.where(a.low >= b.high, 1.0, 0.0), np.where(a.high <= b.low, 0.0, 1.0))
+
+
+# The derivative of an operation by each operand, from its value and its operands.
+_FACTORS: dict[str, Callable[..., list[Range]]] = {
+    "number": lambda _v, _k: [],
+    "checked": lambda _v, _a: [_ONE],
+    "raised": lambda _v, _a, _k: [_ONE],
+    "scaled": lambda _v, _a, k: [k],
+    "negated": lambda _v, _a: [_LESS],
+    "sum": lambda _v, _a, _b: [_ONE, _ONE],
+    "difference": lambda _v, _a, _b: [_ONE, _LESS],
+    "product": lambda _v, a, b: [b, a],
+    "square": lambda _v, a: [Range(2 * a.low, 2 * a.high)],
+    "reciprocal": lambda v, _a: [_OPERATIONS["negated"](_widened(_square(v)))],
+    "root": lambda v, _a, _k: [_inverse(Range(2 * v.low, 2 * v.high))],
+    "magnitude": lambda _v, a: [
+        Range(np.where(a.low < 0, -1.0, 1.0), np.where(a.high > 0, 1.0, -1.0))
+    ],
+    "greatest": lambda _v, a, b: [_share(a, b), _share(b, a)],
+    "least": lambda _v, a, b: [_share(b, a), _share(a, b)],
+    "sine": lambda _v, a: [_widened(_OPERATIONS["cosine"](a))],
+    "cosine": lambda _v, a: [_OPERATIONS["negated"](_widened(_OPERATIONS["sine"](a)))],
+    "exponential": lambda v, _a: [v],
+    "logarithm": lambda _v, a: [_inverse(a)],
 }
