@@ -45,7 +45,9 @@ fn higher_slope(higher: Higher, x: i4, y: i32, u: f4) -> Vector {
     let right = f4(x) * form.scale;
     let down = f32(y) * form.scale;
     let v = u - form.middle;
-    slope = world_slope(form, right, down, v, slopes_on_rays(form.terms, right, down, v));
+    let powers = on_rays(form.terms, right, down);
+    let slopes = slopes_on_rays(form.terms, powers, right, down, v);
+    slope = world_slope(form, right, down, v, slopes);
   }
   for (var once = 0u; once < higher.is_formula; once++) {  //? higher_formula
     let form = expression_at(higher.form);

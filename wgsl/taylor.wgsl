@@ -64,34 +64,43 @@ fn sizes_on_rays(k: array<Length, TERMS>, x: f4, y: f32) -> array<f4, POWERS> {
   return sizes;
 }
 
-// Derivatives of the polynomial at u.
-fn slopes_on_rays(k: array<Length, TERMS>, x: f4, y: f32, u: f4) -> Slopes {
-  var value = f4(0.0);
+// Derivatives of the polynomial at u; `powers` are those of `on_rays`.
+fn slopes_on_rays(
+  k: array<Length, TERMS>,
+  powers: array<f4, POWERS>,
+  x: f4,
+  y: f32,
+  u: f4,
+) -> Slopes {
   var in_x = f4(0.0);
   var in_y = f4(0.0);
-  var in_u = f4(0.0);
   // written out
   for (var j = 0u; j < DEGREE + 1u; j++) {
-    var total = f4(k[(DEGREE - j) * ROW_TERMS]);
-    var slope_x = f4(0.0);
-    var slope_y = f4(0.0);
+    var slope_x = f4(f32(DEGREE) * k[(DEGREE - j) * ROW_TERMS]);
+    var slope_y = f4(k[(DEGREE - j) * ROW_TERMS + 1u]);
     // written out
-    for (var a = 1u; a < DEGREE + 1u; a++) {
+    for (var a = 1u; a < DEGREE; a++) {
       var row = k[(DEGREE - j) * ROW_TERMS + a * (a + 1u) / 2u];
-      var slope_row = 0.0;
       // written out
       for (var b = 1u; b < a + 1u; b++) {
-        slope_row = slope_row * y + row;
         row = row * y + k[(DEGREE - j) * ROW_TERMS + a * (a + 1u) / 2u + b];
       }
-      slope_x = slope_x * x + total;
+      slope_x = slope_x * x + f32(DEGREE - a) * row;
+      var slope_row = f32(a + 1u) * k[(DEGREE - j) * ROW_TERMS + (a + 1u) * (a + 2u) / 2u];
+      // written out
+      for (var b = 1u; b < a + 1u; b++) {
+        slope_row = slope_row * y
+          + f32(a + 1u - b) * k[(DEGREE - j) * ROW_TERMS + (a + 1u) * (a + 2u) / 2u + b];
+      }
       slope_y = slope_y * x + slope_row;
-      total = total * x + row;
     }
-    in_u = in_u * u + value;
-    value = value * u + total;
     in_x = in_x * u + slope_x;
     in_y = in_y * u + slope_y;
+  }
+  var in_u = f32(DEGREE) * powers[DEGREE];
+  // written out
+  for (var j = 1u; j < DEGREE; j++) {
+    in_u = in_u * u + f32(DEGREE - j) * powers[DEGREE - j];
   }
   return Slopes(in_x, in_y, in_u);
 }

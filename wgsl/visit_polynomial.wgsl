@@ -237,7 +237,7 @@ fn visit_polynomial(solid: Solid, y: i32, member: u32) {
     for (var once = 0u; once < select(0u, 1u, any(curved)); once++) {  //? normal
       var bend = NO_VECTOR;
       let v = hit_u - form.middle;  //? !formula
-      let slopes = slopes_on_rays(form.terms, right, down, v);  //? !formula
+      let slopes = slopes_on_rays(form.terms, curve.powers, right, down, v);  //? !formula
       bend = world_slope(form, right, down, v, slopes);  //? !formula
       bend = slope_of_formula(formula, trace, hit_u);  //? formula
       slope_0 = either(curved, turned(inside & b4(is_sheet), bend), slope_0);

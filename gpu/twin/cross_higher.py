@@ -16,7 +16,7 @@ from halfstep.twin.expression import Formula, formula_of, slope_of_formula, trac
 from halfstep.twin.higher import Ends, Trail, all_crossed, higher_curve, is_about, pair_of
 from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.normal import Vector
-from halfstep.twin.taylor import slopes_on_rays
+from halfstep.twin.taylor import on_rays, slopes_on_rays
 
 
 class Listed(NamedTuple):
@@ -76,7 +76,8 @@ def higher_slope(one: Listed, x: I32, y: I32, u: F32) -> Vector:
     if isinstance(one.form, Formula):
         return slope_of_formula(one.form, trace_of(form, right, down), u)
     v = u - form["middle"]
-    return world_slope(form, right, down, v, slopes_on_rays(form["terms"], right, down, v))
+    powers = on_rays(form["terms"], right, down)
+    return world_slope(form, right, down, v, slopes_on_rays(form["terms"], powers, right, down, v))
 
 
 def kept_ends(ends: Ends, pairs: int, steps: int, *, reopens: bool) -> list[Crossing]:

@@ -73,27 +73,30 @@ def sizes_on_rays(k: F32, x: F32, y: F32) -> Powers:
     return on_rays(np.abs(k), np.abs(x), np.abs(y))
 
 
-def slopes_on_rays(k: F32, x: F32, y: F32, u: F32) -> Slopes:
-    """Derivatives of the polynomial at ``u``."""
-    degree = _degree(k)
+def slopes_on_rays(k: F32, powers: Powers, x: F32, y: F32, u: F32) -> Slopes:
+    """Derivatives of the polynomial at ``u``; ``powers`` are those of `on_rays`."""
+    degree = len(powers) - 1
     row_terms = (degree + 1) * (degree + 2) // 2
-    value = in_x = in_y = in_u = np.zeros_like(u)
+    in_x = in_y = np.zeros_like(u)
     for j in range(degree, -1, -1):
-        total = np.full(x.shape, k[j * row_terms])
-        slope_x = slope_y = np.zeros_like(x)
-        for a in range(1, degree + 1):
-            row = k[j * row_terms + a * (a + 1) // 2]
-            slope_row = np.zeros_like(y)
+        # The terms by the power of x, which falls, and for each of these by that of y.
+        rows = [k[j * row_terms + a * (a + 1) // 2 :][: a + 1] for a in range(degree + 1)]
+        slope_x = np.full(x.shape, np.float32(degree) * rows[0][0])
+        slope_y = np.full(x.shape, rows[1][0])
+        for a in range(1, degree):
+            row = rows[a][0]
+            for term in rows[a][1:]:
+                row = row * y + term
+            slope_x = slope_x * x + np.float32(degree - a) * row
+            slope_row = np.float32(a + 1) * rows[a + 1][0]
             for b in range(1, a + 1):
-                slope_row = slope_row * y + row
-                row = row * y + k[j * row_terms + a * (a + 1) // 2 + b]
-            slope_x = slope_x * x + total
+                slope_row = slope_row * y + np.float32(a + 1 - b) * rows[a + 1][b]
             slope_y = slope_y * x + slope_row
-            total = total * x + row
-        in_u = in_u * u + value
-        value = value * u + total
         in_x = in_x * u + slope_x
         in_y = in_y * u + slope_y
+    in_u = np.float32(degree) * powers[degree]
+    for j in range(degree - 1, 0, -1):
+        in_u = in_u * u + np.float32(j) * powers[j]
     return Slopes(in_x, in_y, in_u)
 
 

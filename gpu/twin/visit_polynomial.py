@@ -134,7 +134,8 @@ class _Polynomial:
         """The gradient up to its length."""
         form, right, down = self._form, self._right, self._down
         v = u - self._curve.middle
-        return world_slope(form, right, down, v, slopes_on_rays(form["terms"], right, down, v))
+        slopes = slopes_on_rays(form["terms"], self._curve.powers, right, down, v)
+        return world_slope(form, right, down, v, slopes)
 
 
 class _Formula:
