@@ -609,9 +609,12 @@ FAULTS = [
     ("jets.least_jet", "negated_jet(b)", "b"),
     ("jets.judged_jet", "low + low", "low"),
     ("jets.judged_jet", "runs | bends", "runs"),
+    ("jets.judged_jet", "let thrice = 3.0", "let thrice = 2.0"),
+    ("jets.judged_jet", "ROOM * thrice, is_mean", "ROOM * thrice, !is_mean"),
     ("jets.judged_jet", "least - jet.slope", "least + jet.slope"),
     ("arcs.arc_of", "a.slope, f4(0.0)", "a.slope, a.bend"),
     ("arcs.jet_of_arc", "slope_error * h", "slope_error + h"),
+    ("arcs.jet_of_arc", "u4(MEAN)", "u4(0u)"),
     ("arcs.jet_of_arc", "h > f4(WIDEST_ARC)", "h < f4(WIDEST_ARC)"),
     ("algebraic.first_place", "PIECES - 1u", "PIECES - 2u"),
     ("algebraic.last_place", "+ 1u", "+ 2u"),
@@ -642,7 +645,7 @@ FAULTS = [
     ("arcs.difference_arc", "a.bend - b.bend", "a.bend + b.bend"),
     ("arcs.product_arc", "bend_b * around_a", "bend_a * around_a"),
     ("arcs.square_arc", "4.0 *", "3.0 *"),
-    ("arcs.turned_arc", "min(around, f4(2.0))", "around"),
+    ("arcs.turned_arc", "(0.5 * around)", "around"),
     ("arcs.turned_arc", "2.0 * abs(value)", "abs(value)"),
     ("arcs.sine_arc", "cosine_of(a.value)", "sine_of(a.value)"),
     ("arcs.cosine_arc", "-sine_of", "sine_of"),
@@ -802,7 +805,7 @@ class Draw:
             case "beyond":
                 return rng.choice([0, 4], shape)
             case "state":
-                return rng.integers(0, 8, shape)
+                return rng.integers(0, 16, shape)
             case "least":
                 return np.abs(self._usual(name, leaf))
             case "t" if self._function.file in ("trace", "cast"):

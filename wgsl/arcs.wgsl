@@ -4,13 +4,15 @@
 
 // Half the width of the widest cell in which an arc claims anything.
 const WIDEST_ARC: f32 = 0x1.001p-3f;
+// A third, rounded up.
+const THIRD: f32 = 0x1.555556p-2f;
 
 // F in a cell, about its middle.
 struct Arc {
   value: f4,
   slope: f4,  // to the end of the cell
   bend: f4,  // half the second derivative, likewise
-  rest: f4,  // the most by which the bend differs elsewhere in the cell
+  rest: f4,  // the most by which the bend differs at the ends of the cell
 }
 
 // The arc of a coordinate.
@@ -27,8 +29,8 @@ fn jet_of_arc(a: Arc, value_error: f32, slope_error: f32, bend_error: f32, h: f4
     a.bend,
     select(f4(value_error), f4(UNKNOWN), is_wide),
     slope_error * h,
-    a.rest + (bend_error * h) * h,
-    select(u4(0u), u4(STEEP), is_wide),
+    THIRD * a.rest + (bend_error * h) * h,
+    select(u4(MEAN), u4(STEEP), is_wide),
   );
 }
 
@@ -105,13 +107,12 @@ fn turned_arc(a: Arc, value: f4, first: f4) -> Arc {
   let bend = most_bent(a);
   let around = abs(a.slope) + bend;
   let steep = around + bend;
-  let change = min(around, f4(2.0));
   return Arc(
     value,
     first * a.slope,
     first * a.bend - (0.5 * value) * (a.slope * a.slope),
-    abs(first) * a.rest + change * bend + (2.0 * abs(value)) * (bend * around)
-      + (0.5 * change) * (steep * steep),
+    abs(first) * a.rest + around * bend + (2.0 * abs(value)) * (bend * around)
+      + (0.5 * around) * (steep * steep),
   );
 }
 

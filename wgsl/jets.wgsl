@@ -10,11 +10,12 @@ const LARGEST_CHANGE: f32 = 0x1p38f;
 // The smallest error, because smaller numbers may be lost.
 const FAINTEST: f32 = 0x1p-100f;
 // Bits of a jet's state: F may have kinks in the cell; only the range of F is known; F may have no
-// value somewhere.
+// value somewhere; bends have three times the error, but for the mean.
 const KINKED: u32 = 1u;
 const STEEP: u32 = 2u;
 const UNDEFINED: u32 = 4u;
 const ANY_STATE: u32 = 7u;
+const MEAN: u32 = 8u;
 
 // F in a cell, about its middle.
 struct Jet {
@@ -451,8 +452,12 @@ fn judged_jet(jet: Jet) -> Judged {
   let last = (jet.value + jet.slope) + jet.bend;
   let below = last < -(rest + unsure);
   let is_smooth = (jet.state & u4(STEEP | UNDEFINED)) == u4(0u);
-  let runs = size_1 > ROOM * (jet.slope_error + 2.0 * (size_2 + jet.bend_error));
-  let bends = ((jet.state & u4(KINKED)) == u4(0u)) & (size_2 > unsure);
+  let is_mean = (jet.state & u4(MEAN)) != u4(0u);
+  let thrice = 3.0 * jet.bend_error;
+  let turn = (size_2 + size_2) + select(jet.bend_error + jet.bend_error, thrice, is_mean);
+  let runs = size_1 > ROOM * (jet.slope_error + turn);
+  let straight = select(unsure, ROOM * thrice, is_mean);
+  let bends = ((jet.state & u4(KINKED)) == u4(0u)) & (size_2 > straight);
   return Judged(
     select((least - size_1) + low > f4(0.0), above, dips),
     select(min((least - jet.slope) + low, least) > f4(0.0), above, dips & (jet.slope > f4(0.0))),

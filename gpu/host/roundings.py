@@ -166,10 +166,7 @@ def _turned(a: _Size) -> _Size:
         return _Size(*(UNKNOWN,) * 7)
     exact = a.widened()
     rest = _rest_of_turn(a, a.around)
-    # Where the change is limited to 2, it grows less.
     bend_off = _rest_of_turn(exact, exact.around) - rest
-    more = HALF_WIDTH * (exact.around - a.around)
-    bend_off += more * (exact.most + _steepest(exact) ** 2 / 2)
     # The error of φ'; that of φ''/2 is half as much.
     off = TURN_ERROR + a.value_off
     bend_off += off * (exact.most + _steepest(exact) ** 2 / 2)
@@ -192,7 +189,7 @@ def _steepest(a: _Size) -> float:
 
 def _rest_of_turn(a: _Size, around: float) -> float:
     """The rest of a sine or cosine of an arc, over h²."""
-    change = min(HALF_WIDTH * around, 2.0)
+    change = HALF_WIDTH * around
     rest = a.rest + change * a.most + 2 * HALF_WIDTH * a.most * around
     return (1 + TURN_ERROR) * rest + change / 2 * _steepest(a) ** 2
 

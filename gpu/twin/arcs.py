@@ -6,20 +6,20 @@ for all cells of a solid, and the host counts it (``host.roundings``). So an arc
 where a jet has seven.
 
 An arc claims that over a cell, |s| <= 1, F has two derivatives by s. But for the errors that the
-host counts, F(0) is ``value``, F'(0) is ``slope``, and F''/2 is within ``rest`` of ``bend`` all
-over the cell. Let p = |bend| + rest and w = |slope| + p. Then F is within w of the value, and
-F' within 2p of the slope. So for a product
+host counts, F(0) is ``value``, F'(0) is ``slope``, and F''/2 is within ``rest`` |s| of ``bend``. So
+F is within rest |s|³/3 of value + slope s + bend s². Let p = |bend| + rest and w = |slope| + p.
+Then F is within w |s| of the value, and F' within 2p |s| of the slope. So for a product
 
     (F G)''/2 = F G''/2 + G F''/2 + F' G'
 
-differs from its value in the middle by at most |F| rest_G + |G| rest_F + w_F p_G + w_G p_F +
-2 |F'| p_G + 2 |G'| p_F + 4 p_F p_G, where the last five terms are 3 (w_F p_G + w_G p_F). For
-φ = sin or cos,
+differs from its value in the middle by at most |s| times |F| rest_G + |G| rest_F + w_F p_G +
+w_G p_F + 2 |F'| p_G + 2 |G'| p_F + 4 p_F p_G, where the last five terms are 3 (w_F p_G + w_G p_F).
+For φ = sin or cos,
 
     φ(F)''/2 = φ'(F) F''/2 + (φ''(F)/2) F'²
 
-where φ' and φ'' differ from their values in the middle by min(w, 2) at most, and F'² from slope² by
-4 p w.
+where φ' and φ'' differ from their values in the middle by w |s| at most, and F'² from slope² by
+4 p w |s|.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.twin.elementary import cosine_of, sine_of
-from halfstep.twin.jets import STEEP, UNKNOWN, Jet
+from halfstep.twin.jets import MEAN, STEEP, UNKNOWN, Jet
 from halfstep.twin.lanes import F32
 
 # Half the width of the widest cell in which an arc claims anything. In wider ones the errors of
 # bends would be too large, and hardly any such cell could be judged.
 WIDEST_ARC = np.float32(0.125 * (1 + 2.0**-12))
+# A third, rounded up.
+THIRD = np.float32(float.fromhex("0x1.555556p-2"))
 _HALF, _TWO, _THREE, _FOUR = map(np.float32, (0.5, 2, 3, 4))
 
 
@@ -44,7 +46,7 @@ class Arc(NamedTuple):
     value: F32
     slope: F32  # to the end of the cell
     bend: F32  # half the second derivative, likewise
-    rest: F32  # the most by which the bend differs elsewhere in the cell
+    rest: F32  # the most by which the bend differs at the ends of the cell
 
 
 def arc_of(a: Jet) -> Arc:
@@ -64,8 +66,8 @@ def jet_of_arc(
         a.bend,
         np.where(is_wide, UNKNOWN, value_error),
         slope_error * h,
-        a.rest + (bend_error * h) * h,
-        np.where(is_wide, STEEP, np.uint32(0)),
+        THIRD * a.rest + (bend_error * h) * h,
+        np.where(is_wide, STEEP, MEAN),
     )
 
 
@@ -140,10 +142,9 @@ def turned_arc(a: Arc, value: F32, first: F32) -> Arc:
     bend = most_bent(a)
     around = np.abs(a.slope) + bend
     steep = around + bend
-    change = np.minimum(around, _TWO)
-    rest: F32 = np.add(np.abs(first) * a.rest, change * bend)
+    rest: F32 = np.add(np.abs(first) * a.rest, around * bend)
     rest = np.add(rest, (_TWO * np.abs(value)) * (bend * around))
-    rest = np.add(rest, (_HALF * change) * (steep * steep))
+    rest = np.add(rest, (_HALF * around) * (steep * steep))
     return Arc(
         value,
         first * a.slope,

@@ -7,6 +7,10 @@ A jet claims that over a cell, |s| <= 1, F = S(s) + L(s):
 * L(0) = 0, and L changes by at most ``slope_error`` |s - t| between s and t. L is linear unless
   the state is KINKED.
 
+In the state MEAN S is within ``bend_error`` s² of S(0) + slope s + bend s², and S''/2 within three
+times ``bend_error`` of ``bend``: the error grows with |s|, and is that of the mean which counts for
+S. Such a jet is judged, but no operation takes it.
+
 In the state STEEP the jet claims only that F is within ``reach_of`` of ``value`` all over the cell.
 In the state UNDEFINED F may have no value somewhere. The claim then holds for F with a substitute
 there, as the root of 0 for the root of a negative number.
@@ -56,7 +60,7 @@ LARGEST, UNKNOWN = np.float32(2.0**42), np.float32(2.0**43)
 # Functions take jets that change by less than this, and change by less themselves.
 LARGEST_CHANGE = np.float32(2.0**38)
 FAINTEST = np.float32(2.0**-100)
-KINKED, STEEP, UNDEFINED, ANY_STATE = map(np.uint32, (1, 2, 4, 7))
+KINKED, STEEP, UNDEFINED, ANY_STATE, MEAN = map(np.uint32, (1, 2, 4, 7, 8))
 # Room for the rounding of a sum of four.
 SMALL_ROOM = np.float32(1.000001)
 _HALF, _ZERO, _ONE, _TWO = map(np.float32, (0.5, 0, 1, 2))
@@ -507,8 +511,12 @@ def judged_jet(jet: Jet) -> Judged:
     last = (jet.value + jet.slope) + jet.bend
     below = last < -(rest + unsure)
     is_smooth = (jet.state & (STEEP | UNDEFINED)) == 0
-    runs = size_1 > ROOM * (jet.slope_error + _TWO * (size_2 + jet.bend_error))
-    bends = ((jet.state & KINKED) == 0) & (size_2 > unsure)
+    is_mean = (jet.state & MEAN) != 0
+    thrice = _THREE * jet.bend_error
+    turn = (size_2 + size_2) + np.where(is_mean, thrice, jet.bend_error + jet.bend_error)
+    runs = size_1 > ROOM * (jet.slope_error + turn)
+    straight = np.where(is_mean, ROOM * thrice, unsure)
+    bends = ((jet.state & KINKED) == 0) & (size_2 > straight)
     varies = ((size_1 + size_2) + jet.bend_error) + jet.slope_error
     return Judged(
         passed=np.where(dips, above, (least - size_1) + low > 0),
