@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -24,9 +24,10 @@ from halfstep.scene import Algebraic, Solid
 from halfstep.scene.programs import compiled
 from halfstep.scene.ranges import Range, halves, is_beside, range_of, slopes_of
 
-# At most so many boxes are tested at once, times the operations of a formula; and so many at all,
-# for a fine cover and for a coarse one. A box of a fine one has LEAST_SHARE pixels or more.
-MOST_TESTED, MOST_BOXES, FEW_BOXES, LEAST_SHARE = 2**18, 2**13, 2**11, 2**5
+# At most so many boxes are tested at once, times the operations of a formula, and so many at all.
+MOST_TESTED, MOST_BOXES = 2**20, 2**15
+# So many covers are kept; boxes of all but the coarsest have LEAST_SHARE pixels or more each.
+COVERS, LEAST_SHARE = 2, 2**5
 # Solids with smaller rectangles are not preselected, and no more than so many of the largest: the
 # host would take longer than the device.
 LEAST_PIXELS, MOST_SOLIDS = 2**12, 8
@@ -40,6 +41,13 @@ class Cover(NamedTuple):
     shape: Floats  # (3, 4, B), middles, then halves of three edges: [axis][middle or edge]
     size: Floats  # (3,), largest magnitudes of coordinates, or more
     crossed: Bools  # (B,), F may be 0 in it
+
+    @classmethod
+    def of(cls, slices: Floats, level: _Level) -> Self:
+        """The slices of a level's boxes, and what is full and cut."""
+        shape = np.concatenate([slices, level.inside], axis=-1)
+        size = np.abs(shape).sum(axis=1).max(axis=1, initial=0.0)
+        return cls(shape, size, np.arange(shape.shape[2]) < slices.shape[2])
 
 
 class Covered(NamedTuple):
@@ -67,13 +75,14 @@ class Tiles(NamedTuple):
 class Covers:
     """The covers of the solids that have a polynomial or a formula, coarse and fine ones.
 
-    Each is made when it is first asked for, because most of many solids are small in all pictures.
+    Those of a solid are made when one is first asked for, because most of many solids are small in
+    all pictures.
     """
 
     def __init__(self, solids: Sequence[Solid]) -> None:
         """Of ``solids``, some of which have no cover."""
         self._solids = {ix: one for ix, one in enumerate(solids) if isinstance(one, Algebraic)}
-        self._made: dict[tuple[int, int], Cover] = {}
+        self._made: dict[int, tuple[Cover, ...]] = {}
 
     def __len__(self) -> int:
         return len(self._solids)
@@ -82,54 +91,90 @@ class Covers:
         return ix in self._solids
 
     def of(self, ix: int, pixels: int) -> Cover:
-        """The cover of a solid whose rectangle has so many pixels."""
-        fine = self._of(ix, MOST_BOXES)
-        return fine if len(fine.crossed) * LEAST_SHARE <= pixels else self._of(ix, FEW_BOXES)
-
-    def _of(self, ix: int, most: int) -> Cover:
-        if (ix, most) not in self._made:
+        """The finest cover that pays for a solid whose rectangle has so many pixels."""
+        if ix not in self._made:
             solid = self._solids[ix]
             low, high = solid.box()
             radius = float(high[0]) if solid.is_in_ball() else None
             formula = compiled(solid.expression())
             planes = tuple(map(tuple, solid.half_spaces().tolist()))
-            box = tuple(low), tuple(high)
-            self._made[ix, most] = _cover(*formula, box, radius, planes, most)
-        return self._made[ix, most]
+            self._made[ix] = _covers(*formula, (tuple(low), tuple(high)), radius, planes)
+        fine_first = self._made[ix]
+        pays = [one for one in fine_first if len(one.crossed) * LEAST_SHARE <= pixels]
+        return pays[0] if pays else fine_first[-1]
+
+
+class _Level(NamedTuple):
+    """B boxes along the axes in which F may be 0, and what is full and cut so far."""
+
+    low: Floats  # (3, B)
+    high: Floats
+    parent: Ints  # (B,), the box before it was halved
+    is_cut: Bools  # (B,)
+    inside: Floats  # (3, 4, I), boxes as in `Cover`
+
+    def at(self, places: Ints) -> _Level:
+        """The boxes at ``places``."""
+        own = self.low[:, places], self.high[:, places], self.parent[places], self.is_cut[places]
+        return _Level(*own, self.inside)
 
 
 @lru_cache(maxsize=256)
-def _cover(
+def _covers(
     program: Program,
     numbers: tuple[float, ...],
     box: tuple[tuple[float, ...], tuple[float, ...]],
     radius: float | None,
     planes: tuple[tuple[float, ...], ...],
-    most: int,
-) -> Cover:
+) -> tuple[Cover, ...]:
+    """Covers of a solid, the finest first."""
+    levels = _levels(program, numbers, box, radius, planes)
+    formula = program, numbers
+    shapes, count = _slices(*formula, levels[-1]), len(levels)
+    covers, parent = [Cover.of(shapes, levels[-1])], levels[-1].parent
+    for level in levels[-2 : -COVERS - 2 : -1]:
+        # Boxes without a part in which F may be 0 matter only where something cuts them.
+        places = np.flatnonzero(
+            level.is_cut | (np.bincount(parent, minlength=len(level.parent)) > 0)
+        )
+        left = level.at(places)
+        shapes = _joined(*formula, left, shapes, np.searchsorted(places, parent))
+        covers.append(Cover.of(shapes, left))
+        parent = left.parent
+    # The finest boxes make slices of the others thin, but are too many.
+    return tuple(covers[1:] if count > 1 else covers)
+
+
+def _levels(
+    program: Program,
+    numbers: tuple[float, ...],
+    box: tuple[tuple[float, ...], tuple[float, ...]],
+    radius: float | None,
+    planes: tuple[tuple[float, ...], ...],
+) -> list[_Level]:
+    """The boxes that are left each time after all are halved."""
     low, high = (np.array(end, np.float64).reshape(3, 1) for end in box)
-    most = min(most, MOST_TESTED // max(len(program), 1))
-    inside: list[tuple[Floats, Floats]] = []
+    most = min(MOST_TESTED // max(len(program), 1), MOST_BOXES)
+    inside, parent = np.zeros((3, 4, 0)), np.zeros(1, np.int64)
+    levels: list[_Level] = []
     while True:
         found = range_of(program, numbers, [Range(*ends) for ends in zip(low, high, strict=True)])
+        is_cut = _is_cut(low, high, radius, planes)
         some = found.low <= 0
         if radius is not None:
             some &= ~is_beside(low, high, radius)
         full = some & (found.high < 0)
         # What is full shows only where something cuts it.
-        shown = full & _is_cut(low, high, radius, planes)
-        inside.append((low[:, shown], high[:, shown]))
+        shown = full & is_cut
+        inside = np.concatenate([inside, _whole(low[:, shown], high[:, shown])], axis=-1)
         some &= ~full
         low, high = low[:, some], high[:, some]
-        if not 0 < 8 * low.shape[1] <= most:
-            break
+        levels.append(_Level(low, high, parent[some], is_cut[some], inside))
+        count = low.shape[1]
+        if not 0 < 8 * count <= most:
+            return levels
         low, high = halves(low, high)
-    crossed = _slices(program, numbers, low, high, _is_cut(low, high, radius, planes))
-    low, high = (np.concatenate(parts, axis=1) for parts in zip(*inside, strict=True))
-    whole = _whole(low, high)
-    shape = np.concatenate([crossed, whole], axis=-1)
-    size = np.abs(shape).sum(axis=1).max(axis=1, initial=0.0)
-    return Cover(shape, size, np.arange(shape.shape[2]) < crossed.shape[2])
+        parent = np.arange(8 * count) % count
 
 
 def _whole(low: Floats, high: Floats) -> Floats:
@@ -154,33 +199,68 @@ def _is_cut(
     return found
 
 
-def _slices(
-    program: Program, numbers: tuple[float, ...], low: Floats, high: Floats, is_cut: Bools
-) -> Floats:
+def _slices(program: Program, numbers: tuple[float, ...], level: _Level) -> Floats:
     """Parallelepipeds as in `Cover` that hold all points of boxes where F = 0.
 
-    F is a value in the middle, and slopes times the way from there. Along the axis of the steepest,
-    F = 0 lies within some distance of a plane. A box stays whole if it ``is_cut``.
+    F is a value in the middle, and slopes times the way from there.
     """
-    shape = _whole(low, high)
-    middle, edges, half = shape[:, 0], shape[:, 1:], (high - low) / 2
+    middle, half = (level.low + level.high) / 2, (level.high - level.low) / 2
     value = range_of(program, numbers, [Range(axis, axis) for axis in middle])
-    ranges = slopes_of(program, numbers, [Range(*ends) for ends in zip(low, high, strict=True)])
+    ends = zip(level.low, level.high, strict=True)
+    ranges = slopes_of(program, numbers, [Range(*each) for each in ends])
     with np.errstate(all="ignore"):  # what is not finite leaves boxes whole
         slope = np.array([(each.low + each.high) / 2 for each in ranges])
         off = np.array([(each.high - each.low) / 2 for each in ranges])
-        steep, every = np.abs(slope * half).argmax(axis=0), np.arange(middle.shape[1])
-        level = (value.low + value.high) / 2
         room = (value.high - value.low) / 2 + (off * half).sum(axis=0)
-        leans = -slope / slope[steep, every]
-        thickness = (1 + ROOM) * room / np.abs(slope[steep, every])
-        lift = -level / slope[steep, every]
-        kept = (thickness < half[steep, every]) & np.isfinite(leans).all(axis=0) & ~is_cut
-    some = every[kept]
-    steep = steep[kept]
-    middle[steep, some] += lift[kept]
-    edges[steep, :, some] = (leans[:, kept] * half[:, kept]).T
-    edges[steep, steep, some] = thickness[kept]
+        leans, steep = _leans(slope, half)
+        steepest = slope[steep, np.arange(len(steep))]
+        lift = (value.low + value.high) / -2 / steepest
+        return _between(level, leans, steep, lift, room / np.abs(steepest))
+
+
+def _joined(
+    program: Program, numbers: tuple[float, ...], level: _Level, finer: Floats, parent: Ints
+) -> Floats:
+    """The same for boxes of which ``finer`` ones (3, 4, N) hold all such points."""
+    middle, half = (level.low + level.high) / 2, (level.high - level.low) / 2
+    ranges = slopes_of(program, numbers, [Range(axis, axis) for axis in middle])
+    with np.errstate(all="ignore"):
+        slope = np.array([(each.low + each.high) / 2 for each in ranges])
+        leans, steep = _leans(slope, half)
+        # Along the steepest axis, from the plane through the middle.
+        away = finer.copy()
+        away[:, 0] -= middle[:, parent]
+        lifts = -(leans[:, None, parent] * away).sum(axis=0)
+        reach = np.abs(lifts[1:]).sum(axis=0)
+        least, greatest = (np.full(len(steep), end) for end in (np.inf, -np.inf))
+        np.minimum.at(least, parent, lifts[0] - reach)
+        np.maximum.at(greatest, parent, lifts[0] + reach)
+        return _between(level, leans, steep, (least + greatest) / 2, (greatest - least) / 2)
+
+
+def _leans(slope: Floats, half: Floats) -> tuple[Floats, Ints]:
+    """How F = 0 rises along the axis of the steepest slope, by the others, (3, B); and that axis.
+
+    The rise along the axis itself is -1.
+    """
+    steep = np.abs(slope * half).argmax(axis=0)
+    return -slope / slope[steep, np.arange(len(steep))], steep
+
+
+def _between(level: _Level, leans: Floats, steep: Ints, lift: Floats, room: Floats) -> Floats:
+    """Parts of boxes near planes, (3, 4, B); boxes that may be cut, or are no larger, stay whole.
+
+    A plane leans as `_leans` tells, and is lifted from the middle. The part has ``room`` around it.
+    """
+    shape, half = _whole(level.low, level.high), (level.high - level.low) / 2
+    every = np.arange(len(steep))
+    thickness = (1 + ROOM) * room
+    kept = (thickness < half[steep, every]) & np.isfinite(leans).all(axis=0)
+    kept &= np.isfinite(lift) & ~level.is_cut
+    some, axis = every[kept], steep[kept]
+    shape[axis, 0, some] += lift[kept]
+    shape[axis, 1:, some] = (leans[:, kept] * half[:, kept]).T
+    shape[axis, 1 + axis, some] = thickness[kept]
     return shape
 
 
