@@ -61,7 +61,8 @@ class Covered(NamedTuple):
 
     def at(self, some: Bools) -> Covered:
         """Those of the boxes that are in ``some`` (B,)."""
-        return Covered(self.row, self.edges[:, some], *(each[some] for each in self[2:]))
+        pieces = self.first[some], self.last[some]
+        return Covered(self.row, self.edges[:, some], *pieces, self.crossed[some])
 
 
 class Tiles(NamedTuple):
@@ -130,7 +131,7 @@ def _covers(
     """Covers of a solid, the finest first."""
     levels = _levels(program, numbers, box, radius, planes)
     formula = program, numbers
-    shapes, count = _slices(*formula, levels[-1]), len(levels)
+    shapes = _slices(*formula, levels[-1])
     covers, parent = [Cover.of(shapes, levels[-1])], levels[-1].parent
     for level in levels[-2 : -COVERS - 2 : -1]:
         # Boxes without a part in which F may be 0 matter only where something cuts them.
@@ -142,7 +143,7 @@ def _covers(
         covers.append(Cover.of(shapes, left))
         parent = left.parent
     # The finest boxes make slices of the others thin, but are too many.
-    return tuple(covers[1:] if count > 1 else covers)
+    return tuple(covers[1:] or covers)
 
 
 def _levels(
@@ -325,7 +326,7 @@ def _on_screen(cover: Cover, row: int, sight: Sight, rectangle: Ints, center: In
     ends += np.array([[-ROOM], [ROOM]])
     first, last = np.clip(ends, 0, PIECES - 1).astype(np.int64)
     found = Covered(row, edges.astype(np.int64), first, last, cover.crossed)
-    some = (edges[:2] <= edges[2:]).all(axis=0)
+    some = np.asarray((edges[:2] <= edges[2:]).all(axis=0))
     return found if some.all() else found.at(some)
 
 

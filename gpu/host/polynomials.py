@@ -216,7 +216,7 @@ def on_rays(
         host_error=error,
         along=along,
         scale=1.0 / reach,
-        frame=np.broadcast_to(camera_from_world, (len(row), 3, 3)),
+        frame=camera_from_world[None].repeat(len(row), axis=0),
         tangents=aside.T,
         stretch=stretch.T,
         is_sheet=known.is_sheet,
@@ -227,9 +227,13 @@ def on_rays(
 
 def _value(coefficients: Floats, point: Floats) -> Floats:
     """F (…, P) at points (3, …, P)."""
-    powers = np.stack([point**k for k in range(len(coefficients))])
-    x, y, z = np.moveaxis(powers, 1, 0)
-    return np.asarray(np.einsum("ijk...,i...,j...,k...->...", coefficients, x, y, z))
+    powers = np.ones((len(coefficients), *point.shape))
+    for k in range(1, len(powers)):
+        np.multiply(powers[k - 1], point, out=powers[k])
+    # One axis after another takes half the time of all at once.
+    planes = np.einsum("ijk...,k...->ij...", coefficients, powers[:, 2])
+    lines = np.einsum("ij...,j...->i...", planes, powers[:, 1])
+    return np.asarray(np.einsum("i...,i...->...", lines, powers[:, 0]))
 
 
 class AtEye:

@@ -77,7 +77,9 @@ def _steps(degree: int) -> list[_Step]:
     """The steps from a form of a degree to one of degree 0."""
     found = []
     for done in range(degree):
-        of_form = {each: ix for ix, each in enumerate(_exponents(degree - done))}
+        of_form: dict[tuple[int, ...], int] = {
+            each: ix for ix, each in enumerate(_exponents(degree - done))
+        }
         left = _exponents(degree - done - 1)
         members = [
             [of_form[(*each[:axis], each[axis] + 1, *each[axis + 1 :])] for each in left]

@@ -81,9 +81,12 @@ class Buffers:
         self._adapter = adapter
         self._buffers: dict[str, GpuBuffer] = {}
         self._textures: dict[str, _Texture] = {}
+        # Contents that never change, and the buffers that hold them.
+        self._constants: dict[str, tuple[GpuBuffer, Array]] = {}
 
     def clear(self) -> None:
         """Destroy all buffers and textures."""
+        self._constants.clear()
         while self._buffers:
             self._buffers.popitem()[1].destroy()
         while self._textures:
@@ -121,8 +124,13 @@ class Buffers:
         elif number in (1, 2) and type_ == "uniform":
             # The size that the shader declares.
             size = bound = UNIFORM_BYTES
-        buffer = self._buffer(_NAMES[number], size, "UNIFORM|STORAGE|COPY_DST")
-        self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
+        name = _NAMES[number]
+        buffer = self._buffer(name, size, "UNIFORM|STORAGE|COPY_DST")
+        held = self._constants.pop(name, None)
+        if held is None or held[0] is not buffer or held[1] is not content:
+            self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
+        if not content.flags.writeable:
+            self._constants[name] = buffer, content
         return buffer, 0, bound or buffer.size
 
     def _upload_texels(self, name: str, content: Array) -> object:

@@ -222,7 +222,7 @@ _OPERATIONS: dict[str, Callable[..., Range]] = {
     "logarithm": _logarithm,
 }
 
-_ONE, _LESS = Range(np.float64(1), np.float64(1)), Range(np.float64(-1), np.float64(-1))
+_ONE, _LESS = (Range(np.array(k), np.array(k)) for k in (1.0, -1.0))
 
 
 def _inverse(a: Range) -> Range:
