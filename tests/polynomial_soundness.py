@@ -165,9 +165,11 @@ def run(
     parser.add_argument("--pairs", type=int, default=1_000_000, help="rays to judge")
     parser.add_argument("--seed", type=int, default=1998)
     parser.add_argument("--surfaces", help="names, with commas between them")
+    parser.add_argument("--places", help="places of the camera, with commas between them")
     parser.add_argument("--format", choices=[*draws], default=FLOAT32.name, help="number format")
     options = parser.parse_args()
     names = options.surfaces.split(",") if options.surfaces else known
+    places = options.places.split(",") if options.places else places
     counts = {(name, place): Count() for name in names for place in places}
     judged(
         draws[options.format], counts, np.random.default_rng(options.seed), options.pairs, say=True

@@ -80,14 +80,14 @@ def test_memory_that_cannot_be_had_is_told(adapter: Adapter) -> None:
     device = run_gpu.Device(adapter)
     try:
         with pytest.raises(DeviceError) as caught:
-            device._buffers.picture(2**45, mapped=False)
+            device._buffers.written("picture", 2**45, mapped=False)
         assert str(caught.value).startswith(
             f"adapter {adapter.summary}: 35,184,372,088,832 bytes for the picture: "
         )
         # The next frame may ask for less.
-        assert device._buffers.picture(100, mapped=False).size == 112
+        assert device._buffers.written("picture", 100, mapped=False).size == 112
         with pytest.raises(DeviceError):
-            device._buffers.picture(2**45, mapped=False)
-        assert device._buffers.picture(100, mapped=False).size == 112
+            device._buffers.written("picture", 2**45, mapped=False)
+        assert device._buffers.written("picture", 100, mapped=False).size == 112
     finally:
         device.close()

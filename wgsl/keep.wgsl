@@ -7,6 +7,7 @@ struct Nearest {
   leaves: Key,  // depth of the exit from the solid  //? exit
   low: Key,  // the least depth that a certain point may have  //? error
   doubt: Key,  // the depth from which on nothing is certain  //? error
+  vague: Key,  // the same by solids that integers are asked about  //? recheck
   bound: f4,  // bound of the distance of the root from the position, in u  //? error
   slope: Vector,  // along the normal  //? normal
   color: Vector,  // of the material  //? color
@@ -28,6 +29,7 @@ const NOTHING: Nearest = Nearest(
   FAR,  //? exit
   FAR,  //? error
   FAR,  //? error
+  FAR,  //? recheck
   f4(0.0),  //? error
   NO_VECTOR,  //? normal
   NO_VECTOR,  //? color
@@ -61,6 +63,8 @@ fn keep(
   );
   let leaves = either_key(sight.left, left_at, FAR);  //? exit
   let confirmed = confirms(certificate, sight.hit, sight.surface);  //? error
+  var asked = b4(false);  //? error
+  asked = b4(is_rechecked(solid));  //? recheck
   let low = least_key(  //? error
     key, certificate.bound, solid.steps, solid.spare, solid.key_shift
   );
@@ -77,7 +81,8 @@ fn keep(
     select(old.surface, surface, nearer),
     either_key(nearer, leaves, old.leaves),  //? exit
     lesser_key(confirmed & sight.hit, low, old.low),  //? error
-    lesser_key(!confirmed, start, old.doubt),  //? error
+    lesser_key(!confirmed & !asked, start, old.doubt),  //? error
+    lesser_key(!confirmed & asked, start, old.vague),  //? recheck
     select(old.bound, certificate.bound, nearer),  //? error
     either(nearer, slope, old.slope),  //? normal
     either(nearer, color, old.color),  //? color

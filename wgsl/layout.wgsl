@@ -7,6 +7,7 @@ const FLAG_STARTS_AT_EYE: u32 = 2u;
 const FLAG_EYE_OUTSIDE_QUADRIC: u32 = 4u;
 const FLAG_NEAR_CUT: u32 = 8u;
 const FLAG_EYE_SURE: u32 = 16u;
+const FLAG_RECHECKED: u32 = 32u;
 const SHADE_CASTS: u32 = 1u;
 const SHADE_AT_LAMP: u32 = 2u;
 const SHADE_ENCLOSES: u32 = 4u;

@@ -25,6 +25,11 @@ fn eye_sure(solid: Solid) -> bool {
   return (solid.flags & FLAG_EYE_SURE) != 0u;
 }
 
+// Whether integers are asked where float32 is not certain of the solid.
+fn is_rechecked(solid: Solid) -> bool {
+  return (solid.flags & FLAG_RECHECKED) != 0u;
+}
+
 // Whether F > 0 where the piece begins. The host tells it at the eye; elsewhere F decides.
 fn starts_outside(solid: Solid, form: Form, piece: Piece) -> b4 {
   let from_eye = (piece.id_in == i4(0)) & b4(starts_at_eye(solid));

@@ -31,6 +31,7 @@ class Flag(IntFlag):
     EYE_OUTSIDE_QUADRIC = 4  # F(h) > 0, the indicator (9)
     NEAR_CUT = 8  # the near base plane, not the eye, cuts the solid
     EYE_SURE = 16  # the flags about the eye hold for exact numbers, too
+    RECHECKED = 32  # where float32 is not certain of it, integers are asked
 
 
 class Shade(IntFlag):

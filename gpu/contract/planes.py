@@ -49,14 +49,15 @@ class Plane:
         name: name of the array.
         kept: how words hold it.
         value: what is stored, as shaders have it: a member of ``nearest`` or ``shown``, which the
-            twin's `Nearest` and `Shown` have too, or a call.
+            twin's `Nearest` and `Shown` have too, or a call; "" if the shader that has it stores
+            it without the rows.
         is_least: True for the least value of all solids that were tried, False for the value of the
             visible solid.
     """
 
     name: str
     kept: Kept
-    value: str
+    value: str = ""
     is_least: bool = False
 
     @property
@@ -89,7 +90,8 @@ def _output(*planes: Plane, facts: str = "", only_if: str = "") -> DeviceOutput:
     return DeviceOutput(planes, frozenset(facts.split()), only_if)
 
 
-# In the order of the frame buffer. The twin has no output "unfinished", because it finishes.
+# In the order of the frame buffer. The twin has no output "unfinished", because it finishes, and no
+# "verdict", which is all that shaders write that judge pixels again (`run.recheck`).
 DEVICE_OUTPUTS = {
     "surface": _output(Plane("surface", Kept.NUMBER, "nearest.surface")),
     "key": _output(Plane("key", Kept.KEY, "nearest.key")),
@@ -101,6 +103,12 @@ DEVICE_OUTPUTS = {
         Plane("doubt", Kept.KEY, "nearest.doubt", is_least=True),
         Plane("bound", Kept.FLOAT, "nearest.bound"),
         facts="error",
+    ),
+    "vague": _output(
+        Plane("vague", Kept.KEY, "nearest.vague", is_least=True), facts="error recheck"
+    ),
+    "verdict": _output(
+        Plane("verdict", Kept.NUMBER), Plane("place", Kept.NUMBER), Plane("within", Kept.FLOAT)
     ),
     "shadow": _output(Plane("shadow", Kept.NUMBER, "nearest.dark"), only_if="shadows"),
     "overlap": _output(

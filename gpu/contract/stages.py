@@ -75,6 +75,7 @@ STAGES = (
     Stage(Kind.NUMBERS, "sight"),
     Stage(Kind.NUMBERS, "mirror"),
     Stage(Kind.VALUES, "keep"),
+    Stage(Kind.NUMBERS, "verdict"),
     Stage(Kind.NUMBERS, "ray"),
     Stage(Kind.NUMBERS, "shade"),
     Stage(Kind.NUMBERS, "finish"),
@@ -97,7 +98,7 @@ STAGES = (
     Stage(Kind.DEVICE, "store_words", ("store_words_wide",)),
     Stage(Kind.DEVICE, "store_bytes", ("store_bytes_two", "store_bytes_four")),
     Stage(Kind.DEVICE, "near_key", ("near_key_short",)),
-    Stage(Kind.DEVICE, "render"),
+    Stage(Kind.DEVICE, "render", ("recheck",)),
 )
 
 
@@ -166,6 +167,7 @@ FACTS = {
     "point_lights": "colours are needed, and a light is a lamp",
     "parallel": "normals are needed, and the camera's rays are parallel",
     "error": "error bounds of depths are requested",
+    "recheck": "error bounds are requested, and integers are asked where float32 is not certain",
     "overlap": "overlaps of cells in copies are requested, and there are copies",
     "gap": "gaps between cells of copies are requested, and there are copies",
     "claims": "overlaps or gaps are requested, and there are copies",

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import F32, U32, Floats, Ints, Records
+from halfstep.contract.arrays import F32, U32, Bools, Floats, Ints, Records
 from halfstep.contract.classes import Class
 from halfstep.contract.expressions import PackedExpressions
-from halfstep.contract.formats import Format
+from halfstep.contract.formats import FIXED32, Format
 from halfstep.contract.keys import SPARE_BITS
 from halfstep.contract.layout import Flag
 from halfstep.contract.mirrors import PackedMirrors
@@ -295,6 +295,7 @@ def _solids(
         Flag.EYE_OUTSIDE_QUADRIC: setup.eye_outside_quadric,
         Flag.NEAR_CUT: setup.near_cut,
         Flag.EYE_SURE: setup.eye_sure,
+        Flag.RECHECKED: _rechecked(setup),
     }
     # Plain numbers, because NumPy takes longer for members of an enumeration.
     solids["flags"] = sum(int(flag) * holds for flag, holds in facts.items())
@@ -314,6 +315,35 @@ def _solids(
     solids["specular"] = tables.specular[setup.solid]
     solids["shininess"] = tables.shininess[setup.solid]
     return solids
+
+
+def _rechecked(setup: Setup) -> Bools:
+    """The solids (V,) of which integers are asked where float32 is not certain."""
+    found = np.zeros(setup.count, bool)
+    if setup.polynomials is not None:
+        found[setup.polynomials.row] = True
+    return found
+
+
+def in_integers(packed: Packed) -> Packed:
+    """The records that polynomials of solids need for their search in integers.
+
+    Solids keep their rows and their halvings.
+    """
+    setup = packed.setup
+    alone = replace(setup, copies=None)
+    offsets = monomials_of(setup.offsets.T + layout.TILE).T
+    keys = _Keys(packed.key_bits, int(packed.solids["spare"].max(initial=0)))
+    solids = _solids(packed.surfaces, alone, packed.steps, FIXED32, keys, offsets)
+    half_spaces = _half_spaces(packed.surfaces, setup, FIXED32, offsets)
+    return replace(
+        packed,
+        format=FIXED32,
+        solids=solids.take(packed.order),
+        half_spaces=half_spaces,
+        polynomials=pack_polynomials(alone, half_spaces, FIXED32),
+        expressions=None,
+    )
 
 
 def _half_spaces(tables: Surfaces, setup: Setup, number_format: Format, offsets: Floats) -> Records:

@@ -92,8 +92,8 @@ class Buffers:
         while self._textures:
             self._textures.popitem()[1].handle.destroy()
 
-    def picture(self, size: int, *, mapped: bool) -> GpuBuffer:
-        """The buffer of ``size`` bytes that a shader writes a band to.
+    def written(self, name: str, size: int, *, mapped: bool) -> GpuBuffer:
+        """The buffer of ``size`` bytes that a shader writes a band or verdicts to.
 
         ``mapped``: the host maps this buffer itself, not a copy.
 
@@ -101,15 +101,15 @@ class Buffers:
             DeviceError: the device refuses it.
         """
         access = "MAP_READ" if mapped else "COPY_SRC"
-        return self._buffer("picture", size, f"STORAGE|QUERY_RESOLVE|COPY_DST|{access}")
+        return self._buffer(name, size, f"STORAGE|QUERY_RESOLVE|COPY_DST|{access}")
 
-    def copy_of_picture(self, size: int) -> GpuBuffer:
-        """The buffer of ``size`` bytes that the host maps where it cannot map the picture.
+    def copied(self, size: int) -> GpuBuffer:
+        """The buffer of ``size`` bytes that the host maps where it cannot map what is written.
 
         Raises:
             DeviceError: the device refuses it.
         """
-        return self._buffer("copy of the picture", size, "MAP_READ|COPY_DST")
+        return self._buffer("copy of what is written", size, "MAP_READ|COPY_DST")
 
     def upload(self, number: int, type_: str, content: Array) -> Binding:
         """Write ``content`` to the buffer of binding ``number``; return the part to bind."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import Bools, Planes, Records
+from halfstep.contract.arrays import Array, Bools, Planes, Records
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT_STEPS, Format
 from halfstep.contract.layout import TILE
 from halfstep.device.adapters import (
@@ -23,13 +25,14 @@ from halfstep.device.handles import GpuBuffer, GpuDevice
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
 from halfstep.errors import AdapterError, DeviceError
 from halfstep.host.excerpts import Lists, lists_of
-from halfstep.host.pack import Packed, frame_record
+from halfstep.host.pack import Packed, frame_record, in_integers
 from halfstep.host.tiles import blank_tiles
-from halfstep.run import rounds, split, veils
+from halfstep.run import recheck, rounds, split, veils
 from halfstep.run.buffers import Binding, Buffers, contents_of, resource_of
 from halfstep.run.framebuffer import FrameBuffer, pixel_bytes, written_for
-from halfstep.run.needs import needs_of
+from halfstep.run.needs import needs_of, needs_of_judge
 from halfstep.run.parts import RECORD_BYTES, Part, parts_of
+from halfstep.run.recheck import Answers, Asked
 from halfstep.run.shaders import Shaders, ShaderStore
 from halfstep.run.turns import Turns
 from halfstep.scene import Scene
@@ -157,7 +160,8 @@ class Device(Turns):
         """The rows of a band that fits the device's memory, a multiple of the tile's height."""
         size = min(BAND_BYTES, self.largest_binding)
         stride = -(-width // TILE) * TILE
-        return max(size // (pixel_bytes(outputs) * stride) // TILE, 1) * TILE
+        written = outputs | recheck.READ if "error" in outputs else outputs
+        return max(size // (pixel_bytes(written) * stride) // TILE, 1) * TILE
 
     def render_band(
         self,
@@ -181,8 +185,40 @@ class Device(Turns):
                 f"adapter {self.adapter.summary} has no 64-bit integers in shaders, which shadows "
                 "need; use --no-shadows, or the backend numpy"
             )
-        lists = lists_of(packed, first_row, rows, written_for(outputs, packed))
-        return self._render_lists(scene, packed, lists, first_row, rows, outputs)
+        asks = INT64 in self._device.features and recheck.is_possible(packed, outputs)
+        asked = outputs | recheck.READ if asks else outputs
+        lists = lists_of(packed, first_row, rows, written_for(asked, packed))
+        planes, milliseconds = self._render_lists(scene, packed, lists, first_row, rows, asked)
+        if asks:
+            times = [milliseconds]
+            judge = partial(self._judged, first_row, times)
+            recheck.settled(planes, packed, lists, partial(in_integers, packed), judge)
+            for name in recheck.READ - outputs:
+                del planes[name]
+            milliseconds = None if None in times else sum(filter(None, times))
+        return planes, milliseconds
+
+    def _judged(
+        self, first_row: int, times: list[float | None], packed: Packed, asked: Asked
+    ) -> Answers:
+        """What integers say of quads of a band that begins in the row ``first_row``.
+
+        Each dispatch appends its time to ``times``. ``packed``: the records of `in_integers`.
+        """
+        needs = needs_of_judge(packed, broadcast=self._broadcast, uniform=self._uniform)
+        shaders, answers = self._shaders.of(needs), recheck.no_answers(asked)
+        if rounds.rounds_of_solids(needs, packed).max() > self.loop_rounds:
+            return answers  # the driver would end loops early
+        for job in recheck.jobs(packed, asked, first_row, needs.outputs):
+            with device_errors(self.adapter):
+                buffer = self._buffers.written("verdicts", job.layout.size, mapped=self._mapped)
+            parts = [Part(shaders, needs.classes, 0, job.groups)]
+            planes, milliseconds = self._read(
+                buffer, job.layout, shaders, job.contents, parts, needs.outputs
+            )
+            times.append(milliseconds)
+            recheck.take(answers, job, planes)
+        return answers
 
     def _render_lists(
         self,
@@ -255,13 +291,32 @@ class Device(Turns):
         shaders, lists = self._shaders.of(needs), drawn.lists
         layout = FrameBuffer(needs.outputs, packed.setup.view.width, drawn.rows)
         with device_errors(self.adapter):
-            buffer = self._buffers.picture(layout.size, mapped=self._mapped)
+            buffer = self._buffers.written("picture", layout.size, mapped=self._mapped)
         ground = buffer, layout, drawn.background
         blank = blank_tiles(lists.starts, lists.classes)
         left_out = self._left_out(shaders, ground, blank)
         tiles_x = layout.shape[1] // TILE
         records, parts = parts_of(shaders, packed, lists, tiles_x, left_out)
         contents = contents_of(packed, lists, drawn.record, records)
+        cleared = layout.span_of("shadow") if clears else None
+        read = self._read(buffer, layout, shaders, contents, parts, outputs, cleared)
+        self._blank = ground, blank
+        return read
+
+    def _read(
+        self,
+        buffer: GpuBuffer,
+        layout: FrameBuffer,
+        shaders: Shaders,
+        contents: Mapping[int, Array],
+        parts: list[Part],
+        outputs: frozenset[str],
+        cleared: tuple[int, int] | None = None,
+    ) -> tuple[Planes, float | None]:
+        """Dispatch ``parts``, whose bindings hold ``contents``, and read ``buffer`` back.
+
+        Offset and size of ``cleared`` bytes of the buffer are those that are set to 0 before.
+        """
         try:
             with device_errors(self.adapter):
                 pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
@@ -272,7 +327,6 @@ class Device(Turns):
                     else self._buffers.upload(number, type_, contents[number])
                     for number, type_ in shaders.types.items()
                 }
-                cleared = layout.span_of("shadow") if clears else None
                 memory = self._dispatch(parts, bindings, buffer, layout, cleared)
                 content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
                 planes = layout.copies(content, outputs)
@@ -283,7 +337,6 @@ class Device(Turns):
             # mapped. The next frame takes new buffers.
             self._drop_buffers()
             raise
-        self._blank = ground, blank
         return planes, milliseconds
 
     def _left_out(self, shaders: Shaders, ground: object, blank: Bools) -> Bools:
@@ -352,7 +405,7 @@ class Device(Turns):
             encoder.resolve_query_set(self._queries, 0, 2, frame, layout.times_at)
         memory = frame
         if not self._mapped:
-            memory = self._buffers.copy_of_picture(layout.size)
+            memory = self._buffers.copied(layout.size)
             encoder.copy_buffer_to_buffer(frame, 0, memory, 0, layout.size)
         self._device.queue.submit([encoder.finish()])
         memory.map_sync("READ", 0, layout.size)

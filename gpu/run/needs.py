@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from halfstep.contract.classes import Class
 from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
@@ -75,6 +76,31 @@ def needs_of_frame(packed: Packed, method: str, outputs: frozenset[str]) -> Need
     """What the shader of a whole frame must contain; `needs_of` describes the arguments."""
     lists = lists_of(packed, 0, packed.setup.view.height, outputs)
     return needs_of(packed, lists, method, outputs)
+
+
+def needs_of_judge(packed: Packed, *, broadcast: int = 1, uniform: bool = False) -> Needs:
+    """What the shader that asks integers must contain (`run.recheck`); see `needs_of`.
+
+    ``packed``: the records of `host.pack.in_integers`.
+    """
+    known = packed.polynomials
+    assert known is not None
+    return Needs(
+        classes=(Class.POLYNOMIAL,),
+        outputs=frozenset({"verdict"}),
+        method="visible",
+        format=packed.format,
+        lights=0,
+        point_lights=False,
+        shininess_bits=0,
+        short_keys=False,
+        broadcast=broadcast,
+        uniform=uniform and _fits_uniform(packed),
+        degree=known.degree,
+        balls=known.has_balls,
+        planes=packed.most_half_spaces > 0,
+        judges=True,
+    )
 
 
 def _enough(count: int) -> int:

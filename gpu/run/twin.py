@@ -11,14 +11,16 @@ import numpy as np
 from halfstep.contract.arrays import Array, Bools, Bytes, Ints, Planes
 from halfstep.contract.classes import REGIONS, STRETCHED, Class
 from halfstep.contract.keys import joined_key
-from halfstep.contract.layout import TILE
+from halfstep.contract.layout import LANES, TILE
 from halfstep.contract.planes import DEVICE_OUTPUTS, Kept
 from halfstep.contract.srgb import srgb_table
 from halfstep.contract.stages import VISITS
 from halfstep.contract.stretches import rows_of
 from halfstep.host.excerpts import lists_of
-from halfstep.host.pack import Packed, frame_record
-from halfstep.run.needs import needs_of
+from halfstep.host.pack import Packed, frame_record, in_integers
+from halfstep.run import recheck
+from halfstep.run.needs import needs_of, needs_of_judge
+from halfstep.run.recheck import Answers, Asked
 from halfstep.scene import Scene
 from halfstep.twin import bounce, encode, finish, finish_regions, keep, shadows
 from halfstep.twin.chosen import Chosen, chosen_for, module
@@ -30,6 +32,8 @@ from halfstep.twin.region import NO_REGION, NOTHING_MET
 from halfstep.twin.shade import Light
 from halfstep.twin.sight import Seen
 from halfstep.twin.veils import try_veils
+from halfstep.twin.verdict import verdict_of
+from halfstep.twin.visit_polynomial_fixed import visit_polynomial_fixed
 
 
 class Band:
@@ -45,8 +49,8 @@ class Band:
         chosen: Chosen | None = None,
     ) -> None:
         """``chosen``: stages to use in place of those of the number format."""
-        self._lists = lists_of(packed, first_row, rows, outputs)
-        needs = needs_of(packed, self._lists, scene.accuracy.method, outputs)
+        self.lists = lists_of(packed, first_row, rows, outputs)
+        needs = needs_of(packed, self.lists, scene.accuracy.method, outputs)
         self._packed, self._first_row, self._outputs = packed, first_row, outputs
         self._method, self._facts = needs.method, needs.facts
         self._chosen = chosen or chosen_for(packed.format, needs.method)
@@ -57,7 +61,7 @@ class Band:
 
     def visit(self) -> None:
         """Try each solid and region of the tiles' lists on all tiles that list it."""
-        lists, classes = self._lists, self._lists.classes
+        lists, classes = self.lists, self.lists.classes
         tile, slot = np.divmod(
             np.repeat(np.arange(len(lists.starts) - 1), np.diff(lists.starts)), len(classes)
         )
@@ -87,7 +91,7 @@ class Band:
         run = getattr(module(file), file)
         rest: tuple[Any, ...] = (self._packed.half_spaces,)
         row = member = int(members[0])
-        regions = self._lists.regions
+        regions = self.lists.regions
         region: tuple[Any, ...] = ()
         if klass in REGIONS:
             assert regions is not None
@@ -138,11 +142,11 @@ class Band:
         beams = module(self._packed.format.beam)
         veils = self._packed.veils
         of_copies = None
-        if veils is not None and self._lists.regions is not None:
+        if veils is not None and self.lists.regions is not None:
             of_copies = partial(
                 try_veils,
                 veils=veils,
-                words=self._lists.regions.words,
+                words=self.lists.regions.words,
                 nearest=nearest,
                 points=points,
                 beams=beams,
@@ -208,7 +212,7 @@ class Band:
 
     def _finish_regions(self) -> None:
         """Look up the appearance of each copy of a group, on the pixels that show the copy."""
-        regions, shown = self._lists.regions, self._nearest.met.region
+        regions, shown = self.lists.regions, self._nearest.met.region
         for number in np.unique(shown[shown != NO_REGION]).tolist():
             assert regions is not None
             region = regions.records[number]
@@ -266,6 +270,37 @@ def render_band(
     keys ``low``, the least depth of a certain point, and ``doubt``, the least depth of an uncertain
     one, and float32 ``bound``, the error bound of the visible point in its own u.
     """
-    band = Band(scene, packed, first_row, rows, outputs)
+    asks = recheck.is_possible(packed, outputs)
+    band = Band(scene, packed, first_row, rows, outputs | recheck.READ if asks else outputs)
     band.visit()
-    return band.finish()
+    planes = band.finish()
+    if asks:
+        judge = partial(judged, first_row)
+        recheck.settled(planes, packed, band.lists, partial(in_integers, packed), judge)
+        for name in recheck.READ - outputs:
+            del planes[name]
+    return planes
+
+
+def judged(first_row: int, packed: Packed, asked: Asked) -> Answers:
+    """What integers say of quads of a band that begins in the row ``first_row``.
+
+    ``packed``: the records of `in_integers`.
+    """
+    known = packed.polynomials
+    assert known is not None
+    facts = needs_of_judge(packed).facts
+    chosen = chosen_for(packed.format, "visible")
+    answers = recheck.no_answers(asked)
+    owner = np.repeat(asked.row, recheck.GROUP)
+    for row in np.unique(asked.row).tolist():
+        own = np.flatnonzero(owner == row)
+        solid, place = packed.solids[row], asked.place[own, None]
+        i = (place & np.uint32(0xFFFF)).astype(np.int32) * LANES + np.arange(LANES, dtype=np.int32)
+        j = (place >> np.uint32(16)).astype(np.int32) + np.int32(first_row)
+        at = i - solid["center_x"], j - solid["center_y"]
+        seen = visit_polynomial_fixed(solid, known, *at, asked.member[own, None], chosen, facts)
+        answers.verdict[own] = verdict_of(seen.certificate, seen.sight)
+        answers.position[own] = seen.sight.position
+        answers.bound[own] = seen.certificate.bound
+    return answers

@@ -72,6 +72,7 @@ class Needs:
     many: bool = False  # a light has so many occluders that groups of boxes pay
     veils: bool = False  # a copy of a group of cells may hide a light
     veil_rounds: int = 0  # loop rounds after which no more veils are tried; 0: all are tried
+    judges: bool = False  # the shader asks integers about listed quads, and draws nothing
     continued: bool = False  # `shadow` in the frame buffer has what other veils hide
 
     @cached_property
@@ -82,6 +83,7 @@ class Needs:
         in_words = self.outputs & DEVICE_OUTPUTS.keys()
         wanted |= {"store_words"} if in_words else set()
         wanted = wanted.union(*(DEVICE_OUTPUTS[name].facts for name in in_words))
+        wanted |= {"error"} if self.judges else set()
         wanted |= {"normal", "color"} if "image" in self.outputs else set()
         if self.surfaces:
             asked = self.outputs & {"overlap", "gap"}
@@ -144,6 +146,8 @@ class Needs:
         chosen = {self.conveyor}
         if self.short_keys:
             chosen |= {"keys_short", "near_key_short"}
+        if self.judges:
+            chosen.add("recheck")
         if self.broadcast > 1:
             chosen.add("store_words_wide")
         if self.surfaces <= FEW_SURFACES and "error" not in self.outputs:
@@ -163,7 +167,7 @@ class Needs:
         shades_long = self.light_rounds > MOST_LIGHT_ROUNDS
         is_long = self.method == "article" or "error" in self.outputs or self.has_regions
         walks = Class.POLYNOMIAL in self.classes
-        is_long |= walks and self.degree > MOST_DEGREE_OF_BLOCKS
+        is_long |= (walks and self.degree > MOST_DEGREE_OF_BLOCKS) or self.judges
         is_long |= Class.FORMULA in self.classes or "casters" in self.facts
         if is_long or shades_long:
             return 1

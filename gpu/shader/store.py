@@ -24,7 +24,9 @@ def stores(needs: Needs) -> str:
 
 
 def _words_of(plane: Plane) -> list[str]:
-    """The words of a plane's value, in order."""
+    """The words of a plane's value, in order; none if it has no value."""
+    if not plane.value:
+        return []
     match plane.kept:
         case Kept.KEY:
             return [f"{plane.value}.high", f"{plane.value}.low"]

@@ -13,6 +13,7 @@ from halfstep.twin.nearest import FAR, Key, depth_key, either_key, lesser_key
 from halfstep.twin.normal import NO_VECTOR, Vector, either
 from halfstep.twin.region import NOTHING_MET, either_met, position_before
 from halfstep.twin.sight import Met, Sight
+from halfstep.twin.solid import is_rechecked
 
 # The key in the type of the chosen module of keys.
 NearestKey = Any
@@ -47,6 +48,7 @@ class Nearest(NamedTuple):
     leaves: Key  # depth of the exit from the solid
     low: Key  # the least depth that a certain point may have
     doubt: Key  # the depth from which on nothing is certain
+    vague: Key  # the same by solids that integers are asked about
     bound: F32  # bound of the distance of the root from the position, in u
     slope: Vector  # along the normal
     color: Vector  # of the material
@@ -70,6 +72,7 @@ def nothing(keys: Keys) -> Nearest:
         leaves=FAR,
         low=FAR,
         doubt=FAR,
+        vague=FAR,
         bound=zero,
         slope=NO_VECTOR,
         color=NO_VECTOR,
@@ -113,9 +116,12 @@ def keep(
     if "error" in facts:
         confirmed = confirms(certificate, sight.hit, sight.surface)
         low = least_key(key, certificate.bound, steps, int(solid["spare"]), shift)
+        asked = "recheck" in facts and is_rechecked(solid)
+        if asked:
+            new = new._replace(vague=lesser_key(~confirmed, start, old.vague))
         new = new._replace(
             low=lesser_key(confirmed & sight.hit, low, old.low),
-            doubt=lesser_key(~confirmed, start, old.doubt),
+            doubt=lesser_key(~confirmed & (not asked), start, old.doubt),
             bound=np.where(nearer, certificate.bound, old.bound),
         )
     if "normal" in facts:

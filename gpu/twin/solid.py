@@ -36,6 +36,11 @@ def eye_sure(solid: np.void) -> bool:
     return bool(int(solid["flags"]) & Flag.EYE_SURE)
 
 
+def is_rechecked(solid: np.void) -> bool:
+    """Whether integers are asked where float32 is not certain of the solid."""
+    return bool(int(solid["flags"]) & Flag.RECHECKED)
+
+
 def starts_outside(solid: np.void, form: Form, piece: Piece) -> Bools:
     """Whether F > 0 where the piece begins. The host tells it at the eye; elsewhere F decides."""
     from_eye = (piece.id_in == 0) & starts_at_eye(solid)
