@@ -122,6 +122,13 @@ def test_a_driver_that_ends_loops_leaves_pixels_uncertain(monkeypatch: pytest.Mo
         assert alike(renderer.render(), without(monkeypatch, HEART))
 
 
+@pytest.mark.usefixtures("adapter")
+def test_a_device_without_wide_integers_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    with halfstep.Renderer(HEART, outputs=OUTPUTS, backend="gpu") as renderer:
+        monkeypatch.setattr(run_gpu, "INT64", "none")
+        assert alike(renderer.render(), without(monkeypatch, HEART))
+
+
 def test_pictures_ask_no_integers(composed: list[Needs], adapter: Adapter) -> None:
     assert adapter is not None
     names = ("image", "depth", "normal")

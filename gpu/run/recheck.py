@@ -141,16 +141,21 @@ def settled(
         exact: gives `host.pack.in_integers` of the records.
         judge: asks integers.
     """
-    vague, key = planes["vague"], planes["key"]
+    shape = planes["vague"].shape
+    vague, key, doubt = (planes[name].reshape(-1) for name in ("vague", "key", "doubt"))
+    pixel = np.flatnonzero(vague != FAR_KEY)
     # A solid that begins behind the point of a pixel can hardly spoil it.
-    unclear = (vague != FAR_KEY) & (vague <= key)
-    planes["doubt"] = np.where(unclear, planes["doubt"], np.minimum(planes["doubt"], vague))
-    planes["vague"] = np.full_like(vague, FAR_KEY)
-    asked = _asked(unclear, packed, lists)
+    behind = vague[pixel] > key[pixel]
+    spoiled = pixel[behind]
+    doubt[spoiled] = np.minimum(doubt[spoiled], vague[spoiled])
+    vague[pixel] = FAR_KEY
+    asked = _asked(pixel[~behind], shape, packed, lists)
     if asked is None:
         return
+    unclear = np.zeros(shape, bool)
+    unclear.reshape(-1)[pixel[~behind]] = True
     answers = judge(exact(), asked)
-    place, width = asked.place.astype(np.int64)[:, None], vague.shape[1]
+    place, width = asked.place.astype(np.int64)[:, None], shape[1]
     i, j = (place & 0xFFFF) * LANES + np.arange(LANES), place >> 16
     some = asked.real[:, None] & (i < width) & unclear[j, np.minimum(i, width - 1)]
     row = np.broadcast_to(np.repeat(asked.row, GROUP)[:, None], some.shape)[some]
@@ -158,13 +163,11 @@ def settled(
     _settle(planes, packed, (j * width + i)[some], row, own)
 
 
-def _asked(unclear: Bools, packed: Packed, lists: Lists) -> Asked | None:
-    """The quads with unclear pixels, with the solids that their tiles may see; None if none."""
-    rows, width = unclear.shape
+def _asked(pixel: Ints, shape: tuple[int, ...], packed: Packed, lists: Lists) -> Asked | None:
+    """The quads with pixels of a band, with the solids that their tiles may see; None if none."""
+    width = shape[1]
     quads = -(-width // LANES)
-    whole = np.zeros((rows, quads * LANES), bool)
-    whole[:, :width] = unclear
-    j, quad = np.nonzero(whole.reshape(rows, quads, LANES).any(axis=-1))
+    j, quad = np.divmod(np.unique(pixel // width * quads + pixel % width // LANES), quads)
     tile = j // TILE * -(-width // TILE) + quad * LANES // TILE
     list_ = tile * len(lists.classes) + lists.classes.index(Class.POLYNOMIAL)
     first, end = (lists.starts[list_ + k].astype(np.int64) for k in (0, 1))
