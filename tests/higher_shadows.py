@@ -63,7 +63,7 @@ class HigherShadows:
         return solid.astype(np.int32), surface.astype(np.int32), dark
 
 
-def _functions(solid: Any) -> list[tuple[int, dict[tuple[int, int, int], Any]]]:
+def functions_of(solid: Any) -> list[tuple[int, dict[tuple[int, int, int], Any]]]:
     """Numbers of surfaces with polynomials, as coefficients of powers of x, y and z."""
     rows = solid.half_spaces()
     planes = []
@@ -106,7 +106,7 @@ def _quadric(matrix: Any) -> dict[tuple[int, int, int], Any]:
     return found
 
 
-def _along(terms: Any, x: Wide, d: Wide) -> Wide:
+def along_rays(terms: Any, x: Wide, d: Wide) -> Wide:
     """Coefficients (degree + 1, N) of powers of the distance along rays x + s d."""
     degree = max(map(sum, terms))
     total = np.zeros((degree + 1, len(x)), LD)
@@ -132,7 +132,7 @@ def _along(terms: Any, x: Wide, d: Wide) -> Wide:
     return total
 
 
-def _roots(terms: Wide) -> Wide:
+def roots_of(terms: Wide) -> Wide:
     """Real parts (degree, N) of the roots, and some more numbers."""
     degree = len(terms) - 1
     if degree < 1 or not terms.shape[1]:
@@ -155,7 +155,7 @@ def _roots(terms: Wide) -> Wide:
     return np.asarray(found.real)
 
 
-def _value(terms: Wide, s: Wide) -> Wide:
+def value_at(terms: Wide, s: Wide) -> Wide:
     value = np.zeros_like(s)
     for term in terms[::-1]:
         value = value * s + term
@@ -178,15 +178,15 @@ class _Ray:
         if own is not None:
             middle, base = np.zeros(len(x), LD), x
         self.numbers, self.terms, cuts = [], [], []
-        for number, function in _functions(solid):
-            terms = _along(function, base, d)
+        for number, function in functions_of(solid):
+            terms = along_rays(function, base, d)
             if own is not None:
                 mine = own == number
                 lower = np.concatenate([terms[1:], np.zeros((1, len(x)), LD)])
                 terms = np.where(mine, lower, terms)
             self.numbers.append(number)
             self.terms.append(terms)
-            cuts.append(_roots(terms))
+            cuts.append(roots_of(terms))
         places = np.concatenate(cuts)
         last = np.broadcast_to(np.asarray(end, LD), (len(x),)) - middle
         first = -middle
@@ -196,7 +196,7 @@ class _Ray:
         self.middle = middle
         between = (self.places[1:] + self.places[:-1]) / 2
         self.some = self.places[1:] > self.places[:-1]
-        self.signs = [_value(terms, between) <= 0 for terms in self.terms]
+        self.signs = [value_at(terms, between) <= 0 for terms in self.terms]
 
     def within(self, but: int | None = None) -> Bools:
         """Whether each stretch is inside all functions but one."""
@@ -246,8 +246,8 @@ def _first(solid: Any, start: Wide, along: Wide) -> tuple[Wide, Ints, Bools]:
     for each, terms in zip(ray.numbers, ray.terms, strict=True):
         if sheet is not None and each != sheet:
             continue
-        slope = _value(terms[1:] * np.arange(1, len(terms))[:, None], place)
-        off = np.abs(_value(terms, place)) / np.maximum(np.abs(slope), 1e-300)
+        slope = value_at(terms[1:] * np.arange(1, len(terms))[:, None], place)
+        off = np.abs(value_at(terms, place)) / np.maximum(np.abs(slope), 1e-300)
         number = np.where(off < least, each, number)
         least = np.minimum(off, least)
     inside = within if sheet is None else np.zeros(len(x), bool)

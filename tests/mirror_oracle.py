@@ -2,7 +2,7 @@
 
 Along a reflected ray the roots of all surfaces are sorted, and the ray is inside a solid between
 some of them. There is no grid, no body and no base point here. A reflected ray begins at a root of
-its mirror; that root is left out.
+its mirror; that root is left out. If the mirror is a polynomial, it is divided by the distance.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.host.camera import view
-from halfstep.scene import PlanePatch, QuadricSolid, Scene
+from halfstep.scene import Algebraic, PlanePatch, QuadricSolid, Scene
+from tests.higher_shadows import along_rays, functions_of, roots_of, value_at
 from tests.oracle import Oracle
 
 Bools = NDArray[np.bool_]
@@ -36,21 +37,29 @@ class MirrorOracle:
     """Mirrors of one scene at one picture size.
 
     Args:
-        scene: its solids are quadrics, polyhedra and patches.
-        oracle: tells what the rays of pixels hit.
+        scene: its solids are quadrics, polyhedra, patches, tori and polynomials.
+        size: of the picture.
+        oracle: tells what the rays of pixels hit; None if a solid is a torus or a polynomial.
     """
 
-    def __init__(self, scene: Scene, oracle: Oracle) -> None:
+    def __init__(self, scene: Scene, size: tuple[int, int], oracle: Oracle | None) -> None:
         self.scene, self.oracle = scene, oracle
-        self._view = view(scene.camera, oracle.size)
+        self._view = view(scene.camera, size)
 
     def at(self, i: Any, j: Any) -> list[Met]:
         """What rays of pixels (N,), fractions allowed, meet at first and after every bounce."""
-        trace = self.oracle.trace((i, j))
-        depth = np.where(trace.solid >= 0, trace.depth, 0.0).astype(LD)[:, None]
         starts, directions = self._view.starts(i, j), self._view.directions(i, j)
-        point = self._view.eye.astype(LD) + (starts.astype(LD) + depth * directions.astype(LD))
-        met = [Met(trace.solid, trace.surface, point, _unit(directions.astype(LD)))]
+        along, start = directions.astype(LD), np.zeros((len(i), 3), LD)
+        start += self._view.eye.astype(LD) + starts.astype(LD)
+        if self.oracle is None:
+            nowhere = np.full(len(i), -1, np.int32)
+            met = [
+                self._first(Met(nowhere, nowhere, start, _unit(along)), start[:, 0] == start[:, 0])
+            ]
+        else:
+            trace = self.oracle.trace((i, j))
+            depth = np.where(trace.solid >= 0, trace.depth, 0.0).astype(LD)[:, None]
+            met = [Met(trace.solid, trace.surface, start + depth * along, _unit(along))]
         for _ in range(self.scene.image.bounces):
             met.append(self._next(met[-1]))
         return met
@@ -65,13 +74,20 @@ class MirrorOracle:
         normal = _unit(normal)
         along = (old.direction * normal).sum(axis=1, keepdims=True)
         direction = _unit(old.direction - 2 * along * normal)
+        return self._first(old._replace(direction=direction), old.solid >= 0)
+
+    def _first(self, old: Met, some: Bools) -> Met:
+        """What some rays meet, which begin at what was met."""
+        direction, normal = old.direction, old.point
         time = np.full(len(normal), np.inf, LD)
         solids, surfaces = np.full((2, len(normal)), -1, np.int32)
         for ix, solid in enumerate(self.scene.solids):
             of_own = np.where(old.solid == ix, old.surface, -1)
             find: Any = _crosses if isinstance(solid, PlanePatch) else _changes
+            if isinstance(solid, Algebraic):
+                find = _turns
             at, surface = find(solid, old.point, direction, of_own)
-            nearer = (at < time) & (old.solid >= 0)
+            nearer = (at < time) & some
             time = np.where(nearer, at, time)
             solids[nearer], surfaces[nearer] = ix, surface[nearer]
         point = old.point + np.where(np.isfinite(time), time, 0)[:, None] * direction
@@ -96,6 +112,13 @@ def _normals(solid: Any, points: Wide, surface: Ints) -> Wide:
     if isinstance(solid, QuadricSolid):
         q = solid.quadric().astype(LD)
         normal[surface == 0] = (x @ q[:3, :3] + q[:3, 3])[surface == 0]
+    if isinstance(solid, Algebraic):
+        # The slopes along the axes are coefficients along rays that follow them.
+        for number, terms in functions_of(solid):
+            axes = np.eye(3, dtype=LD)
+            slopes = [along_rays(terms, x, np.broadcast_to(axis, x.shape))[1] for axis in axes]
+            mine = surface == number
+            normal[mine] = np.stack(slopes, axis=1)[mine]
     return np.asarray(normal @ solid.world_from_local().astype(LD).T)
 
 
@@ -148,3 +171,43 @@ def _crosses(solid: PlanePatch, points: Wide, directions: Wide, own: Ints) -> tu
         for k in range(1, len(rows)):
             met &= c[:, k] + time * b[:, k] <= 0
     return np.where(met, time, np.inf), np.zeros(len(x), np.int32)
+
+
+def _turns(solid: Algebraic, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints]:
+    """The same as `_changes` of a torus or a polynomial; a sheet is where it changes its sign."""
+    x, d = _local(solid, points, directions)
+    columns = np.arange(len(x))
+    places, through, terms_of = [], [], []
+    # Roots are sought from the place nearest to the middle, where terms are small.
+    back = np.where(own < 0, -(x * d).sum(axis=1), 0)
+    for number, function in functions_of(solid):
+        terms = along_rays(function, x + back[:, None] * d, d)
+        lower = np.concatenate([terms[1:], np.zeros((1, len(x)), LD)])
+        terms = np.where(own == number, lower, terms)
+        found = roots_of(terms)
+        places.append(found)
+        through += [np.full(len(x), number, np.int32)] * len(found)
+        terms_of.append((number, terms))
+    first = -back
+    events, numbers = np.concatenate(places), np.array(through)
+    events = np.where(np.isfinite(events) & (events > first), events, np.inf)
+    order = np.argsort(events, axis=0)
+    events = np.take_along_axis(events, order, axis=0)
+    numbers = np.take_along_axis(numbers, order, axis=0)
+    begin = np.concatenate([first[None], events])
+    end = np.concatenate([events, np.full((1, len(x)), np.inf, LD)])
+    there = np.isfinite(begin)
+    begin = np.where(there, begin, 0)
+    middle = np.where(np.isfinite(end), (begin + end) / 2, begin + np.abs(begin) + 1)
+    is_sheet = solid.is_sheet()
+    below = {number: value_at(terms, middle) <= 0 for number, terms in terms_of}
+    if is_sheet:
+        free = np.logical_and.reduce([below[number] for number in below if number])
+        changes = (below[0][1:] != below[0][:-1]) & free[1:] & free[:-1]
+    else:
+        there = there & np.logical_and.reduce(list(below.values()))
+        changes = there[1:] != there[0]
+    changes &= (events < np.inf) & (end[1:] > begin[1:])
+    k = changes.argmax(axis=0)
+    hit = changes[k, columns]
+    return np.where(hit, events[k, columns] + back, np.inf), numbers[k, columns]

@@ -296,9 +296,10 @@ BAD = [
         "material[0].reflection: 0.75: mirrors are drawn of solids alone, and the scene has cells",
     ),
     (
-        {"solid": [BALL, {"kind": "torus", "major": 2, "minor": 0.5, **GRAY}]},
-        "material[0].reflection: 0.75: mirrors are not drawn of tori and formulas yet, and the "
-        "scene has some",
+        {"solid": [BALL, {"kind": "implicit", "formula": "sin(x) + y^2 + z^2 - 1",
+                          "bounds": {"radius": 2}, **GRAY}]},
+        "material[0].reflection: 0.75: mirrors are not drawn of formulas that are no polynomials "
+        "yet, and the scene has some",
     ),
     (
         {"accuracy": {"number_format": "fixed32"}},

@@ -161,7 +161,8 @@ var<private> lights: array<Light, LIGHTS>;
     # Short keys are never kept together with what needs long ones.
     alone -= {"keep", "finish"} if chosen else set()
     # Mirrors and shadows of cells and polynomials are for float32.
-    alone -= {"mirror", "veil", "trace", "cast"} if number_format is FIXED32 else set()
+    of_floats = {"mirror", "meet", "veil", "trace", "cast"}
+    alone -= of_floats if number_format is FIXED32 else set()
     files = [name for name in files_of(number_format, {"lines", *chosen}) if name in alone]
     return Module("the stages", "\n".join([shared, TABLE, *map(stage, files)]))
 
@@ -638,6 +639,14 @@ FAULTS = [
     ("cast.shaded", "(powers[0] < -error)", "(powers[0] > error)"),
     ("cast.cast_of", "== u4(1u)", "== u4(2u)"),
     ("cast.cast_of", "inside | cell.met | beside", "inside | cell.met"),
+    ("meet.glance_track", "+ ahead) + level", "+ ahead) - level"),
+    ("meet.glance_trace", "k.by_v[2], b, d", "k.by_v[1], b, d"),
+    ("meet.slopes_in", "plane_z * y + line_z", "plane_z * y"),
+    ("meet.bend_at", "b[2] * slope.z", "b[1] * slope.z"),
+    ("meet.meeting_of", "!on_ball & !on_f", "!on_ball"),
+    ("meet.meeting_of", "glance.start + form.g)", "glance.start - form.g)"),
+    ("meet.meeting_of", "turned == u4(0u), on_f", "turned != u4(0u), on_f"),
+    ("meet.meeting_of", "-curve.powers[0], on_entry", "curve.powers[0], on_entry"),
     ("arcs.most_bent", "+ a.rest", ""),
     ("arcs.number_arc", "f4(k), f4(0.0)", "f4(k), f4(k)"),
     ("arcs.checked_arc", "return a;", "return negated_arc(a);"),
@@ -815,6 +824,8 @@ class Draw:
                 # Ways to lamps are no shorter than a part of the way to the solid.
                 value = self._usual(name, leaf)
                 return np.where(value > 0, np.maximum(value, 2.0**-4), value)
+            case "face_count" | "curve" | "turned" if self._function.file == "meet":
+                return rng.integers(0, 3, shape)
             case "half_turns":
                 return rng.integers(-4, 5, shape) / 2
             case "x" if self._function.name == "turned_sine":

@@ -53,6 +53,8 @@ var<private> caught_0: Caught;  // what a mirror shows there  //? mirrors
 var<private> weight_0: f4;  // how much it adds to the colour  //? mirrors
 // each quad
 var<private> light_0: Vector;  // the colour so far  //? mirrors
+// each quad
+var<private> vague_0: b4;  // it is not certain what a mirror shows  //? body_polynomials
 
 // Which block of its tile an invocation has, in rows, where those that skip what none of them needs
 // stand together: in blocks of four pixels, eight invocations have eight pixels by four.

@@ -7,7 +7,12 @@ struct Spotted {
   body: u4,  // that of the body
   turned: u4,  // which side of it is seen, as of `other_side`
   root: Root,
+  place: f4,  // u of it  //? body_polynomials
+  doubt: f4,  // distance from which on it is not certain  //? body_polynomials
 }
+
+// Beyond all distances.
+const NO_DOUBT: f32 = 3.2e38;
 
 const NOTHING_SPOTTED: Spotted = Spotted(
   f4(3e38),
@@ -15,6 +20,8 @@ const NOTHING_SPOTTED: Spotted = Spotted(
   u4(0u),
   u4(0u),
   Root(b4(false), i4(0), f4(0.0), f4(0.0), f4(0.0), b4(false)),
+  f4(0.0),  //? body_polynomials
+  f4(NO_DOUBT),  //? body_polynomials
 );
 
 // What is seen of it.
@@ -33,20 +40,24 @@ const NOTHING_CAUGHT: Caught = Caught(
   f4(0.0),
 );
 
-// What a ray meets first, and a body, which it meets at a root.
+// The way from the mirror to u, at least that to the ball of the body.
+fn distance_of(body: Body, glance: Glance, u: f4) -> f4 {
+  return (max(u, f4(-body.bound)) - glance.start) * (1.0 / body.unit);
+}
+
+// What a ray meets first, and a body, which it meets at a root, at u.
 fn spot_first(
   old: Spotted,
   number: u32,
   body: Body,
   glance: Glance,
   root: Root,
+  u: f4,
   inside: b4,
 ) -> Spotted {
-  let u = max(place_of_root(root), f4(-body.bound));
-  let distance = (u - glance.start) * (1.0 / body.unit);
-  let on_curve = (root.surface == i4(0)) | (root.surface > i4(i32(body.face_count)));
+  let distance = distance_of(body, glance, u);
   let is_flat = b4((body.flags & SHADE_FLAT) != 0u);
-  let face = select(u4(root.surface), u4(0u), on_curve);
+  let face = u4(root.surface);
   let surface = u4(body.surface) + select(face, u4(1u), is_flat);
   let nearer = root.hit
     & ((distance < old.distance) | ((distance == old.distance) & (surface < old.surface)));
@@ -64,6 +75,8 @@ fn spot_first(
       select(old.root.c, root.c, nearer),
       select(old.root.flipped, root.flipped, nearer),
     ),
+    select(old.place, u, nearer),  //? body_polynomials
+    old.doubt,  //? body_polynomials
   );
 }
 
@@ -98,10 +111,24 @@ fn try_body(number: u32, body: Body) {
     }
   }
   // each quad
+  var meeting_0 = NO_MEETING;  //? body_polynomials
+  for (var once = 0u; once < min(body.polynomial, 1u); once++) {  //? body_polynomials
+    let caster = body_polynomial_at(body.polynomial - 1u);
+    // each quad
+    {
+      let asked = glance_0.near & (gone_0 != u4(number)) & (weight_0 > f4(0.0));
+      let surface = nearest_0.surface;
+      let turned = nearest_0.turned;
+      meeting_0 = meeting_of(caster, body, glance_0, piece_0, asked, surface, turned);
+      let doubt = distance_of(body, glance_0, meeting_0.begin);
+      spotted_0.doubt = min(spotted_0.doubt, select(doubt, f4(NO_DOUBT), meeting_0.sure));
+    }
+  }
+  // each quad
   {
     // If the ray starts on F, the root there is divided out, and a half-space is left.
     let whole = curve_of(body, glance_0);
-    let on_curve = nearest_0.surface == u4(body.surface);
+    let on_curve = nearest_0.surface == u4(body.curve);
     let rest = clip(piece_0, Line(whole.a * glance_0.start + whole.g, whole.a), last);
     let piece = either_piece(on_curve, rest, piece_0);
     let form = Form(
@@ -110,12 +137,21 @@ fn try_body(number: u32, body: Body) {
       select(whole.c, f4(-1.0), on_curve),
     );
     let outside = outside_at_entry(form, piece);
-    let inside = (piece.id_in == i4(0)) & !outside;
+    var inside = (piece.id_in == i4(0)) & !outside;
     var root = choose(
       inside, quadric_entry(form, piece, outside), quadric_exit(form, piece, !outside)
     );
     root.hit = root.hit & glance_0.near & (gone_0 != u4(number));
-    spotted_0 = spot_first(spotted_0, number, body, glance_0, root, inside);
+    root.surface = select(root.surface, i4(0), root.surface >= i4(last));
+    var place = place_of_root(root);
+    {  //? body_polynomials
+      let has_polynomial = b4(body.polynomial > 0u);
+      root.hit = select(root.hit, meeting_0.hit, has_polynomial);
+      root.surface = select(root.surface, meeting_0.face, has_polynomial);
+      place = select(place, meeting_0.u, has_polynomial);
+      inside = select(inside, meeting_0.inside, has_polynomial);
+    }
+    spotted_0 = spot_first(spotted_0, number, body, glance_0, root, place, inside);
   }
 }
 
@@ -186,17 +222,29 @@ fn catch_bodies() {
       slope_0 = either(spotted_0.surface == u4(body.surface + k + 1u), normal, slope_0);
     }
     // each quad
+    let glance_0 = glance_at(body, point_0, ray_0);
+    // each quad
+    var at_0 = further(glance_0.base, glance_0.along, u_0);
+    for (var once = 0u; once < min(body.polynomial, 1u); once++) {  //? body_polynomials
+      let caster = body_polynomial_at(body.polynomial - 1u);
+      // each quad
+      {
+        at_0 = further(glance_0.base, glance_0.along, spotted_0.place);
+        let on_f = spotted_0.surface == u4(body.surface);
+        slope_0 = either(on_f, bend_at(caster, at_0), slope_0);
+      }
+    }
+    // each quad
     {
       let mine = spotted_0.body == u4(number);
-      let on_curve = spotted_0.surface == u4(body.surface);
-      let glance = glance_at(body, point_0, ray_0);
-      let at = further(glance.base, glance.along, u_0);
-      let left = is_left(body.flags, on_curve, spotted_0.turned);
+      let on_curve = spotted_0.surface == u4(body.curve);
+      let on_f = spotted_0.surface == u4(body.surface);
+      let left = is_left(body.flags, on_f, spotted_0.turned);
       gone_0 = select(gone_0, select(u4(NO_BODY), u4(number), left), mine);
       let color = Vector(f4(body.color[0]), f4(body.color[1]), f4(body.color[2]));
       caught_0 = Caught(
-        either_point(mine, point_on(body, at), caught_0.point),
-        either(mine, either(on_curve, gradient_of(body, at), slope_0), caught_0.slope),
+        either_point(mine, point_on(body, at_0), caught_0.point),
+        either(mine, either(on_curve, gradient_of(body, at_0), slope_0), caught_0.slope),
         Finish(
           either(mine, color, caught_0.material.color),
           select(caught_0.material.specular, f4(body.specular), mine),
@@ -232,6 +280,8 @@ fn follow_mirrors(j: i32) {
       spotted_0.distance = select(f4(-3e38), f4(3e38), weight_0 > f4(0.0));
     }
     find_bodies();
+    // each quad
+    vague_0 = vague_0 | (spotted_0.doubt <= spotted_0.distance);  //? body_polynomials & error
     catch_bodies();
     // each quad
     {

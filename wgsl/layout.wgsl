@@ -253,16 +253,16 @@ struct Slab {
   numbers: u32,  // SLAB_… bits: its surfaces, and whether the light is outside
 }
 
-// The polynomial of an occluder, and its coordinates, from -1 to 1, along rays to a light.
+// The polynomial of an occluder or a body, and its coordinates along rays, from -1 to 1.
 struct Caster {
   @align(32) level: array<f32, 3>,  // coordinates of the middle, or of a lamp that is near
-  by_x: array<f32, 3>,  // their changes along the first axis across the rays, per radius
-  by_y: array<f32, 3>,  // along the second
-  by_v: array<f32, 3>,  // along the rays
+  by_x: array<f32, 3>,  // their changes for a radius: first axis across rays to a light, or x
+  by_y: array<f32, 3>,  // the same: second axis, or y
+  by_v: array<f32, 3>,  // the same: along the rays, or z
   shrink: f32,  // 1/v where the rays meet, at a lamp; else 0
   rounding: f32,  // error of F from rounding, of the sum of all |terms|
   sheet: u32,  // 1 if F = 0 is shown from both sides, else 0
-  ball: u32,  // 1 if the occluder's quadric is a ball that bounds it, else 0
+  ball: u32,  // 1 if its quadric is a ball that bounds it, else 0
   terms: array<f32, CASTER_TERMS>,  // as gpu/contract/powers.py orders them
 }
 
@@ -325,6 +325,8 @@ struct Body {
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
   reflection: f32,  // weight of the mirror image
+  curve: u32,  // number of the quadric among surfaces; 0 if it has none
+  polynomial: u32,  // row of its polynomial, from 1; 0 if it has none
 }
 
 // A half-space of a body: n.x + beyond <= 0.

@@ -284,7 +284,12 @@ fn render(
     // each quad
     shown_0.color = light_0;
     // each quad
-    nearest_0 = seen_0;
+    {
+      nearest_0 = seen_0;
+      nearest_0.doubt = either_key(unsure_0, FIRST, seen_0.doubt);  //? casters & error
+      let old = nearest_0.doubt;  //? body_polynomials & error
+      nearest_0.doubt = either_key(vague_0, FIRST, old);  //? body_polynomials & error
+    }
   }
   // each quad
   store_words(  //? store_words

@@ -416,16 +416,18 @@ SLAB = Record(
 
 CASTER = Record(
     "Caster",
-    "The polynomial of an occluder, and its coordinates, from -1 to 1, along rays to a light.",
+    "The polynomial of an occluder or a body, and its coordinates along rays, from -1 to 1.",
     (
         Field("level", "f32", 3, "coordinates of the middle, or of a lamp that is near"),
-        Field("by_x", "f32", 3, "their changes along the first axis across the rays, per radius"),
-        Field("by_y", "f32", 3, "along the second"),
-        Field("by_v", "f32", 3, "along the rays"),
+        Field(
+            "by_x", "f32", 3, "their changes for a radius: first axis across rays to a light, or x"
+        ),
+        Field("by_y", "f32", 3, "the same: second axis, or y"),
+        Field("by_v", "f32", 3, "the same: along the rays, or z"),
         Field("shrink", "f32", 1, "1/v where the rays meet, at a lamp; else 0"),
         Field("rounding", "f32", 1, "error of F from rounding, of the sum of all |terms|"),
         Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
-        Field("ball", "u32", 1, "1 if the occluder's quadric is a ball that bounds it, else 0"),
+        Field("ball", "u32", 1, "1 if its quadric is a ball that bounds it, else 0"),
         Field("terms", "f32", "CASTER_TERMS", "as gpu/contract/powers.py orders them"),
     ),
 )
@@ -506,6 +508,8 @@ BODY = Record(
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
         Field("reflection", "f32", 1, "weight of the mirror image"),
+        Field("curve", "u32", 1, "number of the quadric among surfaces; 0 if it has none"),
+        Field("polynomial", "u32", 1, "row of its polynomial, from 1; 0 if it has none"),
     ),
 )
 

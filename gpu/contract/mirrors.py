@@ -18,6 +18,7 @@ class PackedMirrors:
     bodies: Records  # (K,)
     faces: Records
     balls: Records  # around the bodies, in their order, and before them around groups of them
+    polynomials: Records | None  # of bodies, if some have one
     bounces: int  # how often a ray is reflected at most; at least 1
 
     @property

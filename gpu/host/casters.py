@@ -1,8 +1,8 @@
-"""Casters: polynomials of solids that may hide lights, along rays to lights, float64.
+"""Casters: polynomials of solids that may hide lights or be seen in mirrors, float64.
 
 A caster has coordinates of its own, in which the box of its solid is from -1 to 1. They are affine
-in those of `occluders`. F is a polynomial in them, which a ray composes with its own two points, so
-that terms are as small as F allows wherever the ray comes from.
+in those of `occluders` or `mirrors`. F is a polynomial in them, which a ray composes with its own
+two points, so that terms are as small as F allows wherever the ray comes from.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ ASIDE = 2.0**-9
 
 @dataclass(frozen=True)
 class Caster:
-    """The polynomial of an occluder; see `halfstep.contract.layout.CASTER`."""
+    """The polynomial of an occluder or a body; see `halfstep.contract.layout.CASTER`."""
 
-    axes: Floats  # (4, 3), coordinates at the origin; their changes along the rays' a, b and v
+    axes: Floats  # (4, 3), coordinates at the origin; their changes along a, b, v or x, y, z
     shrink: float
     degree: int
     is_sheet: bool
@@ -44,7 +44,7 @@ def caster_of(geometry: Geometry, ix: int, to_local: Floats, shrink: float) -> C
     Args:
         geometry: the solids.
         ix: the solid.
-        to_local: (4, 4), takes the coordinates of `occluders` to the solid's own.
+        to_local: (4, 4), takes the coordinates of `occluders` or `mirrors` to the solid's own.
         shrink: 1/v where rays meet; 0 if they are parallel, or count from where they meet.
     """
     every = geometry.polynomials

@@ -19,7 +19,9 @@ from halfstep.contract.arrays import Floats, Ints
 from halfstep.contract.layout import Shade
 from halfstep.contract.mirrors import PackedMirrors
 from halfstep.host.camera import View
+from halfstep.host.casters import Caster, caster_of
 from halfstep.host.geometry import Geometry
+from halfstep.host.pack_shadows import caster_records
 from halfstep.host.world import World, planes_of
 from halfstep.scene import Scene
 
@@ -62,6 +64,7 @@ class MirrorTables:
         self._balls = np.zeros(len(balls), layout.BALL.dtype())
         self._bodies = np.zeros(len(shown), layout.BODY.dtype())
         faces: list[Floats] = []
+        casters: list[Caster] = []
         face_start = 0
         for record, ball in zip(self._balls, balls, strict=True):
             record["center"], record["next"] = ball.center, ball.next
@@ -73,7 +76,12 @@ class MirrorTables:
             half = max(ball.radius * ROOM, 1.0)
             level = 2.0 ** math.ceil(math.log2(half))
             body["center"], body["unit"], body["bound"] = ball.center, 1 / level, half / level
-            own = _fill(body, geometry, world, ix)
+            to_local = _to_local(body, geometry, world, ix)
+            caster = caster_of(geometry, ix, to_local, 0.0)
+            if caster is not None:
+                casters.append(caster)
+                body["polynomial"] = len(casters)
+            own = _fill(body, geometry, world, ix, to_local, caster)
             body["face_start"], body["face_count"] = face_start, len(own)
             face_start += len(own)
             for name in ("color", "specular", "reflection"):
@@ -81,6 +89,7 @@ class MirrorTables:
             body["shininess"] = materials[ix].exponent
             self.body[ix], self.flags[ix] = record["body"], body["flags"]
             faces.append(own)
+        self._polynomials = caster_records(casters)
         self._faces = np.zeros(face_start, layout.FACE.dtype())
         if face_start:
             rows = np.concatenate(faces)
@@ -92,7 +101,14 @@ class MirrorTables:
         frame["middle"] = self._world.grid.middle - view.eye
         frame["unit"] = self._world.grid.unit
         frame["count"] = len(self._balls)
-        return PackedMirrors(frame, self._bodies, self._faces, self._balls, self._bounces)
+        return PackedMirrors(
+            frame=frame,
+            bodies=self._bodies,
+            faces=self._faces,
+            balls=self._balls,
+            polynomials=self._polynomials,
+            bounces=self._bounces,
+        )
 
 
 class _Ball(NamedTuple):
@@ -110,7 +126,9 @@ def _radii(geometry: Geometry, world: World, shown: Ints) -> Floats:
     radii = np.linalg.norm(boxes[1] - boxes[0], axis=0) / 2
     middle = boxes.mean(axis=0)
     curvatures = np.linalg.eigvalsh(geometry.quadric[:3, :3, shown].transpose(2, 0, 1))  # (V, 3)
-    is_round = geometry.has_quadric[shown] & (curvatures[:, 0] > SLENDER * curvatures[:, 2])
+    has_quadric = geometry.has_quadric.copy()
+    has_quadric[geometry.in_balls] = True
+    is_round = has_quadric[shown] & (curvatures[:, 0] > SLENDER * curvatures[:, 2])
     for row in np.flatnonzero(is_round).tolist():
         quadric, ix = geometry.quadric[..., shown[row]], shown[row]
         center = -np.linalg.solve(quadric[:3, :3], quadric[:3, 3])
@@ -157,19 +175,34 @@ def _balls(center: Floats, radius: Floats, rows: Ints, first: int = 0) -> Iterat
         first += 1 + len(members)
 
 
-def _fill(body: np.void, geometry: Geometry, world: World, ix: int) -> Floats:
-    """Fill the record of a solid. Returns its half-spaces (M, 4), with unit normals."""
+def _to_local(body: np.void, geometry: Geometry, world: World, ix: int) -> Floats:
+    """The matrix (4, 4) that takes the coordinates of a body to those of its solid."""
     grid, back = world.grid, geometry.world_from_local[..., ix].T
     to_local = np.eye(4)
     to_local[:3, :3] = back * (grid.unit / float(body["unit"]))
     middle = grid.middle + body["center"].astype(float) * grid.unit
     to_local[:3, 3] = back @ (middle - geometry.origin[:, ix])
-    is_convex = True
+    return to_local
+
+
+def _fill(
+    body: np.void,
+    geometry: Geometry,
+    world: World,
+    ix: int,
+    to_local: Floats,
+    caster: Caster | None,
+) -> Floats:
+    """Fill the record of a solid. Returns its half-spaces (M, 4), with unit normals."""
+    is_convex = caster is None
+    in_ball = caster is not None and caster.is_in_ball
     quadric = np.diag([0.0, 0.0, 0.0, -1.0])
-    if geometry.has_quadric[ix]:
+    if geometry.has_quadric[ix] or in_ball:
         quadric = to_local.T @ geometry.quadric[..., ix] @ to_local
         quadric = quadric / np.abs(quadric).max()
-        is_convex = bool(np.linalg.eigvalsh(quadric[:3, :3])[0] > -CONVEX)
+        is_convex &= bool(np.linalg.eigvalsh(quadric[:3, :3])[0] > -CONVEX)
+        of_ball = world.surface_count[ix] - 1 if in_ball else 0
+        body["curve"] = world.first_surface[ix] + of_ball
     body["second"] = quadric[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     body["slope"], body["value"] = quadric[3, :3], quadric[3, 3]
     is_patch = bool(geometry.is_patch[ix])

@@ -54,7 +54,7 @@ class ShadowTables:
             curves=any(one.has_quadric for hiding in shadows.occluders for one in hiding),
             many=max(map(len, shadows.occluders)) > MANY,
             encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
-            casters=_casters([each for each in casters if each is not None]),
+            casters=caster_records([each for each in casters if each is not None]),
         )
 
     @functools.cache  # noqa: B019 - two entries, and they last as long as the scene
@@ -166,7 +166,7 @@ def _integer_scale(largest: float) -> float:
     return 2.0**VALUE_BITS * (1 - 2.0**-10) / largest if largest > 0 else 1.0
 
 
-def _casters(casters: Sequence[Caster]) -> Records | None:
+def caster_records(casters: Sequence[Caster]) -> Records | None:
     """Records of casters; None if there are none."""
     if not casters:
         return None

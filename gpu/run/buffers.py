@@ -16,6 +16,7 @@ from halfstep.run.parts import PART_BYTES
 from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES
 from halfstep.shader.source import (
+    BODY_POLYNOMIALS_BINDING,
     CASTERS_BINDING,
     EXPRESSIONS_BINDING,
     HIGHERS_BINDING,
@@ -59,6 +60,7 @@ _NAMES = {
     30: "planes of copies before lights",
     31: "quadrics of copies before lights",
     32: "polynomials of occluders",
+    33: "polynomials of bodies",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
 Binding = tuple[GpuBuffer, int, int] | object
@@ -211,6 +213,8 @@ def contents_of(packed: Packed, lists: Lists, frame: Records, tiles: Array) -> d
         found[LOCATIONS] = packed.locations
     if packed.mirrors is not None:
         found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
+        if packed.mirrors.polynomials is not None:
+            found[BODY_POLYNOMIALS_BINDING] = packed.mirrors.polynomials
     if packed.shadows is not None:
         found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
         if packed.shadows.casters is not None:

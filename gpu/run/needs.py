@@ -59,6 +59,7 @@ def needs_of(
         far_lights=0 if shadows is None else shadows.far_lights,
         curves=shadows is not None and shadows.curves,
         casters=shadows is not None and shadows.casters is not None,
+        body_polynomials=packed.mirrors is not None and packed.mirrors.polynomials is not None,
         encloses=(shadows is not None and shadows.encloses)
         or (veils is not None and veils.encloses),
         many=shadows is not None and shadows.many,

@@ -13,7 +13,14 @@ from halfstep.contract.arrays import Bools, Ints
 from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.formats import FIXED32
 from halfstep.contract.mirrors import MIRROR_STEPS
-from halfstep.contract.powers import BOUNDS, CLOCKS, PLACE_HALVINGS, SEARCH_HALVINGS, SLOPE_HALVINGS
+from halfstep.contract.powers import (
+    BOUNDS,
+    CAST_STEPS,
+    CLOCKS,
+    PLACE_HALVINGS,
+    SEARCH_HALVINGS,
+    SLOPE_HALVINGS,
+)
 from halfstep.contract.regions import PackedRegions
 from halfstep.contract.stretches import rows_of
 from halfstep.contract.veils import PackedVeils
@@ -127,6 +134,10 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
         # All balls, and the half-spaces of all bodies to find what is met, and to look at it.
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
         of_mirrors = 2 * len(packed.mirrors.balls) + 2 * int((faces + 3).sum()) + MIRROR_STEPS
+        if packed.mirrors.polynomials is not None:
+            # Cells and halvings to find what is met, and a round each time to fetch a polynomial.
+            asked = needs.quads * (CLOCKS + CAST_STEPS + 2) + 4
+            of_mirrors += len(packed.mirrors.polynomials) * asked
     bounces = needs.bounces if of_mirrors else 0
     return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
 

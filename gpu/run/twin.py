@@ -206,7 +206,7 @@ class Band:
                 self._facts,
                 self._darkened,
             )
-            color = bounce.follow_mirrors(asked, nearest, points, shown.color, i, j)
+            color, nearest = bounce.follow_mirrors(asked, nearest, points, shown.color, i, j)
             shown = shown._replace(color=color)
         return nearest._asdict() | shown._asdict()
 

@@ -141,6 +141,9 @@ def mirror_faults(
 ) -> list[Fault]:
     """Faults of mirrors that are not drawn."""
     faults: list[Fault] = []
+    has_formulas = any(
+        isinstance(solid, Algebraic) and not solid.has_polynomial for solid in solids
+    )
     for index, material in enumerate(materials):
         loc = ("material", index, "reflection")
         if material.reflection == 0:
@@ -151,11 +154,9 @@ def mirror_faults(
         if has_cells(scene):
             text = f"{shown}: mirrors are drawn of solids alone, and the scene has cells"
             faults.append((loc, text))
-        if has_algebraic(scene, solids):
-            text = (
-                f"{shown}: mirrors are not drawn of tori and formulas yet, and the scene has some"
-            )
-            faults.append((loc, text))
+        if has_formulas:
+            text = "mirrors are not drawn of formulas that are no polynomials yet"
+            faults.append((loc, f"{shown}: {text}, and the scene has some"))
     reflects = any(material.reflection for material in materials)
     if reflects and accuracy.number_format != "float32":
         text = f"{show(accuracy.number_format)} cannot draw mirrors yet; use float32"

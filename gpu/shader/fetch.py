@@ -127,7 +127,7 @@ def in_textures(needs: Needs) -> tuple[str, ...]:
 # The members of a body that a shader reads to find out whether a ray meets it first.
 OF_TRIED = (
     *("second", "slope", "value", "flags", "surface", "face_start", "face_count"),
-    *("center", "unit", "bound"),
+    *("center", "unit", "bound", "curve", "polynomial"),
 )
 _NAMES = {"bodies": "body", "boxes": "box", "veil_boxes": "veil_box", "mirrors": "mirrors"}
 
@@ -165,6 +165,9 @@ def fetches(needs: Needs) -> str:
     if "casters" in needs.facts:
         record = CASTER.counted(CASTER_TERMS=solid_terms(needs.degree))
         functions.append(_record_at(needs, record, "casters", "caster"))
+    if "body_polynomials" in needs.facts:
+        record = CASTER.counted(CASTER_TERMS=solid_terms(needs.degree))
+        functions.append(_record_at(needs, record, "body_polynomials", "body_polynomial"))
     placed: dict[str, Record] = {}
     placed |= PLACE_RECORDS if "places" in needs.facts else {}
     placed |= SHADOW_RECORDS if "shadows" in needs.facts else {}

@@ -69,6 +69,7 @@ class Needs:
     curves: bool = False  # an occluder has a quadric
     encloses: bool = False  # a light may be inside an occluder
     casters: bool = False  # an occluder has a polynomial
+    body_polynomials: bool = False  # a body has a polynomial
     many: bool = False  # a light has so many occluders that groups of boxes pay
     veils: bool = False  # a copy of a group of cells may hide a light
     veil_rounds: int = 0  # loop rounds after which no more veils are tried; 0: all are tried
@@ -104,7 +105,7 @@ class Needs:
             wanted |= {"continued"} if self.continued else set()
             wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
         if self.bounces and self.outputs & {"image", "color"}:
-            wanted.add("mirrors")
+            wanted |= {"mirrors", "body_polynomials"} if self.body_polynomials else {"mirrors"}
         if wanted & {"shadows", "mirrors"}:
             wanted.add("places")
         if self.broadcast > 1:
@@ -168,7 +169,8 @@ class Needs:
         is_long = self.method == "article" or "error" in self.outputs or self.has_regions
         walks = Class.POLYNOMIAL in self.classes
         is_long |= (walks and self.degree > MOST_DEGREE_OF_BLOCKS) or self.judges
-        is_long |= Class.FORMULA in self.classes or "casters" in self.facts
+        is_long |= Class.FORMULA in self.classes
+        is_long |= not self.facts.isdisjoint({"casters", "body_polynomials"})
         if is_long or shades_long:
             return 1
         is_alone = len(self.classes) <= 1 and not walks

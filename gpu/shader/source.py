@@ -78,6 +78,8 @@ HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
 VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
 # The binding for polynomials of solids that may hide lights.
 CASTERS_BINDING = VEIL_BINDINGS.stop
+# The binding for polynomials of bodies.
+BODY_POLYNOMIALS_BINDING = CASTERS_BINDING + 1
 
 # The type of a binding that is a texture.
 TEXTURE = "texture"
@@ -242,6 +244,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[EXPRESSIONS_BINDING] = _read_from("expressions" in textures)
     if "casters" in needs.facts:
         types[CASTERS_BINDING] = _read_from("casters" in textures)
+    if "body_polynomials" in needs.facts:
+        types[BODY_POLYNOMIALS_BINDING] = _read_from("body_polynomials" in textures)
     types |= {number: _read_from(name in textures) for number, (name, _) in _placed(needs).items()}
     return types
 
@@ -305,6 +309,12 @@ def bindings(needs: Needs) -> str:
         (needs.has_polynomials, 10 + len(REGION_RECORDS), "polynomials", "Polynomial"),
         (needs.has_formulas, EXPRESSIONS_BINDING, "expressions", "Expression"),
         ("casters" in needs.facts, CASTERS_BINDING, "casters", "Caster"),
+        (
+            "body_polynomials" in needs.facts,
+            BODY_POLYNOMIALS_BINDING,
+            "body_polynomials",
+            "Caster",
+        ),
     )
     for is_there, number, name, type_ in special:
         if is_there:

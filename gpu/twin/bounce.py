@@ -16,6 +16,7 @@ from halfstep.contract.mirrors import MIRROR_STEPS, PackedMirrors
 from halfstep.twin.chosen import Chosen
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools, Form
+from halfstep.twin.meet import bend_at, meeting_of
 from halfstep.twin.mirror import (
     NO_BODY,
     Glance,
@@ -31,6 +32,7 @@ from halfstep.twin.mirror import (
     place_of_root,
     point_on,
 )
+from halfstep.twin.nearest import FIRST, either_key
 from halfstep.twin.normal import Vector, either, normalized, or_else, scaled
 from halfstep.twin.piece import Line, Piece, clip
 from halfstep.twin.place import Point, either_point
@@ -40,6 +42,8 @@ from halfstep.twin.shade import Finish, Light, seen, shade
 from halfstep.twin.shadows import Mirror
 
 MIRROR_STEP = np.float32(2.0**-MIRROR_STEPS)
+# Beyond all distances.
+NO_DOUBT = np.float32(3.2e38)
 
 
 class Spotted(NamedTuple):
@@ -50,6 +54,8 @@ class Spotted(NamedTuple):
     body: U32  # that of the body
     turned: U32  # which side of it is seen, as of `other_side`
     root: Root
+    place: F32  # u of it
+    doubt: F32  # distance from which on it is not certain
 
 
 def nothing_spotted(weight: F32) -> Spotted:
@@ -58,7 +64,8 @@ def nothing_spotted(weight: F32) -> Spotted:
     never = np.zeros(shape, bool)
     root = Root(never, np.zeros(shape, np.int32), zero, zero, zero, never)
     far = np.float32(3e38)
-    return Spotted(np.where(weight > 0, far, -far), none, none, none, root)
+    distance = np.where(weight > 0, far, -far)
+    return Spotted(distance, none, none, none, root, zero, np.full(shape, NO_DOUBT))
 
 
 class Caught(NamedTuple):
@@ -71,15 +78,18 @@ class Caught(NamedTuple):
     gone: U32  # number of the body that rays from there have left for good
 
 
+def distance_of(body: np.void, glance: Glance, u: F32) -> F32:
+    """The way from the mirror to u, at least that to the ball of the body."""
+    return (np.maximum(u, -body["bound"]) - glance.start) * (np.float32(1) / body["unit"])
+
+
 def spot_first(
-    old: Spotted, number: int, body: np.void, glance: Glance, root: Root, inside: Bools
+    old: Spotted, number: int, body: np.void, glance: Glance, root: Root, u: F32, inside: Bools
 ) -> Spotted:
-    """What a ray meets first, and a body, which it meets at a root."""
-    u = np.maximum(place_of_root(root), -body["bound"])
-    distance = (u - glance.start) * (np.float32(1) / body["unit"])
-    on_curve = (root.surface == 0) | (root.surface > int(body["face_count"]))
+    """What a ray meets first, and a body, which it meets at a root, at u."""
+    distance = distance_of(body, glance, u)
     is_flat = bool(int(body["flags"]) & Shade.FLAT)
-    face = np.where(on_curve, 0, root.surface).astype(np.uint32)
+    face = root.surface.astype(np.uint32)
     surface = body["surface"] + (np.full_like(face, 1) if is_flat else face)
     first = (distance == old.distance) & (surface < old.surface)
     nearer = root.hit & ((distance < old.distance) | first)
@@ -97,6 +107,8 @@ def spot_first(
             np.where(nearer, root.c, old.root.c),
             np.where(nearer, root.flipped, old.root.flipped),
         ),
+        np.where(nearer, u, old.place),
+        old.doubt,
     )
 
 
@@ -104,6 +116,7 @@ class Rays(NamedTuple):
     """Rays from mirrors."""
 
     surface: U32  # number of the surface that mirrors each
+    turned: U32  # which side of it does
     gone: U32  # number of the body that each has left for good
     point: Point  # where they begin
     along: Vector  # unit
@@ -123,7 +136,8 @@ def try_body(old: Spotted, number: int, mirrors: PackedMirrors, rays: Rays) -> S
         c, b = np.where(on, np.float32(-1), line.c), np.where(on, np.float32(0), line.b)
         piece = clip(piece, Line(c, b), k + 1)
     whole = curve_of(body, glance)
-    on_curve = rays.surface == np.uint32(base)
+    on_curve = rays.surface == body["curve"]
+    within = piece
     rest = clip(piece, Line(whole.a * glance.start + whole.g, whole.a), count + 1)
     piece = Piece(*(np.where(on_curve, a, b) for a, b in zip(rest, piece, strict=True)))
     flat = Form(*np.array([0, 0, -1], np.float32))
@@ -131,8 +145,19 @@ def try_body(old: Spotted, number: int, mirrors: PackedMirrors, rays: Rays) -> S
     outside = outside_at_entry(form, piece)
     inside = (piece.id_in == 0) & ~outside
     root = choose(inside, quadric_entry(form, piece, outside), quadric_exit(form, piece, ~outside))
-    root = root._replace(hit=root.hit & glance.near & (rays.gone != number))
-    return spot_first(old, number, body, glance, root, inside)
+    face = np.where(root.surface > count, 0, root.surface)
+    asked = glance.near & (rays.gone != number)
+    root = root._replace(hit=root.hit & asked, surface=face)
+    place = place_of_root(root)
+    if body["polynomial"]:
+        assert mirrors.polynomials is not None
+        caster = mirrors.polynomials[int(body["polynomial"]) - 1]
+        met = meeting_of(caster, body, glance, within, asked, rays.surface, rays.turned)
+        root = root._replace(hit=met.hit, surface=met.face)
+        place, inside = met.u, met.inside
+        doubt = np.where(met.sure, NO_DOUBT, distance_of(body, glance, met.begin))
+        old = old._replace(doubt=np.minimum(old.doubt, doubt))
+    return spot_first(old, number, body, glance, root, place, inside)
 
 
 class Asked(NamedTuple):
@@ -167,14 +192,19 @@ def catch_bodies(mirrors: PackedMirrors, rays: Rays, found: Spotted, chosen: Cho
         body = mirrors.bodies[number - 1]
         mine = found.body == number
         base = int(body["surface"])
-        on_curve = found.surface == np.uint32(base)
+        on_f = found.surface == np.uint32(base)
         glance = glance_at(body, rays.point, rays.along)
-        at = further(glance.base, glance.along, u)
+        place = found.place if body["polynomial"] else u
+        at = further(glance.base, glance.along, place)
         slope = gradient_of(body, at)
+        if body["polynomial"]:
+            assert mirrors.polynomials is not None
+            caster = mirrors.polynomials[int(body["polynomial"]) - 1]
+            slope = either(on_f, bend_at(caster, at), slope)
         for k in range(int(body["face_count"])):
             normal = normal_of_face(mirrors.faces[int(body["face_start"]) + k])
             slope = either(found.surface == np.uint32(base + k + 1), normal, slope)
-        left = is_left(int(body["flags"]), on_curve, found.turned)
+        left = is_left(int(body["flags"]), on_f, found.turned)
         old = caught.material
         color = Vector(*(np.asarray(part) for part in body["color"]))
         caught = Caught(
@@ -193,8 +223,10 @@ def catch_bodies(mirrors: PackedMirrors, rays: Rays, found: Spotted, chosen: Cho
 
 def follow_mirrors(
     asked: Asked, nearest: Nearest, points: Mirror, color: Vector, i: I32, j: I32
-) -> Vector:
+) -> tuple[Vector, Nearest]:
     """The colours of pixels with the light that mirrors add, bounce after bounce.
+
+    Also the visible points, uncertain where it is not certain what a mirror shows.
 
     Args:
         asked: all that is the same in every bounce.
@@ -212,12 +244,15 @@ def follow_mirrors(
     point = points.point
     weight = np.where(nearest.surface > 0, points.reflection, np.float32(0))
     color = scaled(color, np.float32(1) - weight)
-    slope, gone = nearest.slope, points.gone
+    slope, gone, visible = nearest.slope, points.gone, nearest
     for bounce in range(mirrors.bounces):
         back = Vector(*(-part for part in ray))
         ray = mirrored(ray, normalized(or_else(slope, back)))
-        rays = Rays(nearest.surface, gone, point, ray, weight)
+        rays = Rays(nearest.surface, nearest.turned, gone, point, ray, weight)
         found = find_bodies(mirrors, rays)
+        if "error" in asked.facts:
+            unsure = found.doubt <= found.distance
+            nearest = nearest._replace(doubt=either_key(unsure, FIRST, nearest.doubt))
         caught = catch_bodies(mirrors, rays, found, asked.chosen)
         point, slope, gone = caught.point, caught.slope, caught.gone
         nearest = nearest._replace(surface=found.surface, turned=found.turned)
@@ -240,4 +275,4 @@ def follow_mirrors(
         own = scaled(shown, weight - passed_on)
         color = Vector(*(old + seen(new) for old, new in zip(color, own, strict=True)))
         weight = passed_on
-    return color
+    return color, visible._replace(doubt=nearest.doubt)
