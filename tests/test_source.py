@@ -120,6 +120,7 @@ SHADOWED = replace(
     encloses=True,
     casters=True,
     bounces=1,
+    body_polynomials=True,
     veils=True,
 )
 
@@ -322,10 +323,12 @@ def _combinations() -> Iterator[Needs]:
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
         bounces = int(form is not FIXED32)  # which cannot draw mirrors
         lit = replace(SHADOWED, format=form, bounces=bounces, veils=False, casters=False)
+        lit = replace(lit, body_polynomials=False)
         yield replace(lit, far_lights=far, encloses=encloses)
         if form is not FIXED32:  # which cannot draw shadows of cells and polynomials
             yield replace(lit, far_lights=far, encloses=encloses, veils=True)
-            yield replace(lit, far_lights=far, encloses=encloses, casters=True)
+            higher = replace(lit, casters=True, body_polynomials=True)
+            yield replace(higher, far_lights=far, encloses=encloses)
     for continued, classes in product((False, True), ((Class.PATCH,), (Class.REGION,))):
         counted = replace(SHADOWED, bounces=0, veil_rounds=64, continued=continued)
         yield replace(counted, classes=classes, outputs=ALL)
@@ -374,7 +377,7 @@ def as_it_lies(name: str) -> str:
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
     if form is FIXED32:  # cannot draw shadows of cells and polynomials
-        need = replace(need, veils=False, casters=False)
+        need = replace(need, veils=False, casters=False, body_polynomials=False)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)
     method = "article" if name == "visit_article" else "visible"
