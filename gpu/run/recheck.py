@@ -14,8 +14,8 @@ pixel uncertain in three cases:
 * It lies behind what the pixel shows, by integers that are certain of its root.
 * Integers are certain that the ray misses it.
 
-Frames that shade with shadows of polynomials ask no integers: along creases float32 may not know
-which way the surface at a point faces, and counts on the uncertainty of the point itself.
+Frames that shade with polynomials in shadows or mirrors ask no integers: along creases float32 may
+not know which way the surface at a point faces, and counts on the uncertainty of the point itself.
 """
 
 from __future__ import annotations
@@ -70,9 +70,11 @@ def is_possible(packed: Packed, outputs: frozenset[str]) -> bool:
     """Whether a frame with these outputs asks integers."""
     if "error" not in outputs or packed.format is FIXED32:
         return False
-    # With shadows of polynomials, `error` tells of them, too: float32 decides where they fall.
-    casters = packed.shadows is not None and packed.shadows.casters is not None
-    if casters and not outputs.isdisjoint(("image", "color", "shadow")):
+    # With polynomials in shadows or mirrors, `error` tells of these, too: float32 decides on them.
+    shadows, mirrors = packed.shadows, packed.mirrors
+    traced = shadows is not None and shadows.casters is not None
+    traced |= mirrors is not None and mirrors.polynomials is not None
+    if traced and not outputs.isdisjoint(("image", "color", "shadow")):
         return False
     return bool((packed.solids["flags"] & np.uint32(Flag.RECHECKED)).any())
 
