@@ -24,6 +24,8 @@ Bools = NDArray[np.bool_]
 Wide = NDArray[Any]  # of longdouble
 # Halvings of a piece until it is decided, and of a root.
 DEPTH, HALVINGS = 36, 60
+# Halvings of a root that only divides a ray.
+ROUGH = 24
 # Pieces into which what is within the bounds is cut at first.
 PIECES = 8
 
@@ -67,7 +69,7 @@ class Bounded:
         enter, leave = self._bounds(point, step)
         begin, end = np.maximum(enter, near), np.minimum(leave, far)
         p, w = point.astype(float), step.astype(float)
-        search = _Search(self.function, p, w)
+        search = Search(self.function, p, w)
         roots, known = search.roots(begin.astype(float), end.astype(float), far)
         ends = np.where(enter < leave, np.stack([enter, leave]), np.inf).astype(float)
 
@@ -95,7 +97,7 @@ class Bounded:
         return np.minimum(one, two).max(axis=0), np.maximum(one, two).min(axis=0)
 
 
-class _Search:
+class Search:
     """F along rays p + s w (3, R)."""
 
     def __init__(self, function: Callable[..., Any], p: Floats, w: Floats) -> None:
@@ -118,8 +120,13 @@ class _Search:
         """The same at places."""
         return self.along(ray, interval_of(s))
 
-    def roots(self, begin: Floats, end: Floats, far: float) -> tuple[Floats, Bools]:
-        """All roots (E, R) between two depths (R,), infinite where there are fewer; and if so."""
+    def roots(
+        self, begin: Floats, end: Floats, far: float, *, rough: bool = False
+    ) -> tuple[Floats, Bools]:
+        """All roots (E, R) between two depths (R,), infinite where there are fewer; and if so.
+
+        ``rough``: to about 2^-ROUGH of a piece.
+        """
         known = np.ones(len(begin), bool)
         ray = np.flatnonzero(end > begin)
         parts = np.linspace(0, 1, PIECES + 1)[:, None]
@@ -156,14 +163,14 @@ class _Search:
         rises = self.at(ray, a).value.high < 0
         # The last place where F surely has the sign before the root, and the first one behind it.
         low, above, below, high = a.copy(), b.copy(), a.copy(), b.copy()
-        for _ in range(HALVINGS):
+        for _ in range(ROUGH if rough else HALVINGS):
             first, second = (low + above) / 2, (below + high) / 2
             one, two = self.at(ray, first).value, self.at(ray, second).value
             before = np.where(rises, one.high < 0, one.low > 0)
             behind = np.where(rises, two.low > 0, two.high < 0)
             low, above = np.where(before, first, low), np.where(before, above, first)
             high, below = np.where(behind, second, high), np.where(behind, below, second)
-        known[ray[high - low > 1e-12 * far]] = False
+        known[ray[high - low > (1e-12 if not rough else 2.0 ** (4 - ROUGH)) * far]] = False
         order = np.lexsort([low, ray])
         ray, places = ray[order], ((low + high) / 2)[order]
         count = np.bincount(ray, minlength=len(begin))

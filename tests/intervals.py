@@ -122,6 +122,11 @@ class Dual:
     def __rtruediv__(self, other: Any) -> Dual:
         return dual(other) / self
 
+    def __pow__(self, exponent: Any) -> Dual:
+        if isinstance(exponent, int):
+            return power(self, exponent)
+        return exp(exponent * log(self))
+
 
 def dual(value: Any) -> Dual:
     """A number, or what is one already."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from halfstep.host.camera import view
 from halfstep.scene import Algebraic, PlanePatch, QuadricSolid, Scene
-from tests.higher_shadows import along_rays, functions_of, roots_of, value_at
+from tests.higher_shadow_oracle import along_rays, functions_of, roots_of, value_at
 from tests.oracle import Oracle
 
 Bools = NDArray[np.bool_]

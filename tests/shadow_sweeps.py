@@ -49,6 +49,7 @@ class Count:
     ties: int = 0
     unsure: int = 0  # wrong where `error` says so, if that is asked
     wrong: int = 0
+    open: int = 0  # all where `error` says so, likewise
 
     def __str__(self) -> str:
         return ", ".join(f"{name} {count}" for name, count in vars(self).items())
@@ -91,6 +92,8 @@ class Judged:
                     stable &= there == here[k]
         certain = np.isfinite(frame.error.ravel()[k]) if self._certain else np.ones(len(k), bool)
         total.hits += int(same.sum())
+        if self._certain:
+            total.open += int(np.isinf(frame.error.ravel()[same]).sum())
         total.dark += int((dark[same] > 0).sum())
         total.ties += int((~stable).sum())
         total.unsure += int((stable & ~certain).sum())

@@ -1,4 +1,4 @@
-"""Shadows of tori and polynomials, and on them: bits against the oracle, device and twin."""
+"""Shadows of tori, polynomials and formulas: bits against the oracle, device and twin."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
-from tests.higher_shadows import HigherShadows, occluded, random_lit, scene_of
+from tests.formula_surfaces import solid_of
+from tests.higher_shadow_oracle import HigherShadows
+from tests.higher_shadows import occluded, random_formulas, random_lit, scene_of
 from tests.shadow_sweeps import Count, Judged
 
-SMALL = (64, 48)
+SMALL, TINY = (64, 48), (24, 18)
 RING: dict[str, Any] = {"kind": "torus", "major": 1.0, "minor": 0.3}
 
 
@@ -39,6 +41,34 @@ def test_bundled_scenes(name: str) -> None:
     assert total.ties + total.unsure <= (10 if name == "heart" else 2)
     assert total.dark > 20
     assert total.hits > 500
+
+
+def test_a_bundled_formula() -> None:
+    total = judged([with_overrides(halfstep.load("sine_helix"), shadows=True)], TINY)
+    assert total.wrong == 0
+    assert total.ties + total.unsure <= 2
+    assert total.open <= 0.01 * total.hits
+    assert total.dark > 30
+    assert total.hits > 70
+
+
+@pytest.mark.parametrize("name", ["gyroid", "shell", "rounded", "spindle"])
+def test_random_formulas(name: str, rng: np.random.Generator) -> None:
+    """A formula, whole or cut, in a ball or a box, or the sheet; a far light and lamps."""
+    total = judged([random_formulas(rng, name)], TINY)
+    assert total.wrong == 0
+    assert total.ties + total.unsure <= 0.01 * total.hits
+    assert total.open <= 0.02 * total.hits
+    assert total.dark > 60
+    assert total.hits > 120
+
+
+@pytest.mark.parametrize(("distance", "lamp"), [(3.0, True), (1e4, False)])
+def test_formulas_at_any_distance(distance: float, lamp: bool, rng: np.random.Generator) -> None:
+    total = judged([occluded(rng, distance, lamp=lamp, name="helix")], TINY)
+    assert total.wrong == 0
+    assert total.ties + total.unsure <= 2
+    assert total.dark > 4
 
 
 def test_random_scenes(rng: np.random.Generator) -> None:
@@ -121,6 +151,52 @@ def test_what_casts_no_shadow_hides_nothing() -> None:
     assert judged([scene]).wrong == 0
 
 
+# In the gyroid.
+AMID = [0.5, -0.5, 1.0]
+
+
+def lamp_in_a_gyroid(eye: list[float]) -> Scene:
+    """Lamps in a solid gyroid in a ball, and in its hollow; the sheet of another one beside it."""
+    surface = solid_of("gyroid", ball=True)
+    solid = {**surface, "bounds": {"radius": 2.2}}
+    sheet = {**solid_of("gyroid"), "origin": [0.4, 0.1, 3.4], "sheet": True}
+    lights: list[dict[str, Any]] = [
+        {"position": [0.45, -0.5, 1.0]},
+        {"position": [-0.55, 0.5, 0.3]},
+        {"direction": [0.4, -1, 1.5]},
+    ]
+    return scene_of([solid, sheet], lights, eye, 80.0)
+
+
+def test_lamps_in_formulas() -> None:
+    """A light inside of a solid shines on its inner side."""
+    scenes = [lamp_in_a_gyroid(AMID), lamp_in_a_gyroid([1.0, -4.5, 3.5])]
+    total = judged(scenes, TINY)
+    assert total.wrong == 0
+    assert total.ties + total.unsure <= 4
+    assert total.open <= 0.02 * total.hits
+    frame = halfstep.render(scenes[0], size=SMALL, backend="numpy", outputs=("shadow",))
+    assert ((frame.shadow & 1) == 0).sum() > 1000
+    assert 1000 < ((frame.shadow & 2) > 0).sum() < 2000
+
+
+def test_a_formula_does_not_hide_the_light_from_itself() -> None:
+    """No acne at any scale: what is lit along the axis is its whole upper half."""
+    for scale in (1e-3, 1.0, 1e6):
+        radius = {"radius": 1.2 * scale}
+        text = "sqrt(x^2 + y^2 + z^2) - a"
+        ball = {"kind": "implicit", "formula": text, "parameters": {"a": scale}, "bounds": radius}
+        eye = [0.5 * scale, -2.5 * scale, 4 * scale]
+        scene = scene_of([ball], [{"direction": [0, 0, 1]}], eye, 40.0)
+        outputs = ("shadow", "normal", "error")
+        frame = halfstep.render(scene, size=SMALL, backend="numpy", outputs=outputs)
+        hit, up = frame.solid >= 0, frame.normal[..., 2]
+        assert not (frame.shadow > 0)[hit & (up > 1e-3)].any()
+        assert (frame.shadow > 0)[hit & (up < -1e-3)].all()
+        assert (hit & (up > 1e-3)).sum() > 500
+        assert np.isfinite(frame.error[hit]).mean() > 0.99
+
+
 def beneath_a_wire() -> Scene:
     """A floor beneath a ring, and one so thin that float32 does not know whether rays pass it."""
     wire = {"kind": "torus", "major": 1.0, "minor": 1e-4, "origin": [0, 0, 2]}
@@ -166,7 +242,8 @@ def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[st
 
 @pytest.mark.usefixtures("adapter")
 def test_the_device_gives_the_bits_of_the_twin(rng: np.random.Generator) -> None:
-    for scene in (random_lit(rng), lamp_in_a_ring(WITHIN)):
+    lamps = (lamp_in_a_ring(WITHIN), lamp_in_a_gyroid(AMID))
+    for scene in (random_lit(rng), random_formulas(rng, "metaballs"), *lamps):
         assert differing(scene, ("image", "shadow", "error")) == []
     assert differing(beneath_a_wire(), ("shadow", "error")) == []
 
@@ -175,10 +252,13 @@ def test_the_device_gives_the_bits_of_the_twin(rng: np.random.Generator) -> None
 FAULTS = [
     ("select(p[0u], p[0u + 1u], some)", "p[0u]"),
     ("(turned > u4(0u))", "(turned == u4(0u))"),
-    ("inside | cell.met | beside", "inside | cell.met"),
+    ("inside | cell.met | rest.beside", "inside | cell.met"),
     ("select(of_other, of_own, on_curve)", "of_other"),
     ("unsure_0 | (!cast_0.sure", "unsure_0 & (!cast_0.sure"),
     ("by_v - shrink * across", "by_v + shrink * across"),
+    ("expression_jet(form, own, is_opposite, m, h)", "expression_jet(form, own, b4(false), m, h)"),
+    ("select(clear, has_slope(first), on_curve)", "clear"),
+    ("begins & (tilt > 4.0 * off)", "begins & (tilt < 4.0 * off)"),
 ]
 
 
@@ -188,7 +268,8 @@ def test_a_fault_in_the_kernel_is_seen(
 ) -> None:
     texts = plant(old, new)
     sheet = with_overrides(halfstep.load("clebsch_cubic"), shadows=True)
-    scenes = (lamp_in_a_ring(WITHOUT), beneath_a_wire(), sheet)
+    ring, gyroid = lamp_in_a_ring(WITHOUT), lamp_in_a_gyroid(AMID)
+    scenes = (ring, beneath_a_wire(), sheet, gyroid)
     index = adapter.summary.index
     assert any(differing(each, ("shadow", "error"), adapter=index) for each in scenes)
     assert any(old in text for text in texts)
@@ -200,3 +281,13 @@ def test_scenes_without_casters_hold_no_code_of_them() -> None:
     assert "hide(" in text
     for word in ("Caster", "Cast(", "unsure_0", "moved_track"):
         assert word not in text
+
+
+def test_shaders_hold_the_code_of_the_forms_of_their_scene() -> None:
+    texts = []
+    for name in ("one_torus", "metaballs"):
+        scene = with_overrides(halfstep.load(name), shadows=True, size=SMALL)
+        needs = needs_of_frame(prepare(scene), "visible", frozenset({"image", "tag"}))
+        texts.append(compose(needs))
+    assert ["powers_along(" in text for text in texts] == [True, False]
+    assert ["climbing_jet(" in text for text in texts] == [False, True]

@@ -637,8 +637,8 @@ FAULTS = [
     ("cast.sizes_along", "abs(k[term])", "k[term]"),
     ("cast.rest_of_powers", "f4(0.0), some", "p[0], some"),
     ("cast.shaded", "(powers[0] < -error)", "(powers[0] > error)"),
+    ("cast.rest_of_ray", "on_curve | encloses", "on_curve"),
     ("cast.cast_of", "== u4(1u)", "== u4(2u)"),
-    ("cast.cast_of", "inside | cell.met | beside", "inside | cell.met"),
     ("meet.glance_track", "+ ahead) + level", "+ ahead) - level"),
     ("meet.glance_trace", "k.by_v[2], b, d", "k.by_v[1], b, d"),
     ("meet.slopes_in", "plane_z * y + line_z", "plane_z * y"),
@@ -647,12 +647,19 @@ FAULTS = [
     ("meet.meeting_of", "glance.start + form.g)", "glance.start - form.g)"),
     ("meet.meeting_of", "turned == u4(0u), on_f", "turned != u4(0u), on_f"),
     ("meet.meeting_of", "-curve.powers[0], on_entry", "curve.powers[0], on_entry"),
+    ("cast.cast_of", "inside | cell.met | rest.beside", "inside | cell.met"),
     ("arcs.most_bent", "+ a.rest", ""),
     ("arcs.number_arc", "f4(k), f4(0.0)", "f4(k), f4(k)"),
     ("arcs.checked_arc", "return a;", "return negated_arc(a);"),
     ("arcs.raised_arc", "a.value + k", "a.value - k"),
     ("arcs.scaled_arc", "k * a.bend", "k * a.slope"),
     ("arcs.negated_arc", "-a.bend", "a.bend"),
+    ("climb.known_to", "u4(STEEP)", "u4(KINKED)"),
+    ("climb.lowered_jet", "jet.value - level", "jet.value + level"),
+    ("climb.is_sloped", "STEEP | UNDEFINED", "STEEP"),
+    ("climb.has_slope", "abs(jet.slope)", "jet.slope"),
+    ("climb.climbing_jet", "tilt > 4.0 * off", "tilt > 3.0 * off"),
+    ("climb.climbing_jet", "middle | (sloped", "middle & (sloped"),
     ("arcs.sum_arc", "a.rest + b.rest", "a.rest - b.rest"),
     ("arcs.difference_arc", "a.bend - b.bend", "a.bend + b.bend"),
     ("arcs.product_arc", "bend_b * around_a", "bend_a * around_a"),
@@ -820,6 +827,9 @@ class Draw:
                 return rng.integers(0, 16, shape)
             case "least":
                 return np.abs(self._usual(name, leaf))
+            case "a" | "g" | "c" if self._function.file == "cast" and place[:9] == "occluder.":
+                # Rays meet the ball where float32 holds the square of the place.
+                return rng.choice([-1, 1], shape) * rng.uniform(0.1, 1, shape)
             case "t" if self._function.file in ("trace", "cast"):
                 # Ways to lamps are no shorter than a part of the way to the solid.
                 value = self._usual(name, leaf)

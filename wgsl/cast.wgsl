@@ -1,6 +1,7 @@
 // A polynomial solid and rays to a light -> whether it hides the light: F along the rest of a ray.
 //
-// Let s run along the rest of a ray, from 0 where it begins to 2. If the ray begins on F, one root
+// The rest of a ray is its part in the box of the solid. Let s run along it, from 0 where it begins
+// to 2. If the ray begins on F, one root
 // is known: F is s times another polynomial, which is tried in its place. gpu/twin/cast.py derives
 // the error of F.
 
@@ -9,7 +10,14 @@ const CAST_LAST_STEP: f32 = 1.0 / f32(1u << CAST_STEPS);
 // Rays whose rest is shorter are taken for as long, so that their slope is known.
 const SHORTEST: f32 = 0x1p-24f;
 
-// What a polynomial solid does to a light.
+// The rests of rays to a light, of which something is asked.
+struct Rest {
+  trace: Trace,  // from u = 0 to 2
+  some: b4,  // something is asked of them
+  beside: b4,  // the light is inside the solid, and the point is not in its box
+}
+
+// What a solid of an order above two does to a light.
 struct Cast {
   faces: b4,  // F rises towards the light
   met: b4,  // F <= 0 somewhere on the rest of the ray; where that is asked, F >= 0
@@ -90,22 +98,20 @@ fn shaded(curve: Curve, going: b4) -> Cell {
   return cell;
 }
 
-// What a solid with a polynomial does to a light.
+// The rests of rays that some pixels ask for.
 //
-// `piece` is the part of the ray within its half-spaces. Pixels `on_curve`, which show the side
-// `turned` of the surface, have points on F.
-fn cast_of(
+// `piece` is the part of the ray within the half-spaces of the solid. Pixels `on_curve` have points
+// on F.
+fn rest_of_ray(
   caster: Caster,
   occluder: Occluder,
   ray: Ray,
   piece: Piece,
   asked: b4,
   on_curve: b4,
-  turned: u4,
-) -> Cast {
+) -> Rest {
   let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
   let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);
-  let is_sheet = b4(caster.sheet != 0u);
   let is_ball = b4(caster.ball != 0u);
   let whole = whole_ray(ray);
   // Where the light is inside, F > 0 counts beyond the half-spaces, too.
@@ -125,18 +131,23 @@ fn cast_of(
   let way = boxed_way(trace, Way(start, stop));
   let begin = select(way.begin, start, on_curve);
   let ahead = ((ray.t > f4(0.0)) & (ray.c_in <= f4(1.0))) | b4(at_lamp);
-  var some = asked & ahead & (chord.met | !is_ball | free);
+  let some = asked & ahead & (chord.met | !is_ball | free);
   // A light inside is hidden from what is not in the box.
   let beside = some & encloses & ((way.begin > start) | (way.begin >= way.end));
-  some = some & (begin < way.end) & !beside;
-
   let half = max((way.end - begin) * 0.5, f4(SHORTEST));
-  let rest = moved_trace(trace, begin, half);
-  let powers = powers_along(caster.terms, rest.x, rest.y, rest.z);
-  let sizes = sizes_along(caster.terms, rest.x, rest.y, rest.z);
+  return Rest(moved_trace(trace, begin, half), some & (begin < way.end) & !beside, beside);
+}
+
+// What a solid with a polynomial does to a light.
+//
+// Pixels `on_curve`, which show the side `turned` of the surface, have points on F.
+fn cast_of(caster: Caster, rest: Rest, encloses: b4, on_curve: b4, turned: u4) -> Cast {
+  let is_sheet = b4(caster.sheet != 0u);
+  let powers = powers_along(caster.terms, rest.trace.x, rest.trace.y, rest.trace.z);
+  let sizes = sizes_along(caster.terms, rest.trace.x, rest.trace.y, rest.trace.z);
   let faces = powers[1] > f4(0.0);
   // What is turned away from the light is dark whatever else stands there.
-  some = some & !(on_curve & (faces == (turned > u4(0u))));
+  let some = rest.some & !(on_curve & (faces == (turned > u4(0u))));
   let of_own = select(turned == u4(1u), turned > u4(0u), is_sheet);
   let of_other = select(encloses, powers[0] <= f4(0.0), is_sheet);
   let is_opposite = select(of_other, of_own, on_curve);
@@ -151,5 +162,5 @@ fn cast_of(
   let inside = some & (curve.powers[0] <= f4(0.0)) & !is_sheet & !on_curve;
   let cell = shaded(curve, some & !inside);
   let clear = abs(curve.powers[0]) > curve_error(curve, f4(0.0));
-  return Cast(faces, inside | cell.met | beside, select(cell.sure, clear, inside) | !some);
+  return Cast(faces, inside | cell.met | rest.beside, select(cell.sure, clear, inside) | !some);
 }

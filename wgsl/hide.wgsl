@@ -48,7 +48,7 @@ fn hide(occluder: Occluder, bit: u32) {
   var sheet_0 = b4(false);  //? casters
   // each quad
   var cast_0 = Cast(b4(false), b4(false), b4(true));  //? casters
-  for (var once = 0u; once < min(occluder.caster, 1u); once++) {  //? casters
+  for (var one = 0u; one < min(occluder.caster, 1u); one++) {  //? casters
     let caster = caster_at(occluder.caster - 1u);
     // each quad
     {
@@ -56,7 +56,14 @@ fn hide(occluder: Occluder, bit: u32) {
       let on_f = own & (nearest_0.surface == u4(occluder.surface));
       let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);
       let asked = (nearest_0.surface > u4(0u)) & (!own | on_f | encloses);
-      cast_0 = cast_of(caster, occluder, ray_0, piece_0, asked, on_f, nearest_0.turned);
+      let rest = rest_of_ray(caster, occluder, ray_0, piece_0, asked, on_f);
+      for (var polynomial = caster.formula; polynomial < 1u; polynomial++) {  //? cast_polynomials
+        cast_0 = cast_of(caster, rest, encloses, on_f, nearest_0.turned);
+      }
+      for (var once = 0u; once < min(caster.formula, 1u); once++) {  //? cast_formulas
+        let form = cast_formula_at(caster.formula - 1u);
+        cast_0 = cast_formula_of(form, caster, rest, encloses, on_f, nearest_0.turned);
+      }
       // Both sides of a sheet are outer sides.
       sheet_0 = b4(caster.sheet != 0u);
     }

@@ -238,7 +238,7 @@ struct Occluder {
   flags: u32,  // SHADE_… bits
   surface: u32,  // number of F among surfaces; those of its half-spaces follow
   curve: u32,  // number of the quadric among surfaces; 0 if it has none
-  caster: u32,  // row of its polynomial among casters, from 1; 0 if it has none
+  caster: u32,  // row of its form among casters, from 1; 0 if it has none
   first: u32,  // number of its first surface in the scene, from 1
   count: u32,  // how many surfaces it has
   slab_start: u32,  // its first slab
@@ -253,9 +253,9 @@ struct Slab {
   numbers: u32,  // SLAB_… bits: its surfaces, and whether the light is outside
 }
 
-// The polynomial of an occluder or a body, and its coordinates along rays, from -1 to 1.
+// The form of an occluder or a body of an order above two, and its coordinates along rays.
 struct Caster {
-  @align(32) level: array<f32, 3>,  // coordinates of the middle, or of a lamp that is near
+  @align(32) level: array<f32, 3>,  // of the middle, or of a lamp that is near; the box is -1 to 1
   by_x: array<f32, 3>,  // their changes for a radius: first axis across rays to a light, or x
   by_y: array<f32, 3>,  // the same: second axis, or y
   by_v: array<f32, 3>,  // the same: along the rays, or z
@@ -263,6 +263,9 @@ struct Caster {
   rounding: f32,  // error of F from rounding, of the sum of all |terms|
   sheet: u32,  // 1 if F = 0 is shown from both sides, else 0
   ball: u32,  // 1 if its quadric is a ball that bounds it, else 0
+  formula: u32,  // row of its formula, from 1; 0 if it is a polynomial
+  center: array<f32, 3>,  // middle of the box in its own coordinates, of a formula
+  size: array<f32, 3>,  // half the box, likewise
   terms: array<f32, CASTER_TERMS>,  // as gpu/contract/powers.py orders them
 }
 

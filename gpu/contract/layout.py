@@ -395,7 +395,7 @@ OCCLUDER = Record(
         Field("flags", "u32", 1, "SHADE_… bits"),
         Field("surface", "u32", 1, "number of F among surfaces; those of its half-spaces follow"),
         Field("curve", "u32", 1, "number of the quadric among surfaces; 0 if it has none"),
-        Field("caster", "u32", 1, "row of its polynomial among casters, from 1; 0 if it has none"),
+        Field("caster", "u32", 1, "row of its form among casters, from 1; 0 if it has none"),
         Field("first", "u32", 1, "number of its first surface in the scene, from 1"),
         Field("count", "u32", 1, "how many surfaces it has"),
         Field("slab_start", "u32", 1, "its first slab"),
@@ -416,9 +416,9 @@ SLAB = Record(
 
 CASTER = Record(
     "Caster",
-    "The polynomial of an occluder or a body, and its coordinates along rays, from -1 to 1.",
+    "The form of an occluder or a body of an order above two, and its coordinates along rays.",
     (
-        Field("level", "f32", 3, "coordinates of the middle, or of a lamp that is near"),
+        Field("level", "f32", 3, "of the middle, or of a lamp that is near; the box is -1 to 1"),
         Field(
             "by_x", "f32", 3, "their changes for a radius: first axis across rays to a light, or x"
         ),
@@ -428,6 +428,9 @@ CASTER = Record(
         Field("rounding", "f32", 1, "error of F from rounding, of the sum of all |terms|"),
         Field("sheet", "u32", 1, "1 if F = 0 is shown from both sides, else 0"),
         Field("ball", "u32", 1, "1 if its quadric is a ball that bounds it, else 0"),
+        Field("formula", "u32", 1, "row of its formula, from 1; 0 if it is a polynomial"),
+        Field("center", "f32", 3, "middle of the box in its own coordinates, of a formula"),
+        Field("size", "f32", 3, "half the box, likewise"),
         Field("terms", "f32", "CASTER_TERMS", "as gpu/contract/powers.py orders them"),
     ),
 )

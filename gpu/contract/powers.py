@@ -63,6 +63,11 @@ def solid_terms(degree: int) -> int:
     return (degree + 1) * (degree + 2) * (degree + 3) // 6
 
 
+def caster_terms(degree: int) -> int:
+    """Terms in the record of an occluder's form: an array there has two elements or more."""
+    return solid_terms(max(degree, 1))
+
+
 def solid_degree(count: int) -> int:
     """The degree of a polynomial in x, y and z with so many terms."""
     return next(degree for degree in range(count) if solid_terms(degree) >= count)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from halfstep.contract.arrays import Records
+from halfstep.contract.expressions import PackedExpressions
 
 # Neighbouring occluders in a group. A group has a bounding box around their bounding boxes.
 GROUP = 8
@@ -24,7 +25,8 @@ class PackedShadows:
     occluders: Records  # one light after another; each light begins at a multiple of GROUP^2
     slabs: Records
     boxes: Records  # of occluders, of groups, of groups of groups; no ray meets the last box
-    casters: Records | None  # polynomials of occluders, if some have one
+    casters: Records | None  # forms of occluders of an order above two, if there are some
+    formulas: PackedExpressions | None  # those of them that are no polynomials, if there are some
     far_lights: int  # how many of the L lights are far away
     curves: bool  # whether an occluder has a quadric
     many: bool  # whether a light has more than MANY occluders

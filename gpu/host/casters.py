@@ -1,8 +1,11 @@
-"""Casters: polynomials of solids that may hide lights or be seen in mirrors, float64.
+"""Casters: forms of solids, of an order above two, that may hide lights or be seen in mirrors.
+
+All is computed in float64, once for a scene.
 
 A caster has coordinates of its own, in which the box of its solid is from -1 to 1. They are affine
-in those of `occluders` or `mirrors`. F is a polynomial in them, which a ray composes with its own
-two points, so that terms are as small as F allows wherever the ray comes from.
+in those of `occluders` or `mirrors`. A polynomial F is one in them, too, which a ray composes with
+its own two points, so that terms are as small as F allows wherever the ray comes from. Another
+formula is evaluated in the solid's own coordinates.
 """
 
 from __future__ import annotations
@@ -11,35 +14,52 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from halfstep.contract.arrays import Floats
-from halfstep.contract.powers import solid_degree, solid_places
+from halfstep.contract.arrays import Floats, Ints
+from halfstep.contract.powers import caster_terms, solid_degree, solid_places
 from halfstep.host.geometry import Geometry
+from halfstep.scene.programs import Compiled
+from halfstep.scene.ranges import Range, range_of
 
 # The box of what a caster asks for is larger than that of the solid by this part.
 ASIDE = 2.0**-9
+# The error of points on a ray to a light, as a part of what their terms may be: float32 rounds the
+# way from the middle, its coefficients, and sums of them.
+POINT_ERROR = 2.0**-18
 
 
 @dataclass(frozen=True)
 class Caster:
-    """The polynomial of an occluder or a body; see `halfstep.contract.layout.CASTER`."""
+    """The form of an occluder or a body; see `halfstep.contract.layout.CASTER`."""
 
     axes: Floats  # (4, 3), coordinates at the origin; their changes along a, b, v or x, y, z
     shrink: float
     degree: int
     is_sheet: bool
     is_in_ball: bool
-    terms: Floats  # (T,), as `contract.powers` orders them
+    terms: Floats  # (T,), as `contract.powers` orders them; 0 if it is no polynomial
+    formula: Compiled | None  # None if it is a polynomial
+    center: Floats  # (3,), middle of the box, local
+    size: Floats  # (3,), half of it
 
     @property
     def is_inside(self) -> bool:
         """Whether F <= 0 where rays count from."""
-        x, y, z = solid_places(solid_degree(len(self.terms)))
         at = self.axes[0]
+        if self.formula is not None:
+            place = self.center + self.size * at
+            found = range_of(*self.formula, [Range(each, each) for each in place])
+            return bool(found.high <= -found.low)
+        x, y, z = solid_places(solid_degree(len(self.terms)))
         return bool((self.terms * at[0] ** x * at[1] ** y * at[2] ** z).sum() <= 0)
+
+    @property
+    def point_error(self) -> float:
+        """The error of points of a ray in the solid's own coordinates."""
+        return POINT_ERROR * float((np.abs(self.axes[1:]).sum(axis=0) * self.size).max())
 
 
 def caster_of(geometry: Geometry, ix: int, to_local: Floats, shrink: float) -> Caster | None:
-    """The caster of a solid; None if it has no polynomial.
+    """The caster of a solid; None if it is one of second order.
 
     Args:
         geometry: the solids.
@@ -47,28 +67,45 @@ def caster_of(geometry: Geometry, ix: int, to_local: Floats, shrink: float) -> C
         to_local: (4, 4), takes the coordinates of `occluders` or `mirrors` to the solid's own.
         shrink: 1/v where rays meet; 0 if they are parallel, or count from where they meet.
     """
-    every = geometry.polynomials
-    if every is None or ix not in every.solid:
+    every, formulas = geometry.polynomials, geometry.expressions
+    if every is not None and ix in every.solid:
+        known = every.at(np.searchsorted(every.solid, [ix])).of_degree(geometry.degree)
+        place, formula, degree = 0, None, int(known.own_degree[0])
+        center, size = known.center[:, 0], known.size[:, 0]
+        terms = known.coefficients[solid_places(geometry.degree)][:, 0]
+        flags = known.is_sheet[0], known.is_in_ball[0]
+    elif formulas is not None and ix in formulas.solid:
+        place = int(formulas.places(np.array([ix]))[0])
+        formula, degree = formulas.formulas[place], 0
+        center, size = formulas.center[:, place], formulas.size[:, place]
+        terms = np.zeros(caster_terms(geometry.degree))
+        flags = formulas.is_sheet[place], formulas.is_in_ball[place]
+    else:
         return None
-    known = every.at(np.searchsorted(every.solid, [ix])).of_degree(geometry.degree)
     axes = to_local[:3].T.copy()
-    axes[3] -= known.center[:, 0]
-    axes /= known.size[:, 0]
+    axes[3] -= center
+    axes /= size
     return Caster(
         axes=axes[[3, 0, 1, 2]],
         shrink=shrink,
-        degree=int(known.own_degree[0]),
-        is_sheet=bool(known.is_sheet[0]),
-        is_in_ball=bool(known.is_in_ball[0]),
-        terms=known.coefficients[solid_places(geometry.degree)][:, 0],
+        degree=degree,
+        is_sheet=bool(flags[0]),
+        is_in_ball=bool(flags[1]),
+        terms=terms,
+        formula=formula,
+        center=center,
+        size=size,
     )
 
 
-def asked_boxes(geometry: Geometry) -> Floats:
-    """World boxes (2, 3, P) around all points that casters ask for, one for each polynomial."""
-    known = geometry.polynomials
-    assert known is not None
-    turn, origin = geometry.world_from_local[..., known.solid], geometry.origin[:, known.solid]
-    middle = origin + np.einsum("ijp,jp->ip", turn, known.center)
-    half = np.einsum("ijp,jp->ip", np.abs(turn), known.size) * (1 + ASIDE)
-    return np.stack([middle - half, middle + half])
+def asked_boxes(geometry: Geometry) -> tuple[Ints, Floats]:
+    """The solids (P,) that have casters, and world boxes (2, 3, P) around what these ask for."""
+    known = [each for each in (geometry.polynomials, geometry.expressions) if each is not None]
+    solid = np.concatenate([np.zeros(0, np.int64), *(each.solid for each in known)])
+    none = np.zeros((3, 0))
+    center = np.concatenate([none, *(each.center for each in known)], axis=1)
+    size = np.concatenate([none, *(each.size for each in known)], axis=1)
+    turn, origin = geometry.world_from_local[..., solid], geometry.origin[:, solid]
+    middle = origin + np.einsum("ijp,jp->ip", turn, center)
+    half = np.einsum("ijp,jp->ip", np.abs(turn), size) * (1 + ASIDE)
+    return solid, np.stack([middle - half, middle + half])

@@ -35,6 +35,8 @@ class Expressions:
     numbers: int  # constants that a record has room for
     is_sheet: Bools  # (Q,)
     is_in_ball: Bools  # (Q,), a ball bounds the solid; ``Geometry.quadric`` has its matrix
+    center: Floats  # (3, Q), middle of the box of each solid, local
+    size: Floats  # (3, Q), half of it
 
     def places(self, solid: Ints) -> Ints:
         """Indices here of those ``solid`` that are among these."""
@@ -65,12 +67,15 @@ def expressions(solids: Sequence[Solid]) -> Expressions | None:
     if not found:
         return None
     formulas = tuple(compiled(solid.expression()) for _, solid in found)
+    low, high = np.array([solid.box() for _, solid in found]).transpose(1, 2, 0)
     return Expressions(
         np.array([ix for ix, _ in found]),
         formulas,
         *_shared(formulas),
         np.array([solid.is_sheet() for _, solid in found]),
         np.array([solid.is_in_ball() for _, solid in found]),
+        center=(low + high) / 2,
+        size=(high - low) / 2,
     )
 
 
@@ -80,7 +85,8 @@ def with_members(known: Expressions | None, members: Sequence[Compiled]) -> Expr
         return known
     if known is None:
         none = np.zeros(0, bool)
-        known = Expressions(np.zeros(0, np.int64), (), (), 0, none, none)
+        no_box = np.zeros((3, 0))
+        known = Expressions(np.zeros(0, np.int64), (), (), 0, none, none, no_box, no_box)
     formulas = (*known.formulas, *members)
     programs, numbers = _shared(formulas)
     return replace(known, formulas=formulas, programs=programs, numbers=numbers)

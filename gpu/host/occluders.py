@@ -24,6 +24,7 @@ from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.bounds import bounds
 from halfstep.host.camera import View
 from halfstep.host.casters import Caster, asked_boxes, caster_of
+from halfstep.host.expressions import Expressions
 from halfstep.host.geometry import Geometry
 from halfstep.host.world import Grid, World, planes_of
 from halfstep.scene import Light, Scene
@@ -118,7 +119,7 @@ class Occluder:
     # (2, 3), a box of all points that may be hidden. For a far light it is in units of the grid;
     # for a lamp the way across over the way along, and the way along in units of the grid.
     box: Floats
-    caster: Caster | None  # its polynomial, if it has one
+    caster: Caster | None  # its form, if that is of an order above two
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,7 @@ class Shadows:
     far_lights: int
     occluders: tuple[tuple[Occluder, ...], ...]  # by light
     casts: Bools  # (K,), copies of groups last
+    expressions: Expressions | None  # the formulas of the scene that are no polynomials
 
 
 def has_shadows(scene: Scene) -> bool:
@@ -157,6 +159,7 @@ def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
             [solid.casts_shadow for solid in scene.solids],
             np.ones(geometry.count - geometry.solid_count, np.bool_),
         ).astype(np.bool_),
+        expressions=geometry.expressions,
     )
 
 
@@ -200,8 +203,8 @@ def _spans(
     spans = np.concatenate([seen.tangent, seen.depth[None]]).transpose(1, 0, 2)
     around = _spans_of_boxes(found, view)
     spans[0], spans[1] = np.maximum(spans[0], around[0]), np.minimum(spans[1], around[1])
-    if geometry.polynomials is not None:
-        spans[..., geometry.polynomials.solid] = _spans_of_boxes(asked_boxes(geometry), view)
+    casting, asked = asked_boxes(geometry)
+    spans[..., casting] = _spans_of_boxes(asked, view)
     return from_behind(spans, is_lamp)
 
 

@@ -11,12 +11,15 @@ import numpy as np
 
 from halfstep.contract import layout
 from halfstep.contract.arrays import Floats, Records
+from halfstep.contract.expressions import PackedExpressions, is_tame
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.layout import Shade
 from halfstep.contract.shadows import GROUP, MANY, PackedShadows
 from halfstep.host.casters import Caster
+from halfstep.host.expressions import Expressions
 from halfstep.host.forms import FAINT
 from halfstep.host.occluders import Occluder, Shadows
+from halfstep.host.roundings import counted
 
 # Integer coefficients are scaled so that no value of a form exceeds 2^VALUE_BITS, with a radius of
 # 2^RADIUS_BITS.
@@ -30,6 +33,8 @@ BOX_MARGIN = 2.0**8
 NOWHERE = 3e38
 # Half the spacing of floats at 1, and room for the rounding of bounds themselves.
 EPSILON, ROOM = 2.0**-24, 1.03
+# Points of rays to lights of which a formula is asked lie in its box, made larger by this factor.
+COUNTED = 1 + 2.0**-7
 # Number of boxes behind the last one: the most invocations of a subgroup.
 SPARE_BOXES = 16
 
@@ -44,7 +49,8 @@ class ShadowTables:
         """The records of frames in a number format."""
         shadows = self.shadows
         views, occluders, slabs, boxes = self._tables(number_format is FIXED32)
-        casters = [one.caster for hiding in shadows.occluders for one in hiding]
+        every = (one.caster for hiding in shadows.occluders for one in hiding)
+        casting = [each for each in every if each is not None]
         return PackedShadows(
             views=views,
             occluders=occluders,
@@ -54,7 +60,8 @@ class ShadowTables:
             curves=any(one.has_quadric for hiding in shadows.occluders for one in hiding),
             many=max(map(len, shadows.occluders)) > MANY,
             encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
-            casters=caster_records([each for each in casters if each is not None]),
+            casters=caster_records(casting),
+            formulas=_formulas(casting, shadows.expressions),
         )
 
     @functools.cache  # noqa: B019 - two entries, and they last as long as the scene
@@ -178,5 +185,30 @@ def caster_records(casters: Sequence[Caster]) -> Records | None:
     records["rounding"] = [ROOM * EPSILON * (6 * one.degree + 5) for one in casters]
     records["sheet"] = [one.is_sheet for one in casters]
     records["ball"] = [one.is_in_ball for one in casters]
+    is_formula = np.array([one.formula is not None for one in casters])
+    records["formula"] = np.where(is_formula, np.cumsum(is_formula), 0)
+    records["center"] = [one.center for one in casters]
+    records["size"] = [one.size for one in casters]
     records["terms"] = [np.where(np.abs(one.terms) < FAINT, 0.0, one.terms) for one in casters]
     return records
+
+
+def _formulas(casters: Sequence[Caster], known: Expressions | None) -> PackedExpressions | None:
+    """Records of the casters that are no polynomials, in their order; None if there are none."""
+    forms = [one.formula for one in casters if one.formula is not None]
+    if not forms or known is None:
+        return None
+    records = np.zeros(len(forms), layout.EXPRESSION.counted(NUMBERS=known.numbers).dtype())
+    of_formulas = (one for one in casters if one.formula is not None)
+    for record, one, form in zip(records, of_formulas, forms, strict=True):
+        record["host_error"] = one.point_error
+        record["formula"] = known.programs.index(form.program)
+        record["numbers"][: len(form.numbers)] = form.numbers
+        if is_tame(form.program):
+            # The coefficients of x and y are counted with the others.
+            along = np.diag(one.size * COUNTED)
+            level = np.diag(np.abs(one.center)) + along
+            errors = counted(form.program, form.numbers, level, along, one.point_error)
+            record["value_error"], record["slope_error"], record["bend_error"] = errors
+    none = np.zeros(0, layout.HALF_SPACE.dtype())
+    return PackedExpressions(records, none, known.programs, known.numbers, has_balls=False)

@@ -17,6 +17,7 @@ from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES
 from halfstep.shader.source import (
     BODY_POLYNOMIALS_BINDING,
+    CAST_FORMULAS_BINDING,
     CASTERS_BINDING,
     EXPRESSIONS_BINDING,
     HIGHERS_BINDING,
@@ -59,8 +60,9 @@ _NAMES = {
     29: "copies before lights",
     30: "planes of copies before lights",
     31: "quadrics of copies before lights",
-    32: "polynomials of occluders",
+    32: "forms of occluders",
     33: "polynomials of bodies",
+    34: "formulas of occluders",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
 Binding = tuple[GpuBuffer, int, int] | object
@@ -219,6 +221,8 @@ def contents_of(packed: Packed, lists: Lists, frame: Records, tiles: Array) -> d
         found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
         if packed.shadows.casters is not None:
             found[CASTERS_BINDING] = packed.shadows.casters
+        if packed.shadows.formulas is not None:
+            found[CAST_FORMULAS_BINDING] = packed.shadows.formulas.records
     if packed.veils is not None:
         found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
     return found

@@ -33,6 +33,9 @@ def needs_of(
     is_formula = np.empty(0)
     if regions is not None and regions.higher is not None:
         is_formula = regions.higher["is_formula"]
+    casters = np.empty(0)
+    if shadows is not None and shadows.casters is not None:
+        casters = shadows.casters["formula"]
     algebraic = [each for each in (packed.polynomials, packed.expressions) if each is not None]
     before_lights = 0 if veils is None else veils.most_surfaces
     return Needs(
@@ -58,8 +61,9 @@ def needs_of(
         bounces=0 if packed.mirrors is None else packed.mirrors.bounces,
         far_lights=0 if shadows is None else shadows.far_lights,
         curves=shadows is not None and shadows.curves,
-        casters=shadows is not None and shadows.casters is not None,
         body_polynomials=packed.mirrors is not None and packed.mirrors.polynomials is not None,
+        cast_polynomials=bool((casters == 0).any()),
+        cast_formulas=bool((casters > 0).any()),
         encloses=(shadows is not None and shadows.encloses)
         or (veils is not None and veils.encloses),
         many=shadows is not None and shadows.many,

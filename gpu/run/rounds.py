@@ -127,7 +127,10 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
         of_shadows = int((slabs + 5).sum()) + 2 * len(packed.shadows.views)
         casters = packed.shadows.casters
         if casters is not None:
-            of_shadows += len(casters) * (needs.quads * (CLOCKS + 1) + 1)
+            # If there are several programs, each round of a formula asks every program.
+            asks = 1 + 2 * len(needs.programs) if needs.cast_formulas else 1
+            of_form = (CLOCKS + 1) * asks + 2
+            of_shadows += len(casters) * (needs.quads * of_form + 1)
     if packed.veils is not None and "veils" in needs.facts:
         of_shadows += _rounds_of_veils(needs, packed.veils)
     if packed.mirrors is not None and "mirrors" in needs.facts:

@@ -117,7 +117,7 @@ def _lights(scene: Scene, shadows: object) -> tuple[tuple[Light, ...], list[Faul
     if not isinstance(shadows, bool):
         return scene.lights, [(("shadows",), f"{show(shadows)} is not true or false")]
     lights = tuple(light.model_copy(update={"shadows": shadows}) for light in scene.lights)
-    found = shadow_faults(scene, [shadows] * len(lights), scene.solids)
+    found = shadow_faults(scene, [shadows] * len(lights))
     return lights, [(("shadows",), text) for text in dict.fromkeys(text for _, text in found)]
 
 

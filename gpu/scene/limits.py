@@ -87,20 +87,14 @@ def limit_faults(scene: Fragment) -> list[Fault]:
     return faults
 
 
-def shadow_faults(
-    scene: Fragment, has_shadows: Sequence[bool], solids: Sequence[BaseSolid]
-) -> list[Fault]:
+def shadow_faults(scene: Fragment, has_shadows: Sequence[bool]) -> list[Fault]:
     """Faults of shadows that are not drawn; ``has_shadows`` tells it of each light."""
     lights = [index for index, shadows in enumerate(has_shadows) if shadows]
     faults: list[Fault] = []
     if len(lights) > MAX_SHADOWS:
         faults.append((("light",), f"{len(lights)} with shadows is not <= {MAX_SHADOWS}"))
-    kinds = []
-    if any(isinstance(solid, Algebraic) and not solid.has_polynomial for solid in solids):
-        kinds.append("formulas that are no polynomials")
     if next(_shapes_of_cells(scene, ()), None) is not None:
-        kinds.append("cells of tori and formulas")
-    for kind in kinds:
+        kind = "cells of tori and formulas"
         text = f"true: shadows are not drawn of {kind} yet, and the scene has some"
         faults += [(("light", index, "shadows"), text) for index in lights]
     return [*faults, *_of_parts(scene, ())]

@@ -143,7 +143,7 @@ class Scene(Fragment, _Tables):
     def _limit_faults(self) -> list[Fault]:
         return [
             *limit_faults(self),
-            *shadow_faults(self, [each.shadows for each in self.lights], self.solids),
+            *shadow_faults(self, [each.shadows for each in self.lights]),
             *shadow_format_faults(
                 self, [each.shadows for each in self.lights], self.solids, self.accuracy
             ),

@@ -39,7 +39,7 @@ from halfstep.contract.layout import (
     VEIL_VIEW,
     Record,
 )
-from halfstep.contract.powers import solid_terms, term_count
+from halfstep.contract.powers import caster_terms, term_count
 from halfstep.contract.program import GROUP, NOTHING_KNOWN
 from halfstep.shader.needs import Needs
 
@@ -163,11 +163,14 @@ def fetches(needs: Needs) -> str:
         record = EXPRESSION.counted(NUMBERS=needs.numbers)
         functions.append(_record_at(needs, record, "expressions", "expression"))
     if "casters" in needs.facts:
-        record = CASTER.counted(CASTER_TERMS=solid_terms(needs.degree))
+        record = CASTER.counted(CASTER_TERMS=caster_terms(needs.degree))
         functions.append(_record_at(needs, record, "casters", "caster"))
     if "body_polynomials" in needs.facts:
-        record = CASTER.counted(CASTER_TERMS=solid_terms(needs.degree))
+        record = CASTER.counted(CASTER_TERMS=caster_terms(needs.degree))
         functions.append(_record_at(needs, record, "body_polynomials", "body_polynomial"))
+    if "cast_formulas" in needs.facts:
+        record = EXPRESSION.counted(NUMBERS=needs.numbers)
+        functions.append(_record_at(needs, record, "cast_formulas", "cast_formula"))
     placed: dict[str, Record] = {}
     placed |= PLACE_RECORDS if "places" in needs.facts else {}
     placed |= SHADOW_RECORDS if "shadows" in needs.facts else {}

@@ -68,8 +68,9 @@ class Needs:
     far_lights: int = 0  # how many of the lights with shadows are far away
     curves: bool = False  # an occluder has a quadric
     encloses: bool = False  # a light may be inside an occluder
-    casters: bool = False  # an occluder has a polynomial
     body_polynomials: bool = False  # a body has a polynomial
+    cast_polynomials: bool = False  # an occluder has a polynomial
+    cast_formulas: bool = False  # an occluder has a formula that is not a polynomial
     many: bool = False  # a light has so many occluders that groups of boxes pay
     veils: bool = False  # a copy of a group of cells may hide a light
     veil_rounds: int = 0  # loop rounds after which no more veils are tried; 0: all are tried
@@ -99,7 +100,8 @@ class Needs:
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
             wanted |= {"curves"} if self.curves else set()
-            wanted |= {"casters"} if self.casters else set()
+            wanted |= {"casters", "cast_polynomials"} if self.cast_polynomials else set()
+            wanted |= {"casters", "cast_formulas"} if self.cast_formulas else set()
             wanted |= {"veils"} if self.veils else set()
             wanted |= {"counted"} if self.veils and self.veil_rounds else set()
             wanted |= {"continued"} if self.continued else set()

@@ -39,7 +39,7 @@ from halfstep.contract.powers import (
     PLACE_HALVINGS,
     SEARCH_HALVINGS,
     SLOPE_HALVINGS,
-    solid_terms,
+    caster_terms,
     term_count,
 )
 from halfstep.contract.shadows import GROUP
@@ -76,10 +76,12 @@ EXPRESSIONS_BINDING = MIRROR_BINDINGS.stop
 HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
 # The bindings for veils.
 VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
-# The binding for polynomials of solids that may hide lights.
+# The binding for forms of solids that may hide lights.
 CASTERS_BINDING = VEIL_BINDINGS.stop
 # The binding for polynomials of bodies.
 BODY_POLYNOMIALS_BINDING = CASTERS_BINDING + 1
+# The binding for formulas of solids that may hide lights.
+CAST_FORMULAS_BINDING = CASTERS_BINDING + 2
 
 # The type of a binding that is a texture.
 TEXTURE = "texture"
@@ -146,7 +148,7 @@ def _definitions(needs: Needs) -> list[Definition]:
 
 def _expanded(needs: Needs, name: str) -> str:
     """The expanded text of a stage."""
-    terms = solid_terms(needs.degree)
+    terms = caster_terms(needs.degree)
     bounds = {"DEGREE": needs.degree, "PAIRS": needs.pairs, "CASTER_TERMS": terms}
     return expand(stage(name), needs.facts, needs.quads, bounds)
 
@@ -185,7 +187,7 @@ def constants(needs: Needs) -> str:
         "KNOWN_QUADRICS": (known.quadrics, "quadrics of that program"),
         "DEGREE": (needs.degree, "the highest degree of a polynomial"),
         "TERMS": (term_count(needs.degree), "terms of a polynomial"),
-        "CASTER_TERMS": (solid_terms(needs.degree), "terms of a polynomial in x, y and z"),
+        "CASTER_TERMS": (caster_terms(needs.degree), "terms of a polynomial in x, y and z"),
         "PAIRS": (needs.pairs, "the most pairs of ends of a surface of an order above two"),
         "NUMBERS": (needs.numbers, "constants that a formula has room for"),
         "CLOCKS": (CLOCKS, "the most cells that a pixel tries"),
@@ -246,6 +248,8 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[CASTERS_BINDING] = _read_from("casters" in textures)
     if "body_polynomials" in needs.facts:
         types[BODY_POLYNOMIALS_BINDING] = _read_from("body_polynomials" in textures)
+    if "cast_formulas" in needs.facts:
+        types[CAST_FORMULAS_BINDING] = _read_from("cast_formulas" in textures)
     types |= {number: _read_from(name in textures) for number, (name, _) in _placed(needs).items()}
     return types
 
@@ -315,6 +319,7 @@ def bindings(needs: Needs) -> str:
             "body_polynomials",
             "Caster",
         ),
+        ("cast_formulas" in needs.facts, CAST_FORMULAS_BINDING, "cast_formulas", "Expression"),
     )
     for is_there, number, name, type_ in special:
         if is_there:

@@ -1,6 +1,7 @@
 """Twin of ``cast.wgsl``: whether a polynomial solid hides a light: F along the rest of a ray.
 
-Let s run along the rest of a ray, from 0 where it begins to 2. F(s) is a polynomial, and the light
+The rest of a ray is its part in the box of the solid. Let s run along it, from 0 where it begins to
+2. F(s) is a polynomial, and the light
 is hidden if F <= 0 somewhere. Cells of s are tried as in ``cells``, but it suffices that F < 0 at
 the end of one. If the ray begins on F, one root is known: F is s times another polynomial, which is
 tried in its place. Its value at 0, the slope of F there, tells whether the surface faces the light.
@@ -31,6 +32,7 @@ from halfstep.twin.rays import Ray
 from halfstep.twin.shadow import curve_along, whole_ray
 from halfstep.twin.taylor import Curve, Powers, about, curve_error, opposite
 from halfstep.twin.trace import (
+    Trace,
     Track,
     Way,
     boxed_way,
@@ -47,8 +49,16 @@ SHORTEST = np.float32(2.0**-24)
 _ONE = np.float32(1)
 
 
+class Rest(NamedTuple):
+    """The rests of rays to a light, of which something is asked."""
+
+    trace: Trace  # from u = 0 to 2
+    some: Bools  # something is asked of them
+    beside: Bools  # the light is inside the solid, and the point is not in its box
+
+
 class Cast(NamedTuple):
-    """What a polynomial solid does to a light."""
+    """What a solid of an order above two does to a light."""
 
     faces: Bools  # F rises towards the light
     met: Bools  # F <= 0 somewhere on the rest of the ray; where that is asked, F >= 0
@@ -108,29 +118,27 @@ def shaded(curve: Curve, going: Bools) -> Cell:
     return cell._replace(sure=cell.sure & ~cell.going)
 
 
-def cast_of(
+def rest_of_ray(
     caster: np.void,
     occluder: np.void,
     ray: Ray,
     piece: Piece,
     asked: Bools,
     on_curve: Bools,
-    turned: U32,
-) -> Cast:
-    """What a solid does to a light.
+) -> Rest:
+    """The rests of rays to a light.
 
     Args:
-        caster: its polynomial.
+        caster: the form of the solid.
         occluder: the solid.
         ray: the whole rays, from points to the light.
         piece: the parts within its half-spaces.
         asked: the pixels that ask for it.
         on_curve: those whose points lie on F.
-        turned: the side of the surface that these show.
     """
     flags = int(occluder["flags"])
     at_lamp, encloses = bool(flags & Shade.AT_LAMP), bool(flags & Shade.ENCLOSES)
-    is_sheet, is_ball = bool(caster["sheet"]), bool(caster["ball"])
+    is_ball = bool(caster["ball"])
     whole = whole_ray(ray)
     # Where the light is inside, F > 0 counts beyond the half-spaces, too.
     start = line_place(piece.c_in, piece.b_in)
@@ -150,15 +158,26 @@ def cast_of(
     some = asked & ahead & (chord.met | (not is_ball) | free)
     # A light inside is hidden from what is not in the box.
     beside = some & encloses & ((way.begin > start) | (way.begin >= way.end))
-    some = some & (begin < end) & ~beside
-
     half = np.maximum((end - begin) * np.float32(0.5), SHORTEST)
-    rest = moved_trace(trace, begin, half)
-    powers = powers_along(caster["terms"], *rest)
-    sizes = sizes_along(caster["terms"], *rest)
+    return Rest(moved_trace(trace, begin, half), some & (begin < end) & ~beside, beside)
+
+
+def cast_of(caster: np.void, rest: Rest, encloses: Bools, on_curve: Bools, turned: U32) -> Cast:
+    """What a solid does to a light.
+
+    Args:
+        caster: its polynomial.
+        rest: the rests of rays.
+        encloses: whether the light may be inside of it.
+        on_curve: the pixels whose points lie on F.
+        turned: the side of the surface that these show.
+    """
+    is_sheet = bool(caster["sheet"])
+    powers = powers_along(caster["terms"], *rest.trace)
+    sizes = sizes_along(caster["terms"], *rest.trace)
     faces = powers[1] > 0
     # What is turned away from the light is dark whatever else stands there.
-    some = some & ~(on_curve & (faces == (turned > 0)))
+    some = rest.some & ~(on_curve & (faces == (turned > 0)))
     of_own = np.where(is_sheet, turned > 0, turned == 1)
     is_opposite = np.where(is_sheet, powers[0] <= 0, encloses)
     is_opposite = np.where(on_curve, of_own, is_opposite)
@@ -172,9 +191,9 @@ def cast_of(
     curve = opposite(is_opposite, curve)
     inside = some & (curve.powers[0] <= 0) & (not is_sheet) & ~on_curve
     cell = shaded(curve, some & ~inside)
-    clear = np.abs(curve.powers[0]) > curve_error(curve, np.zeros_like(half))
+    clear = np.abs(curve.powers[0]) > curve_error(curve, np.zeros_like(powers[0]))
     return Cast(
         faces=faces,
-        met=inside | cell.met | beside,
+        met=inside | cell.met | rest.beside,
         sure=np.where(inside, clear, cell.sure) | ~some,
     )

@@ -6,13 +6,15 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from halfstep.contract.arrays import Records
+from halfstep.contract.expressions import PackedExpressions
 from halfstep.contract.layout import Shade
-from halfstep.twin.cast import cast_of
+from halfstep.contract.shadows import PackedShadows
+from halfstep.twin.cast import Cast, Rest, cast_of, rest_of_ray
+from halfstep.twin.cast_formula import cast_formula_of
+from halfstep.twin.expression import formula_of
 from halfstep.twin.keep import Nearest
-from halfstep.twin.lanes import Bools
+from halfstep.twin.lanes import U32, Bools
 from halfstep.twin.piece import remains
 from halfstep.twin.place import is_own
 from halfstep.twin.rays import Ray
@@ -47,13 +49,12 @@ class Hidden(NamedTuple):
 
 def hide(
     occluder: np.void,
-    slabs: NDArray[np.void],
-    casters: Records | None,
+    shadows: PackedShadows,
     ray: Ray,
     nearest: Nearest,
     facts: Collection[str],
 ) -> Hidden:
-    """The pixels from which it hides the light; ``casters`` are the polynomials of occluders."""
+    """The pixels from which one of the occluders hides the light."""
     flags, surface = int(occluder["flags"]), int(occluder["surface"])
     casts, encloses = bool(flags & Shade.CASTS), bool(flags & Shade.ENCLOSES)
     along = slab_along if "lamps" in facts else far_slab
@@ -61,7 +62,7 @@ def hide(
     faces = np.zeros(ray.near.shape, bool)
     leaves = np.zeros(ray.near.shape, bool)
     for k in range(int(occluder["slab_count"])):
-        slab = slabs[int(occluder["slab_start"]) + k]
+        slab = shadows.slabs[int(occluder["slab_start"]) + k]
         both = bool(second_number(slab))
         line = along(slab, ray)
         other = second_along(slab, line, ray)
@@ -86,11 +87,12 @@ def hide(
         leaves |= comes_out(form, rest, whole, on_curve)
     enclosed = np.full(own.shape, not flags & Shade.FLAT)
     unsure = np.zeros(own.shape, bool)
-    if casters is not None and occluder["caster"]:
-        caster = casters[int(occluder["caster"]) - 1]
+    if shadows.casters is not None and occluder["caster"]:
+        caster = shadows.casters[int(occluder["caster"]) - 1]
         on_f = own & (nearest.surface == np.uint32(surface))
         asked = (nearest.surface > 0) & (~own | on_f | encloses)
-        found = cast_of(caster, occluder, ray, piece, asked, on_f, nearest.turned)
+        ahead = rest_of_ray(caster, occluder, ray, piece, asked, on_f)
+        found = _cast_by(shadows.formulas, caster, ahead, encloses, on_f, nearest.turned)
         faces = np.where(on_f, found.faces, faces)
         again = on_f & found.met
         hidden = found.met
@@ -103,3 +105,20 @@ def hide(
         enclosed &= leaves
     dark = own_shadow(faces, nearest.turned, again, enclosed, casts)
     return Hidden(np.where(own, dark, hidden & casts), unsure)
+
+
+def _cast_by(
+    formulas: PackedExpressions | None,
+    caster: np.void,
+    rest: Rest,
+    encloses: bool,
+    on_curve: Bools,
+    turned: U32,
+) -> Cast:
+    """What a solid of an order above two does to a light; arguments are those of ``cast_of``."""
+    may_be_inside = np.full(on_curve.shape, encloses)
+    row = int(caster["formula"])
+    if formulas is None or not row:
+        return cast_of(caster, rest, may_be_inside, on_curve, turned)
+    formula = formula_of(formulas, row - 1)
+    return cast_formula_of(formula, caster, rest, may_be_inside, on_curve, turned)

@@ -96,7 +96,7 @@ def find_shadows(
             axes = (occluder[name] for name in ("sign", "shear_x", "shear_y"))
             from_center = point_from(points, *occluder["center"])
             ray = ray_of(beam_of(from_center, int(occluder["axis"]), *axes), occluder)
-            hidden = hide(occluder, shadows.slabs, shadows.casters, ray, nearest, facts)
+            hidden = hide(occluder, shadows, ray, nearest, facts)
             dark = dark | np.where(some & hidden.dark, view["bit"], np.uint32(0))
             unsure = unsure | np.where(some & hidden.unsure, view["bit"], np.uint32(0))
         if veils is not None:
