@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any
 
@@ -24,6 +25,7 @@ from halfstep.scene.ranges import Range, is_positive, range_of, slopes_of
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from halfstep.twin.expression import Formula, expression_jet, trace_of
+from halfstep.twin.jets import Jet
 from tests.formula_oracle import FormulaOracle
 from tests.formula_surfaces import FORMULAS, solid_of
 from tests.polynomial_oracle import CLAIMED, FALSE, Count, with_fault
@@ -75,14 +77,11 @@ JETS = [
 ]
 
 
-@pytest.mark.parametrize("text", JETS)
-def test_jets_hold_what_they_claim(text: str, rng: np.random.Generator) -> None:
-    """Against 200 bits, at places all over a cell; where F is smooth, also its derivatives."""
-    formula = parsed(text, {})
-    made = compiled(formula)
+def cells_of(text: str, rng: np.random.Generator) -> Iterator[tuple[Jet, Callable[[Any], Any]]]:
+    """Jets of a formula in random cells of random rays, and F in mpmath, s from -1 to 1."""
+    made = compiled(parsed(text, {}))
     form: Any = {"numbers": np.zeros(16, np.float32), "host_error": np.float32(0)}
     form["numbers"][: len(made.numbers)] = made.numbers
-    count = known = 0
     for _ in range(40):
         level, along = rng.uniform(-1, 1, (2, 3)).astype(np.float32)
         for axis, name in enumerate("xyz"):
@@ -104,11 +103,6 @@ def test_jets_hold_what_they_claim(text: str, rng: np.random.Generator) -> None:
             zero + m,
             zero + h,
         )
-        v, d, c, e, f, r = (mpmath.mpf(float(part[0, 0])) for part in jet[:6])
-        state = int(jet.state[0, 0])
-        if state & 4:
-            continue
-        known += 1
 
         def value(s: Any, level: Any = level, along: Any = along, m: Any = m, h: Any = h) -> Any:
             u = mpmath.mpf(float(m)) + s * mpmath.mpf(float(h))
@@ -118,6 +112,19 @@ def test_jets_hold_what_they_claim(text: str, rng: np.random.Generator) -> None:
             ]
             return exactly(text, *point)
 
+        yield jet, value
+
+
+@pytest.mark.parametrize("text", JETS)
+def test_jets_hold_what_they_claim(text: str, rng: np.random.Generator) -> None:
+    """Against 200 bits, at places all over a cell; where F is smooth, also its derivatives."""
+    count = known = 0
+    for jet, value in cells_of(text, rng):
+        v, d, c, e, f, r = (mpmath.mpf(float(part[0, 0])) for part in jet[:6])
+        state = int(jet.state[0, 0])
+        if state & 4:
+            continue
+        known += 1
         with mpmath.workprec(200):
             for s in [0, -1, 1, *rng.uniform(-1, 1, 3)]:
                 found = value(s)
