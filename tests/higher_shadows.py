@@ -8,6 +8,7 @@ is infinite. *Open* are all pixels where `error` is infinite, right or not.
 
 from __future__ import annotations
 
+import copy
 import sys
 from typing import Any
 
@@ -19,10 +20,12 @@ from tests.formula_surfaces import FORMULAS, solid_of
 from tests.higher_shadow_oracle import HigherShadows
 from tests.shadow_sweeps import Count, Judged
 
-SIZE, LARGE = (48, 36), (96, 72)
+SMALL, MIDDLE, LARGE = (48, 36), (64, 48), (96, 72)
 DISTANCES = (3.0, 1e2, 1e4)
 SCENES = ("one_torus", "linked_rings", "torus_knot", "clebsch_cubic", "heart", "dupin_cyclide")
 SCENES += ("metaballs", "minimal_surfaces", "sine_helix")
+# Formulas before lights.
+BEFORE = ("gyroid", "metaballs", "helix", "cube")
 Random = np.random.Generator
 Table = dict[str, Any]
 # Surfaces in a box or ball of about one unit, with the ends that bound them.
@@ -145,31 +148,32 @@ def occluded(rng: Random, distance: float, *, lamp: bool, name: str = "") -> Sce
 def main() -> None:
     """Print counts of bundled scenes, far lights and lamps; the exit code is 1 if one is wrong."""
     wrong = 0
-    for name in sys.argv[1:] or SCENES:
-        scene = with_overrides(halfstep.load(name), shadows=True)
-        total = Count()
-        Judged(scene, LARGE, HigherShadows).count(total, backend="numpy")
-        sys.stdout.write(f"{name}: {total}\n")
-        sys.stdout.flush()
-        wrong += total.wrong
-    rng = np.random.default_rng(1998)
-    drawn = {"random": [random_lit(rng) for _ in range(20)]}
-    for name in (*FORMULAS, "spindle"):
-        drawn[name] = [random_formulas(rng, name) for _ in range(2)]
-    for lamp in (False, True):
-        for distance in DISTANCES:
-            what = f"{'lamp' if lamp else 'far light'}, a ring at {distance:g}"
-            drawn[what] = [occluded(rng, distance, lamp=lamp) for _ in range(4)]
-            names = ("gyroid", "metaballs", "helix", "cube")
-            what = what.replace("a ring", "formulas")
-            drawn[what] = [occluded(rng, distance, lamp=lamp, name=name) for name in names]
-    for what, scenes in drawn.items():
+
+    def tell(what: str, scenes: list[Scene], size: tuple[int, int]) -> None:
+        nonlocal wrong
         total = Count()
         for each in scenes:
-            Judged(each, SIZE, HigherShadows).count(total, backend="numpy")
+            Judged(each, size, HigherShadows).count(total, backend="numpy")
         sys.stdout.write(f"{what}: {total}\n")
         sys.stdout.flush()
         wrong += total.wrong
+
+    for name in sys.argv[1:] or SCENES:
+        tell(name, [with_overrides(halfstep.load(name), shadows=True)], LARGE)
+    rng = np.random.default_rng(1998)
+    tell("random", [random_lit(rng) for _ in range(20)], MIDDLE)
+    of_formulas = copy.deepcopy(rng)
+    for lamp in (False, True):
+        for distance in DISTANCES:
+            what = f"{'lamp' if lamp else 'far light'}, a ring at {distance:g}"
+            tell(what, [occluded(rng, distance, lamp=lamp) for _ in range(4)], MIDDLE)
+    for name in (*FORMULAS, "spindle"):
+        tell(name, [random_formulas(of_formulas, name) for _ in range(2)], SMALL)
+    for lamp in (False, True):
+        for distance in DISTANCES:
+            what = f"{'lamp' if lamp else 'far light'}, formulas at {distance:g}"
+            scenes = [occluded(of_formulas, distance, lamp=lamp, name=name) for name in BEFORE]
+            tell(what, scenes, SMALL)
     sys.exit(bool(wrong))
 
 
