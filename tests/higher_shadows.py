@@ -22,8 +22,17 @@ from tests.shadow_sweeps import Count, Judged
 
 SMALL, MIDDLE, LARGE = (48, 36), (64, 48), (96, 72)
 DISTANCES = (3.0, 1e2, 1e4)
-SCENES = ("one_torus", "linked_rings", "torus_knot", "clebsch_cubic", "heart", "dupin_cyclide")
-SCENES += ("metaballs", "minimal_surfaces", "sine_helix")
+SCENES = (
+    "one_torus",
+    "linked_rings",
+    "torus_knot",
+    "clebsch_cubic",
+    "heart",
+    "dupin_cyclide",
+    "metaballs",
+    "minimal_surfaces",
+    "sine_helix",
+)
 # Formulas before lights.
 BEFORE = ("gyroid", "metaballs", "helix", "cube")
 Random = np.random.Generator
