@@ -362,9 +362,14 @@ def test_check_and_tune_take_shadows(tmp_path: Path, capsys: pytest.CaptureFixtu
 # A word of the kernel, and what a slip would make of it.
 FAULTS = [
     ("found &= found - 1u;", "found = 0u;"),
-    ("next + BROADCAST, asked", "light.end, asked"),
-    ("occluder.surface + second_number", "occluder.surface + first_number"),
-    ("hidden & b4(casts), dark, own", "hidden & b4(casts), hidden, own"),
+    ("seen, place < 32u", "seen, place < 8u"),
+    ("u4(surface + second_number", "u4(surface + first_number"),
+    ("is_hidden(nearest_0.turned, again, enclosed), own", "hidden, own"),
+    ("z & within & !own", "z & within & own"),
+    ("y & !is_beyond", "y & is_beyond"),
+    ("front, nearest_0.turned == u4(0u)", "front, nearest_0.turned != u4(0u)"),
+    ("first + number - 1u", "first + number"),
+    ("number = next_curve(number) - 1u;", "number = NO_CURVE - 1u;"),
     ("select(old.turned, turned, nearer)", "select(old.turned, turned, sight.hit)"),
     ("enclosed = enclosed & (leaves_0 | !encloses);", ""),
     ("groups & (groups - 1u), in_group", "0u, in_group"),

@@ -1,26 +1,49 @@
-// An occluder -> the pixels from which it hides the light.
+// An occluder -> the pixels from which it hides the light, or whose quadric turns away from it.
 //
 // All solids run the same code. A solid without a quadric has F = -1. A bounded plane is the piece
 // between two half-spaces.
-fn hide(occluder: Occluder, bit: u32) {
-  let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
-  let casts = (occluder.flags & SHADE_CASTS) != 0u;
+
+// The rays from points to the light of an occluder.
+fn rays_to_light(occluder: Occluder, point: Point) -> Ray {
   let c = occluder.center;
-  // each quad
-  var ray_0: Ray;
+  let from_center = point_from(point, c[0], c[1], c[2]);
+  let beam = beam_of(from_center, occluder.axis, occluder.sign, occluder.shear_x, occluder.shear_y);
+  var ray = far_ray(beam, occluder);
+  ray = light_ray(beam, occluder);  //? lamps
+  return ray;
+}
+
+// F along rays to the light.
+fn curve_to_light(occluder: Occluder, ray: Ray) -> Form {
+  var form = far_curve(occluder, ray);
+  form = curve_along(occluder, ray);  //? lamps
+  return form;
+}
+
+// Sets the bit of the light where the quadric of an occluder shows the side turned away from it.
+fn turn_away(occluder: Occluder) {
+  let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
   // each quad
   {
-    let from_center = point_from(point_0, c[0], c[1], c[2]);
-    let beam = beam_of(
-      from_center, occluder.axis, occluder.sign, occluder.shear_x, occluder.shear_y
-    );
-    ray_0 = far_ray(beam, occluder);
-    ray_0 = light_ray(beam, occluder);  //? lamps
+    let ray = rays_to_light(occluder, point_0);
+    let rest = rest_of(curve_to_light(occluder, ray), ray, at_lamp);
+    let away = is_away(starts_beyond(rest, whole_ray(ray)), nearest_0.turned);
+    let on_curve = nearest_0.surface == u4(occluder.curve);
+    nearest_0.dark |= select(u4(0u), u4(occluder.bit), on_curve & away);
   }
+}
+
+// Sets the bit of the light where an occluder hides it.
+fn hide(occluder: Occluder) {
+  let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
+  let casts = (occluder.flags & SHADE_CASTS) != 0u;
+  let is_flat = (occluder.flags & SHADE_FLAT) != 0u;
+  // The surface of a bounded plane has the number of its first side.
+  let surface = occluder.first - select(0u, 1u, is_flat);
+  // each quad
+  let ray_0 = rays_to_light(occluder, point_0);
   // each quad
   var piece_0 = whole_ray(ray_0);
-  // each quad
-  var faces_0 = b4(false);
   // each quad
   var leaves_0 = b4(false);  //? encloses
   for (var k = 0u; k < occluder.slab_count; k++) {
@@ -31,17 +54,15 @@ fn hide(occluder: Occluder, bit: u32) {
       var line = far_slab(slab, ray_0);
       line = slab_along(slab, ray_0);  //? lamps
       let other = second_along(slab, line, ray_0);
-      let on_first = nearest_0.surface == u4(occluder.surface + first_number(slab));
-      let on_second = nearest_0.surface == u4(occluder.surface + second_number(slab));
       {  //? encloses
+        let on_first = nearest_0.surface == u4(surface + first_number(slab));
+        let on_second = nearest_0.surface == u4(surface + second_number(slab));
         let whole = whole_ray(ray_0);
         let first = (starts_beyond(line, whole) & !on_first) | ends_beyond(line, whole);
         let second = (starts_beyond(other, whole) & !on_second) | ends_beyond(other, whole);
         leaves_0 = leaves_0 | first | (second & b4(both));
       }
       piece_0 = between(piece_0, line, other, both);
-      faces_0 = faces_0 | (on_first & b4(first_is_lit(slab)));
-      faces_0 = faces_0 | (on_second & b4(both & second_is_lit(slab)));
     }
   }
   // each quad
@@ -53,7 +74,7 @@ fn hide(occluder: Occluder, bit: u32) {
     // each quad
     {
       let own = is_own(nearest_0.surface, occluder.first, occluder.count);
-      let on_f = own & (nearest_0.surface == u4(occluder.surface));
+      let on_f = own & (nearest_0.surface == u4(surface));
       let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);
       let asked = (nearest_0.surface > u4(0u)) & (!own | on_f | encloses);
       let rest = rest_of_ray(caster, occluder, ray_0, piece_0, asked, on_f);
@@ -74,20 +95,20 @@ fn hide(occluder: Occluder, bit: u32) {
     var again = b4(false);
     var hidden = remains(piece_0) & ray_0.near;
     {  //? curves
-      var form = far_curve(occluder, ray_0);
-      form = curve_along(occluder, ray_0);  //? lamps
+      let form = curve_to_light(occluder, ray_0);
       let rest = rest_of(form, ray_0, at_lamp);
       let on_curve = own & (nearest_0.surface == u4(occluder.curve));
-      faces_0 = select(faces_0, starts_beyond(rest, whole_ray(ray_0)), on_curve);
-      again = on_curve & is_met_again(rest, piece_0);
+      let may_meet_again = b4((occluder.flags & SHADE_SELF) != 0u);
+      again = on_curve & may_meet_again & is_met_again(rest, piece_0);
       hidden = is_met(form, piece_0) & ray_0.near;
       leaves_0 = leaves_0 | comes_out(form, rest, whole_ray(ray_0), on_curve);  //? encloses
     }
-    var enclosed = b4((occluder.flags & SHADE_FLAT) == 0u);
+    var enclosed = b4(!is_flat);
     {  //? casters
       let is_caster = b4(occluder.caster != 0u);
-      let on_f = own & is_caster & (nearest_0.surface == u4(occluder.surface));
-      faces_0 = select(faces_0, cast_0.faces, on_f);
+      let on_f = own & is_caster & (nearest_0.surface == u4(surface));
+      let away = on_f & is_away(cast_0.faces, nearest_0.turned);
+      nearest_0.dark |= select(u4(0u), u4(occluder.bit), away);
       again = select(again, cast_0.met, on_f);
       hidden = select(hidden, cast_0.met, is_caster);
       leaves_0 = leaves_0 | cast_0.met;  //? encloses
@@ -97,7 +118,7 @@ fn hide(occluder: Occluder, bit: u32) {
     let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);  //? encloses
     hidden = select(hidden, leaves_0, encloses);  //? encloses
     enclosed = enclosed & (leaves_0 | !encloses);  //? encloses
-    let dark = own_shadow(faces_0, nearest_0.turned, again, enclosed, casts);
-    nearest_0.dark |= select(u4(0u), u4(bit), select(hidden & b4(casts), dark, own));
+    hidden = select(hidden, is_hidden(nearest_0.turned, again, enclosed), own);
+    nearest_0.dark |= select(u4(0u), u4(occluder.bit), hidden & b4(casts));
   }
 }

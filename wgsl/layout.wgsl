@@ -13,11 +13,11 @@ const SHADE_AT_LAMP: u32 = 2u;
 const SHADE_ENCLOSES: u32 = 4u;
 const SHADE_FLAT: u32 = 8u;
 const SHADE_CONVEX: u32 = 16u;
+const SHADE_SELF: u32 = 32u;
 const ROW_BITS: u32 = 22u;
 const PIECE_BITS: u32 = 5u;
 const PIECES: u32 = 32u;
-const SLAB_BITS: u32 = 15u;
-const SLAB_LIT: u32 = 1073741824u;
+const SLAB_BITS: u32 = 16u;
 
 // Values that all pixels of a band share.
 struct Frame {
@@ -216,6 +216,7 @@ struct LightView {
   end: u32,  // the occluder behind its last
   groups: u32,  // box of its first group of occluders
   far_groups: u32,  // box of its first group of groups
+  sides: u32,  // how many sides there are
 }
 
 // An occluder, a solid that may hide a light: F and half-spaces along rays to the light.
@@ -236,7 +237,7 @@ struct Occluder {
   factor: i32,  // the same as factor 2^-factor_shift, in 2^-28
   factor_shift: u32,  // see factor
   flags: u32,  // SHADE_… bits
-  surface: u32,  // number of F among surfaces; those of its half-spaces follow
+  bit: u32,  // bit of the light in the output shadow
   curve: u32,  // number of the quadric among surfaces; 0 if it has none
   caster: u32,  // row of its form among casters, from 1; 0 if it has none
   first: u32,  // number of its first surface in the scene, from 1
@@ -245,12 +246,20 @@ struct Occluder {
   slab_count: u32,  // how many it has
 }
 
+// A surface: bits of the lights that do not reach it whatever stands before them.
+struct Side {
+  @align(32) front: u32,  // seen from outside
+  back: u32,  // seen from inside
+  opened: u32,  // seen from inside, which a base plane opens
+  curve: u32,  // number of its solid among occluders, from 1, if it is quadric
+}
+
 // Half-spaces of an occluder along rays to a light: where c + b v <= 0, and >= -width t.
 struct Slab {
   @align(32) c: array<Value, 3>,  // coefficients of t, x, y
   b: array<Value, 3>,  // coefficients of z, x, y
   width: Value,  // distance of the two half-spaces, as a coefficient of t
-  numbers: u32,  // SLAB_… bits: its surfaces, and whether the light is outside
+  numbers: u32,  // the numbers of its two surfaces, SLAB_BITS each
 }
 
 // The form of an occluder or a body of an order above two, and its coordinates along rays.
@@ -350,4 +359,7 @@ struct Ball {
 struct Box {
   @align(32) low: array<f32, 3>,  // least coordinates on the grid
   high: array<f32, 3>,  // greatest
+  first: u32,  // first surface from whose points it does not hide the light
+  count: u32,  // how many such surfaces there are
+  lit: array<f32, 4>,  // where this affine function is positive, it hides nothing
 }

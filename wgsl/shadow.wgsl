@@ -45,16 +45,7 @@ fn first_number(slab: Slab) -> u32 {
 }
 
 fn second_number(slab: Slab) -> u32 {
-  return (slab.numbers >> SLAB_BITS) & ((1u << SLAB_BITS) - 1u);
-}
-
-// Whether the light is outside of the first half-space, and of the second.
-fn first_is_lit(slab: Slab) -> bool {
-  return (slab.numbers & SLAB_LIT) != 0u;
-}
-
-fn second_is_lit(slab: Slab) -> bool {
-  return (slab.numbers & (SLAB_LIT << 1u)) != 0u;
+  return slab.numbers >> SLAB_BITS;
 }
 
 // The part of a piece inside a half-space and, if there is one, inside the opposite half-space. A
@@ -117,12 +108,14 @@ fn comes_out(form: Form, rest: Line, piece: Piece, on_curve: b4) -> b4 {
   return select(outside, starts_beyond(rest, piece) | ends_beyond(rest, piece), on_curve);
 }
 
-// Whether a solid hides the light from its own points, turned away from it or behind the solid. In
-// pixels that see it from inside (1, or 2 if a base plane opens it), `enclosed` tells whether it
-// hides the light.
-fn own_shadow(faces: b4, turned: u4, again: b4, enclosed: b4, casts: bool) -> b4 {
-  let is_turned = turned != u4(0u);
-  let away = faces == is_turned;
-  let behind = select(again, enclosed & (turned == u4(1u)), is_turned);
-  return away | (behind & b4(casts));
+// Whether a point is turned away from the light. Its surface `faces` the light from outside, and
+// is seen from inside if it is `turned`.
+fn is_away(faces: b4, turned: u4) -> b4 {
+  return faces == (turned != u4(0u));
+}
+
+// Whether a solid that casts shadows hides the light from its own points behind it. In pixels that
+// see it from inside (1, or 2 if a base plane opens it), `enclosed` tells whether it does.
+fn is_hidden(turned: u4, again: b4, enclosed: b4) -> b4 {
+  return select(again, enclosed & (turned == u4(1u)), turned != u4(0u));
 }

@@ -6,6 +6,19 @@
 // A number beyond all coordinates.
 const BEYOND: f32 = 3e38;
 
+// Above all numbers of surfaces and solids.
+const NO_CURVE: u32 = 0xFFFFFFFFu;
+
+// The occluders of each light that are to be tried, as bits of two words, and how many there are.
+var<private> chosen: array<u32, CHOSEN>;
+var<private> chosen_count: u32;
+// each quad
+var<private> curve_0: u4;  // the number of the solid whose quadric is shown, or 0
+// each quad
+var<private> at_0: Vector;  // the point in the coordinates of boxes of a light
+// each quad
+var<private> behind_0: b4;  // the point is behind a lamp
+
 // A box around points, in the coordinates of the boxes of a light.
 struct Around {
   low: vec3<f32>,
@@ -13,6 +26,9 @@ struct Around {
 }
 
 const NOWHERE: Around = Around(vec3<f32>(BEYOND), vec3<f32>(-BEYOND));
+
+// What rounding adds to an affine function at most, as a part of the sum of its terms.
+const BY_ROUNDING: f32 = 0x1p-18f;
 
 // The least of four numbers.
 fn least(values: f4) -> f32 {
@@ -39,8 +55,8 @@ fn joined(old: Around, at: Vector, some: b4, behind: b4) -> Around {
 fn all_around(around: Around, is_far: bool) -> Around {
   var low = around.low;
   var high = around.high;
-  low = subgroupMin(low);  //? broadcast
-  high = subgroupMax(high);  //? broadcast
+  low = least_of_all(low);
+  high = -least_of_all(-high);
   // Rays to a lamp end there, also from behind it. Rays to a far light have no end.
   low.z = select(-BEYOND, low.z, is_far);
   high.z = select(max(high.z, 0.0), BEYOND, is_far);
@@ -71,7 +87,45 @@ fn find_points(location: Location, j: i32) {
   }
 }
 
-// Whether boxes touch those of points; each invocation that fetches together looks at one box.
+// The pixels in which a point is outside of a half-space of a solid, as the light is, and so is all
+// of the ray between them. Seen from a lamp, the affine function is the solid's over the way along.
+fn is_beyond(box: Box, at: Vector, is_far: b4) -> b4 {
+  let k = box.lit;
+  let across = k[0] * at.x;
+  let down = k[1] * at.y;
+  let along = k[2] * at.z;
+  let terms = (abs(across) + abs(down)) + (abs(along) + abs(k[3]));
+  var beyond = (across + down) + (along + k[3]) > terms * BY_ROUNDING;
+  {  //? lamps
+    let slope = (across + down) + k[2];
+    let sizes = (abs(across) + abs(down)) + abs(k[2]);
+    let lowest = min(slope - sizes * BY_ROUNDING, f4(0.0)) * at.z;
+    beyond = select(lowest + k[3] > f4(abs(k[3]) * BY_ROUNDING), beyond, is_far);
+  }
+  return beyond;
+}
+
+// The pixels in which a solid may hide a light: the point is in its box, not on one of its surfaces
+// that it never hides, and not beyond it.
+fn may_hide(box: Box, at: Vector, is_far: b4, behind: b4, surface: u4) -> b4 {
+  let x = (at.x >= f4(box.low[0])) & (at.x <= f4(box.high[0]));
+  let y = (at.y >= f4(box.low[1])) & (at.y <= f4(box.high[1]));
+  var z = at.z <= f4(box.high[2]);
+  z = select(max(at.z, f4(0.0)) >= f4(box.low[2]), z, is_far);  //? lamps
+  let own = is_own(surface, box.first, box.count);
+  let within = behind | (x & y & !is_beyond(box, at, is_far));
+  return (surface > u4(0u)) & z & within & !own;
+}
+
+// Whether a solid may hide a light from a point of the invocations that fetch together.
+fn is_wanted(box: Box, is_far: b4) -> bool {
+  var wanted = b4(false);
+  // each quad
+  wanted = wanted | may_hide(box, at_0, is_far, behind_0, nearest_0.surface);
+  return anywhere(wanted);
+}
+
+// Which of the next boxes touch those of points; each invocation that fetches together looks at one.
 fn touching(number: u32, end: u32, around: Around, other: Around) -> u32 {
   let box = box_alone(number + lane);
   var near = touches(box, around);
@@ -80,36 +134,10 @@ fn touching(number: u32, end: u32, around: Around, other: Around) -> u32 {
 }
 
 // Tries the occluders that may hide a light from points, which lie in two boxes.
-fn try_occluders(light: LightView, around: Around, other: Around) {
+fn try_occluders(light: LightView, is_far: b4, around: Around, other: Around) {
   for (var t = light.first; t < light.end; t++) {  //? !broadcast
-    if touches(box_at(t), around) {
-      hide(occluder_at(t), light.bit);
-    }
-  }
-  {  //? broadcast & !many_shadows
-    var next = light.first;
-    var base = next;
-    var found = 0u;
-    loop {
-      loop {
-        let seen = touching(next, light.end, around, other);
-        let asked = (found == 0u) & (next < light.end);
-        base = select(base, next, asked);
-        found = select(found, seen, asked);
-        next = select(next, next + BROADCAST, asked);
-        if (found != 0u) | (next >= light.end) {
-          break;
-        }
-      }
-      if found == 0u {
-        break;
-      }
-      let t = base + countTrailingZeros(found);
-      found &= found - 1u;
-      hide(occluder_at(t), light.bit);
-      if (found == 0u) & (next >= light.end) {
-        break;
-      }
+    if is_wanted(box_at(t), is_far) {
+      hide(occluder_at(t));
     }
   }
   {  //? many_shadows
@@ -123,6 +151,8 @@ fn try_occluders(light: LightView, around: Around, other: Around) {
     var base = light.first;
     var found = 0u;
     loop {
+      var t = 0u;
+      var wanted = false;
       loop {
         let in_group = (found == 0u) & (groups != 0u);
         let in_far_group = (found == 0u) & (groups == 0u) & (far_groups != 0u);
@@ -141,40 +171,130 @@ fn try_occluders(light: LightView, around: Around, other: Around) {
         far_groups = select(far_groups, seen, asked);
         first_far = select(first_far, next, asked);
         next = select(next, next + GROUPED, asked);
-        if (found != 0u) | ((groups == 0u) & (far_groups == 0u) & (next >= count)) {
+        t = base + countTrailingZeros(found);
+        wanted = (found != 0u) & is_wanted(box_at(t), is_far);
+        found &= found - 1u;
+        if wanted | ((found | groups | far_groups) == 0u) & (next >= count) {
           break;
         }
       }
-      if found == 0u {
+      if !wanted {
         break;
       }
-      let t = base + countTrailingZeros(found);
-      found &= found - 1u;
-      hide(occluder_at(t), light.bit);
-      if (found == 0u) & (groups == 0u) & (far_groups == 0u) & (next >= count) {
+      hide(occluder_at(t));
+      if ((found | groups | far_groups) == 0u) & (next >= count) {
         break;
       }
     }
   }
 }
 
+// Keeps which occluders of a light, of at most 64, may hide it from points.
+fn choose_occluders(number: u32, light: LightView, is_far: b4, around: Around) {
+  var first = 0u;
+  var second = 0u;
+  let count = light.end - light.first;
+  for (var k = 0u; k < (count + BROADCAST - 1u) / BROADCAST; k++) {
+    let place = k * BROADCAST;
+    let seen = touching(light.first + place, light.end, around, NOWHERE) << (place & 31u);
+    first |= select(0u, seen, place < 32u);
+    second |= select(seen, 0u, place < 32u);
+  }
+  var first_kept = 0u;
+  var second_kept = 0u;
+  let touched = countOneBits(first) + countOneBits(second);
+  for (var k = 0u; k < touched; k++) {
+    let in_first = first != 0u;
+    let found = select(second, first, in_first);
+    let bit = found & ~(found - 1u);
+    let place = countTrailingZeros(found) + select(32u, 0u, in_first);
+    let kept = select(0u, bit, is_wanted(box_at(light.first + place), is_far));
+    first &= ~select(0u, bit, in_first);
+    second &= ~select(bit, 0u, in_first);
+    first_kept |= select(0u, kept, in_first);
+    second_kept |= select(kept, 0u, in_first);
+  }
+  chosen[2u * number] = first_kept;
+  chosen[2u * number + 1u] = second_kept;
+  chosen_count += countOneBits(first_kept) + countOneBits(second_kept);
+}
+
+// Tries the occluders of all lights that were chosen, one after another: their code runs at least
+// once, also if there is none.
+fn try_chosen() {
+  var word = 0u;
+  var found = chosen[0];
+  for (var k = 0u; k < chosen_count; k++) {
+    loop {
+      let next = select(0u, 1u, (found == 0u) & (word + 1u < CHOSEN));
+      word += next;
+      found = select(found, chosen[word], next == 1u);
+      if (found != 0u) | (word + 1u >= CHOSEN) {
+        break;
+      }
+    }
+    let t = 32u * word + countTrailingZeros(found);
+    found &= found - 1u;
+    hide(occluder_at(t));
+  }
+}
+
+// The least number above another one of a solid whose quadric is shown.
+fn next_curve(number: u32) -> u32 {
+  var least = u4(NO_CURVE);
+  // each quad
+  least = min(least, select(u4(NO_CURVE), curve_0, curve_0 > u4(number)));
+  return least_number(least);
+}
+
+// A number of each pixel's surface among sides, which has 0 for surfaces of copies of groups.
+fn side_number(surface: u4) -> u4 {
+  return select(u4(0u), surface, surface < u4(light_view_at(0u).sides));
+}
+
+// Sets the bits of lights that the points are turned away from.
+fn find_turned() {
+  // each quad
+  {
+    let number = side_number(nearest_0.surface);
+    let x = side_alone(number.x);
+    let y = side_alone(number.y);
+    let z = side_alone(number.z);
+    let w = side_alone(number.w);
+    let back = u4(x.back, y.back, z.back, w.back);
+    let opened = u4(x.opened, y.opened, z.opened, w.opened);
+    let front = u4(x.front, y.front, z.front, w.front);
+    let behind = select(opened, back, nearest_0.turned == u4(1u));
+    nearest_0.dark |= select(behind, front, nearest_0.turned == u4(0u));
+    curve_0 = u4(x.curve, y.curve, z.curve, w.curve);  //? round
+  }
+  {  //? round
+    let first = next_curve(0u);
+    for (var number = first; number < NO_CURVE; number++) {
+      for (var ix = 0u; ix < SHADOWS; ix++) {
+        turn_away(occluder_at(light_view_at(ix).first + number - 1u));
+      }
+      number = next_curve(number) - 1u;
+    }
+  }
+}
+
 // Sets the bits of lights that are hidden from the points, or that the points are turned away from.
 fn find_shadows() {
+  find_turned();
+  chosen_count = 0u;  //? broadcast & !many_shadows
   for (var ix = 0u; ix < SHADOWS; ix++) {
     let light = light_view_at(ix);
     let o = light.origin;
     var is_far = b4(true);
     is_far = b4(ix < FAR_LIGHTS);  //? lamps
-    // each quad
-    var at_0: Vector;
-    // each quad
-    var behind_0 = b4(false);
     var around = NOWHERE;
     // each quad
     {
       let from_origin = point_from(point_0, o[0], o[1], o[2]);
       let beam = beam_of(from_origin, light.axis, light.sign, light.shear_x, light.shear_y);
       at_0 = Vector(f4(beam.a), f4(beam.b), f4(beam.v));
+      behind_0 = b4(false);
       {  //? lamps
         // In the axes of the lamp: the way across over the way along, if that is ahead.
         behind_0 = !is_far & (at_0.z < f4(1.0));
@@ -198,9 +318,13 @@ fn find_shadows() {
       }
       other = all_around(other, is_far.x);
     }
-    try_occluders(light, all_around(around, is_far.x), other);
-    try_veils(ix, light.bit, all_around(around, is_far.x), other);  //? veils
+    around = all_around(around, is_far.x);
+    choose_occluders(ix, light, is_far, around);  //? broadcast & !many_shadows
+    try_occluders(light, is_far, around, other);  //? !broadcast
+    try_occluders(light, is_far, around, other);  //? many_shadows
+    try_veils(ix, light.bit, around, other);  //? veils
   }
+  try_chosen();  //? broadcast & !many_shadows
   // each quad
   nearest_0.doubt = either_key(unsure_0, FIRST, nearest_0.doubt);  //? casters & error
   // each quad

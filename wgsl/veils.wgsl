@@ -114,7 +114,8 @@ fn draw_veil(veil: Veil, bit: u32) {
     let met = holds_ahead(path, true, begin_0, veil.last);
     var leaves = b4(true);
     leaves = !encloses | holds_ahead(path, false, begin_0, veil.last);  //? encloses
-    let own = own_shadow(faces_0, nearest_0.turned, met, leaves, casts);
+    let hidden = is_hidden(nearest_0.turned, met, leaves) & b4(casts);
+    let own = is_away(faces_0, nearest_0.turned) | hidden;
     let dark = select(met & leaves & b4(casts), own, found_0) & behind_0;
     nearest_0.dark |= select(u4(0u), u4(bit), dark);
   }

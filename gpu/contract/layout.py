@@ -42,6 +42,7 @@ class Shade(IntFlag):
     ENCLOSES = 4  # the light may be inside the solid
     FLAT = 8  # a bounded plane, without an inside
     CONVEX = 16  # what leaves it does not meet it again
+    SELF = 32  # it may hide the light from its own points, seen from outside
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,7 @@ class Field:
 
 # A slab's two surface numbers count from 1 after the surface of F. The second is 0 if the slab has
 # only one half-space.
-SLAB_BITS = 15
-SLAB_LIT = 1 << 2 * SLAB_BITS
+SLAB_BITS = 16
 
 
 # Records begin at multiples of this many bytes, so that shaders can load them as vec4<u64>.
@@ -370,6 +370,7 @@ LIGHT_VIEW = Record(
         Field("end", "u32", 1, "the occluder behind its last"),
         Field("groups", "u32", 1, "box of its first group of occluders"),
         Field("far_groups", "u32", 1, "box of its first group of groups"),
+        Field("sides", "u32", 1, "how many sides there are"),
     ),
 )
 
@@ -393,13 +394,24 @@ OCCLUDER = Record(
         Field("factor", "i32", 1, "the same as factor 2^-factor_shift, in 2^-28"),
         Field("factor_shift", "u32", 1, "see factor"),
         Field("flags", "u32", 1, "SHADE_… bits"),
-        Field("surface", "u32", 1, "number of F among surfaces; those of its half-spaces follow"),
+        Field("bit", "u32", 1, "bit of the light in the output shadow"),
         Field("curve", "u32", 1, "number of the quadric among surfaces; 0 if it has none"),
         Field("caster", "u32", 1, "row of its form among casters, from 1; 0 if it has none"),
         Field("first", "u32", 1, "number of its first surface in the scene, from 1"),
         Field("count", "u32", 1, "how many surfaces it has"),
         Field("slab_start", "u32", 1, "its first slab"),
         Field("slab_count", "u32", 1, "how many it has"),
+    ),
+)
+
+SIDE = Record(
+    "Side",
+    "A surface: bits of the lights that do not reach it whatever stands before them.",
+    (
+        Field("front", "u32", 1, "seen from outside"),
+        Field("back", "u32", 1, "seen from inside"),
+        Field("opened", "u32", 1, "seen from inside, which a base plane opens"),
+        Field("curve", "u32", 1, "number of its solid among occluders, from 1, if it is quadric"),
     ),
 )
 
@@ -410,7 +422,7 @@ SLAB = Record(
         Field("c", "Value", 3, "coefficients of t, x, y"),
         Field("b", "Value", 3, "coefficients of z, x, y"),
         Field("width", "Value", 1, "distance of the two half-spaces, as a coefficient of t"),
-        Field("numbers", "u32", 1, "SLAB_… bits: its surfaces, and whether the light is outside"),
+        Field("numbers", "u32", 1, "the numbers of its two surfaces, SLAB_BITS each"),
     ),
 )
 
@@ -542,6 +554,9 @@ BOX = Record(
     (
         Field("low", "f32", 3, "least coordinates on the grid"),
         Field("high", "f32", 3, "greatest"),
+        Field("first", "u32", 1, "first surface from whose points it does not hide the light"),
+        Field("count", "u32", 1, "how many such surfaces there are"),
+        Field("lit", "f32", 4, "where this affine function is positive, it hides nothing"),
     ),
 )
 
@@ -560,6 +575,7 @@ RECORDS = (
     LOCATION,
     LIGHT_VIEW,
     OCCLUDER,
+    SIDE,
     SLAB,
     CASTER,
     VEIL_VIEW,
@@ -585,7 +601,7 @@ def wgsl() -> str:
     lines += [f"const SHADE_{shade.name}: u32 = {shade.value}u;" for shade in Shade]
     bits = {"ROW_BITS": ROW_BITS, "PIECE_BITS": PIECE_BITS, "PIECES": PIECES}
     lines += [f"const {name}: u32 = {value}u;" for name, value in bits.items()]
-    lines += [f"const SLAB_BITS: u32 = {SLAB_BITS}u;", f"const SLAB_LIT: u32 = {SLAB_LIT}u;"]
+    lines.append(f"const SLAB_BITS: u32 = {SLAB_BITS}u;")
     for record in RECORDS:
         lines += ["", record.wgsl()]
     return "\n".join(lines) + "\n"

@@ -13,8 +13,9 @@ from halfstep.contract.expressions import PackedExpressions
 
 # Neighbouring occluders in a group. A group has a bounding box around their bounding boxes.
 GROUP = 8
-# If no light has more occluders than this, shaders test all boxes and use no groups.
-MANY = 64
+# If no light has more occluders than this, shaders test all boxes and use no groups. They have one
+# bit for each.
+MANY = GROUP**2
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class PackedShadows:
     occluders: Records  # one light after another; each light begins at a multiple of GROUP^2
     slabs: Records
     boxes: Records  # of occluders, of groups, of groups of groups; no ray meets the last box
+    sides: Records  # by the number of a surface of a solid; 0 is none
     casters: Records | None  # forms of occluders of an order above two, if there are some
     formulas: PackedExpressions | None  # those of them that are no polynomials, if there are some
     far_lights: int  # how many of the L lights are far away
@@ -35,4 +37,4 @@ class PackedShadows:
     @property
     def arrays(self) -> tuple[Records, ...]:
         """The content of the device's buffers, in the order of the bindings."""
-        return self.views, self.occluders, self.slabs, self.boxes
+        return self.views, self.occluders, self.slabs, self.boxes, self.sides

@@ -197,6 +197,7 @@ FACTS = {
     "shadows": "lights have shadows, which are needed, for themselves or for colours",
     "lamps": "shadows are needed, and some of their lights are lamps",
     "curves": "shadows are needed, and an occluder has a quadric",
+    "round": "shadows are needed, and what is shown may be the quadric of a solid",
     "encloses": "shadows are needed, and a light may be inside an occluder",
     "casters": "shadows are needed, and an occluder has a polynomial or a formula",
     "cast_polynomials": "shadows are needed, and an occluder has a polynomial",

@@ -40,6 +40,12 @@ _CURVE_BITS = 10
 # 1/v at the end of a ray to a far light: no solid reaches beyond v = 1. With an end at infinity,
 # a ray parallel to a half-space would not tell whether it is inside.
 FAR_END = 0.5
+# A quadric bends away from no ray if no curvature is below minus this part of its largest
+# coefficient. A ray that F curves so little meets it again beyond all solids.
+FLAT = 2.0**-40
+# By how much, and by how many units of the grid, points must be outside of a half-space, whose
+# largest coefficient is 1 in radii.
+BEYOND_ROOM, BEYOND_UNITS = 2.0**-18, 4.0
 
 
 @dataclass(frozen=True)
@@ -120,6 +126,10 @@ class Occluder:
     # for a lamp the way across over the way along, and the way along in units of the grid.
     box: Floats
     caster: Caster | None  # its form, if that is of an order above two
+    hides_itself: bool  # it may hide the light from its own points, seen from outside
+    # (4,), an affine function of coordinates from the light, in units of the grid: where it is
+    # positive, points and light are outside of a half-space. 0 if there is none.
+    beyond: Floats
 
 
 @dataclass(frozen=True)
@@ -130,9 +140,10 @@ class Shadows:
     lights: tuple[int, ...]  # their bits in the output ``shadow``
     views: tuple[tuple[Axes, Ints], ...]  # axes of far lights, positions (3,) of lamps
     far_lights: int
-    occluders: tuple[tuple[Occluder, ...], ...]  # by light
+    occluders: tuple[tuple[Occluder, ...], ...]  # by light, in the same order of solids
     casts: Bools  # (K,), copies of groups last
     expressions: Expressions | None  # the formulas of the scene that are no polynomials
+    solid_count: int  # without copies of groups
 
 
 def has_shadows(scene: Scene) -> bool:
@@ -144,9 +155,12 @@ def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
     """The occluders of the lights of ``scene`` that have shadows."""
     lights = [light for light in scene.lights if light.shadows]
     order = sorted(range(len(lights)), key=lambda bit: lights[bit].position is not None)
+    shown = np.flatnonzero(~geometry.is_empty[: geometry.solid_count])
+    if len(shown):
+        shown = shown[_neighbours(world.boxes[..., shown])]
     views, occluders = [], []
     for bit in order:
-        view, hiding = _view(geometry, world.boxes, world.grid, lights[bit])
+        view, hiding = _view(geometry, world, shown, lights[bit])
         views.append(view)
         occluders.append(hiding)
     return Shadows(
@@ -160,23 +174,25 @@ def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
             np.ones(geometry.count - geometry.solid_count, np.bool_),
         ).astype(np.bool_),
         expressions=geometry.expressions,
+        solid_count=geometry.solid_count,
     )
 
 
 def _view(
-    geometry: Geometry, found: Floats, grid: Grid, light: Light
+    geometry: Geometry, world: World, shown: Ints, light: Light
 ) -> tuple[tuple[Axes, Ints], tuple[Occluder, ...]]:
-    """The axes of a light, and its occluders."""
-    shown = np.flatnonzero(~geometry.is_empty[: geometry.solid_count])
+    """The axes of a light, and its occluders: the solids ``shown``, in this order."""
+    grid = world.grid
     axes, place = axes_of(light, grid)
     occluders: list[Occluder] = []
     if not len(shown):
         return (axes, place), ()
     eye = grid.middle if light.position is None else np.array(light.position)
-    spans = _spans(geometry, found, grid, axes, eye, light.position is not None)
-    for ix in shown[_neighbours(spans[..., shown])].tolist():
+    spans = _spans(geometry, world.boxes, grid, axes, eye, light.position is not None)
+    for ix in shown.tolist():
         one = geometry, grid, ix, spans[..., ix]
-        occluders.append(_before(*one, Approach.of(found[..., ix], grid, light, axes)))
+        approach = Approach.of(world.boxes[..., ix], grid, light, axes)
+        occluders.append(_before(*one, approach, (axes.basis, place)))
     return (axes, place), tuple(occluders)
 
 
@@ -257,9 +273,7 @@ def spans_of_points(points: Floats, view: View) -> Floats:
 
 def _neighbours(spans: Floats) -> Ints:
     """An order of boxes (2, 3, K) in which neighbours are close to each other: Morton's curve."""
-    # If one end is infinite, the other end stands for the position of a box.
-    low, high = (np.where(np.isfinite(end), end, other) for end, other in (spans, spans[::-1]))
-    middle = (np.nan_to_num(low, posinf=0, neginf=0) + np.nan_to_num(high, posinf=0, neginf=0)) / 2
+    middle = spans.mean(axis=0)
     size = np.ptp(middle, axis=1, keepdims=True)
     cells = (middle - middle.min(axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)
     level = np.arange(_CURVE_BITS)
@@ -274,12 +288,23 @@ def _level(box: Floats, grid: Grid) -> int:
     return math.ceil(math.log2(max(half * (1 + 2.0**-20), 1.0)))
 
 
-def _before(geometry: Geometry, grid: Grid, ix: int, spans: Floats, approach: Approach) -> Occluder:
+def _before(
+    geometry: Geometry,
+    grid: Grid,
+    ix: int,
+    spans: Floats,
+    approach: Approach,
+    light_from: tuple[Floats, Ints],
+) -> Occluder:
+    """The occluder that a solid is; ``light_from`` has the light's axes (3, 3) and origin (3,)."""
     axes, level, center = approach.axes, approach.level, approach.center
     forms = _Forms.of(geometry, grid, ix, axes.basis, center.astype(np.float64), level)
     is_patch, encloses = bool(geometry.is_patch[ix]), False
     end = 0.0 if approach.reach == 0 else approach.end
     caster = caster_of(geometry, ix, forms.to_local, end)
+    curvatures = np.linalg.eigvalsh(forms.quadric[:3, :3])
+    if approach.reach == 0 and not approach.at_lamp:
+        curvatures = forms.quadric[2:3, 2]  # all rays go along v
     if approach.at_lamp:
         light = np.array([0.0, 0.0, 0.0, 1.0])
         quadrics, sides = quadratics_at_lamp(forms.quadric), linears_at_lamp(forms.slabs[:, 0])
@@ -290,6 +315,18 @@ def _before(geometry: Geometry, grid: Grid, ix: int, spans: Floats, approach: Ap
     else:
         light = np.array([0.0, 0.0, 1.0, end])
         quadrics, sides = quadratics(forms.quadric, end), linears(forms.slabs[:, 0], end)
+    lit = forms.slabs @ light > 0
+    beyond = np.zeros(4)
+    if caster is None:
+        turned = np.linalg.solve(
+            axes.basis, np.column_stack([light_from[0], light_from[1] - center])
+        )
+        chosen = lit & (forms.numbers > 0)
+        if is_patch:  # its two sides, not its bounds
+            chosen &= forms.numbers <= 2
+        facing = forms.slabs @ light
+        facing /= np.linalg.norm(forms.slabs[..., :3] @ np.linalg.inv(axes.basis), axis=-1)
+        beyond = _beyond(forms.slabs[chosen], facing[chosen], turned * 2.0**-level)
     return Occluder(
         solid=ix,
         is_patch=is_patch,
@@ -305,10 +342,29 @@ def _before(geometry: Geometry, grid: Grid, ix: int, spans: Floats, approach: Ap
         slabs=sides,
         widths=forms.widths,
         numbers=forms.numbers,
-        lit=forms.slabs @ light > 0,
+        lit=lit,
         box=spans,
         caster=caster,
+        beyond=beyond,
+        hides_itself=caster is not None or encloses or bool(curvatures[0] <= -FLAT),
     )
+
+
+def _beyond(rows: Floats, facing: Floats, turned: Floats) -> Floats:
+    """The member ``beyond`` of an occluder.
+
+    Args:
+        rows: half-spaces (M, 4) that have the light outside.
+        facing: how much they face it (M,).
+        turned: (3, 4), takes coordinates from the light, and 1, to those of the solid.
+    """
+    if not len(rows):
+        return np.zeros(4)
+    affine = rows[:, :3] @ turned
+    affine[:, 3] += rows[:, 3]
+    # Room for the rounding of points, turned once to the light and once to the solid's axes.
+    affine[:, 3] -= BEYOND_ROOM + BEYOND_UNITS * np.abs(affine[:, :3]).sum(axis=1)
+    return np.asarray(affine[facing.argmax()])
 
 
 @dataclass(frozen=True)

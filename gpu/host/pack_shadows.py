@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats, Records
+from halfstep.contract.arrays import Floats, Ints, Records
 from halfstep.contract.expressions import PackedExpressions, is_tame
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.layout import Shade
@@ -48,7 +48,7 @@ class ShadowTables:
     def packed(self, number_format: Format) -> PackedShadows:
         """The records of frames in a number format."""
         shadows = self.shadows
-        views, occluders, slabs, boxes = self._tables(number_format is FIXED32)
+        views, occluders, slabs, boxes, sides = self._tables(number_format is FIXED32)
         every = (one.caster for hiding in shadows.occluders for one in hiding)
         casting = [each for each in every if each is not None]
         return PackedShadows(
@@ -56,6 +56,7 @@ class ShadowTables:
             occluders=occluders,
             slabs=slabs,
             boxes=boxes,
+            sides=sides,
             far_lights=shadows.far_lights,
             curves=any(one.has_quadric for hiding in shadows.occluders for one in hiding),
             many=max(map(len, shadows.occluders)) > MANY,
@@ -65,12 +66,12 @@ class ShadowTables:
         )
 
     @functools.cache  # noqa: B019 - two entries, and they last as long as the scene
-    def _tables(self, integer: bool) -> tuple[Records, Records, Records, Records]:
-        """Views, occluders, slabs and boxes in a number format."""
+    def _tables(self, integer: bool) -> tuple[Records, Records, Records, Records, Records]:
+        """Views, occluders, slabs, boxes and sides in a number format."""
         number_format, shadows = FIXED32 if integer else FLOAT32, self.shadows
         every = [one for hiding in shadows.occluders for one in hiding]
         lengths = np.array([len(hiding) for hiding in shadows.occluders])
-        rooms = -(-lengths // GROUP**2) * GROUP**2
+        rooms = np.maximum(-(-lengths // GROUP**2), 1) * GROUP**2
         firsts, room = np.cumsum(rooms) - rooms, int(rooms.sum())
         places = np.arange(len(every)) + np.repeat(firsts - np.cumsum(lengths) + lengths, lengths)
         views = np.zeros(len(shadows.lights), layout.LIGHT_VIEW.dtype())
@@ -82,6 +83,8 @@ class ShadowTables:
             record["axis"], record["sign"] = axes.axis, axes.sign
             record["shear_x"], record["shear_y"] = axes.shear
             record["origin"] = place
+        sides = _sides(shadows)
+        views["sides"] = len(sides)
         occluders = np.zeros(room, layout.OCCLUDER.dtype(number_format))
         counts = np.array([len(one.slabs) for one in every], np.int64)
         occluders["slab_count"][places] = counts
@@ -89,38 +92,50 @@ class ShadowTables:
         slabs = np.zeros(counts.sum(), layout.SLAB.dtype(number_format))
         has_caster = np.array([one.caster is not None for one in every], bool)
         occluders["caster"][places] = np.where(has_caster, np.cumsum(has_caster), 0)
-        ends = np.cumsum([room, room // GROUP, room // GROUP**2])
-        boxes = np.zeros(ends[-1] + SPARE_BOXES, layout.BOX.dtype())
-        boxes["low"], boxes["high"] = NOWHERE, -NOWHERE
-        for place, one in zip(places, every, strict=True):
+        bits = np.repeat(views["bit"], lengths)
+        for place, one, bit in zip(places, every, bits, strict=True):
             record = occluders[place]
             fill(record, one, shadows, integer=integer)
+            record["bit"] = bit
             own = slabs[record["slab_start"] :][: len(one.slabs)]
             scale = _scales(one, integer)
             scaled = one.slabs * scale[:, None, None], one.widths * scale
             c_b, own["width"] = (np.rint(part) for part in scaled) if integer else scaled
             own["c"], own["b"] = c_b[:, 0], c_b[:, 1]
-            numbers, lit = one.numbers.astype(np.uint32), one.lit.astype(np.uint32)
+            numbers = one.numbers.astype(np.uint32)
             own["numbers"] = numbers[:, 0] | (numbers[:, 1] << np.uint32(layout.SLAB_BITS))
-            own["numbers"] |= (lit[:, 0] | (lit[:, 1] << np.uint32(1))) * layout.SLAB_LIT
-        if every:
-            spans = np.array([one.box for one in every])
-            is_far = np.repeat(
-                np.arange(len(shadows.occluders)) < shadows.far_lights,
-                [len(hiding) for hiding in shadows.occluders],
-            )
-            # For lamps, the way across over the way along has a margin already.
-            margin = BOX_MARGIN * np.array([[-1.0], [1.0]]) * np.ones(3)
-            spans += np.where(is_far[:, None, None], margin, margin * [0.0, 0.0, 1.0])
-            spans = np.clip(spans, -NOWHERE, NOWHERE)
-            boxes["low"][places], boxes["high"][places] = spans[:, 0], spans[:, 1]
-            inner = boxes[:room]
-            for begin, end in itertools.pairwise(ends):
-                outer = boxes[begin:end]
-                outer["low"] = inner["low"].reshape(-1, GROUP, 3).min(axis=1)
-                outer["high"] = inner["high"].reshape(-1, GROUP, 3).max(axis=1)
-                inner = outer
-        return views, occluders, slabs, boxes
+        return views, occluders, slabs, self._boxes(occluders, places), sides
+
+    def _boxes(self, occluders: Records, places: Ints) -> Records:
+        """The boxes of occluders, which are at ``places`` among their records, and of groups."""
+        shadows, room = self.shadows, len(occluders)
+        ends = np.cumsum([room, room // GROUP, room // GROUP**2])
+        boxes = np.zeros(ends[-1] + SPARE_BOXES, layout.BOX.dtype())
+        boxes["low"], boxes["high"] = NOWHERE, -NOWHERE
+        every = [one for hiding in shadows.occluders for one in hiding]
+        if not every:
+            return boxes
+        spans = np.array([one.box for one in every])
+        is_far = np.repeat(
+            np.arange(len(shadows.occluders)) < shadows.far_lights,
+            [len(hiding) for hiding in shadows.occluders],
+        )
+        # For lamps, the way across over the way along has a margin already.
+        margin = BOX_MARGIN * np.array([[-1.0], [1.0]]) * np.ones(3)
+        spans += np.where(is_far[:, None, None], margin, margin * [0.0, 0.0, 1.0])
+        spans = np.clip(spans, -NOWHERE, NOWHERE)
+        boxes["low"][places], boxes["high"][places] = spans[:, 0], spans[:, 1]
+        boxes["lit"][places] = [one.beyond for one in every]
+        never = (occluders["flags"] & Shade.SELF) == 0
+        for name in ("first", "count"):
+            boxes[name][:room] = np.where(never, occluders[name], 0)
+        inner = boxes[:room]
+        for begin, end in itertools.pairwise(ends):
+            outer = boxes[begin:end]
+            outer["low"] = inner["low"].reshape(-1, GROUP, 3).min(axis=1)
+            outer["high"] = inner["high"].reshape(-1, GROUP, 3).max(axis=1)
+            inner = outer
+        return boxes
 
 
 def fill(record: np.void, one: Occluder, shadows: Shadows, *, integer: bool) -> None:
@@ -140,15 +155,41 @@ def fill(record: np.void, one: Occluder, shadows: Shadows, *, integer: bool) -> 
         record["factor_shift"] = shift
     flags = Shade.CASTS * bool(shadows.casts[one.solid])
     flags |= Shade.AT_LAMP * one.at_lamp | Shade.ENCLOSES * one.encloses
-    record["flags"] = flags | Shade.FLAT * one.is_patch
-    # The surface of a bounded plane has the number of its first side.
-    record["surface"] = shadows.world.first_surface[one.solid] - one.is_patch
-    first = shadows.world.first_surface[one.solid]
-    record["curve"] = first if one.has_quadric else 0
-    if one.caster is not None and one.caster.is_in_ball:
-        record["curve"] = first + shadows.world.surface_count[one.solid] - 1
-    record["first"] = first
+    record["flags"] = flags | Shade.FLAT * one.is_patch | Shade.SELF * one.hides_itself
+    record["curve"] = _curve(one, shadows)
+    record["first"] = shadows.world.first_surface[one.solid]
     record["count"] = shadows.world.surface_count[one.solid]
+
+
+def _curve(one: Occluder, shadows: Shadows) -> int:
+    """The number of the quadric of an occluder among surfaces, 0 if it has none."""
+    first = int(shadows.world.first_surface[one.solid])
+    if one.caster is not None and one.caster.is_in_ball:
+        return first + int(shadows.world.surface_count[one.solid]) - 1
+    return first if one.has_quadric else 0
+
+
+def _sides(shadows: Shadows) -> Records:
+    """Which lights do not reach surfaces of solids (1 + S,), whatever stands before them."""
+    world, solids = shadows.world, shadows.solid_count
+    count = 1 + int(world.surface_count[:solids].sum())
+    sides = np.zeros(count, layout.SIDE.dtype())
+    for light, hiding in zip(shadows.lights, shadows.occluders, strict=True):
+        bit = np.uint32(1 << light)
+        for place, one in enumerate(hiding, start=1):
+            first = int(world.first_surface[one.solid])
+            if shadows.casts[one.solid] and one.caster is None and not one.encloses | one.is_patch:
+                own = sides[first : first + int(world.surface_count[one.solid])]
+                own["back"] |= bit
+            # The surface of a bounded plane has the number of its first side.
+            rows = (one.numbers + first - one.is_patch)[one.numbers > 0]
+            lit = one.lit[one.numbers > 0]
+            sides["front"][rows[~lit]] |= bit
+            sides["back"][rows[lit]] |= bit
+            sides["opened"][rows[lit]] |= bit
+            sides["curve"][_curve(one, shadows)] = place
+    sides[0] = 0
+    return sides
 
 
 def _scaled_forms(forms: Floats, integer: bool) -> Floats:

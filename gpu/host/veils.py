@@ -178,6 +178,8 @@ def _before(
             lit=np.zeros((0, 2), np.bool_),
             box=np.zeros((2, 3)),
             caster=None,
+            hides_itself=False,
+            beyond=np.zeros(4),
         ),
         planes=planes,
         quadrics=quadrics.transpose(2, 0, 1),

@@ -12,6 +12,7 @@ import numpy as np
 from halfstep.contract.arrays import Bools, Ints
 from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.formats import FIXED32
+from halfstep.contract.layout import LANES
 from halfstep.contract.mirrors import MIRROR_STEPS
 from halfstep.contract.powers import (
     BOUNDS,
@@ -122,9 +123,12 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
     """The most rounds that an invocation takes for shadows and mirrors, which try all solids."""
     of_shadows = of_mirrors = 0
     if packed.shadows is not None and "shadows" in needs.facts:
-        # The box of an occluder, of its group and of that group's group take a round each.
+        # An occluder, its box, and those of its group and of that group's group take a round each.
         slabs = packed.shadows.occluders["slab_count"].astype(np.int64)
-        of_shadows = int((slabs + 5).sum()) + 2 * len(packed.shadows.views)
+        of_shadows = int((slabs + 6).sum()) + 2 * len(packed.shadows.views)
+        # Each quadric that is shown, before each light.
+        shown = min(packed.solid_count, LANES * needs.quads * needs.broadcast)
+        of_shadows += (shown + 1) * (len(packed.shadows.views) + 2)
         casters = packed.shadows.casters
         if casters is not None:
             # If there are several programs, each round of a formula asks every program.

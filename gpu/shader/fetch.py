@@ -30,6 +30,7 @@ from halfstep.contract.layout import (
     OCCLUDER,
     POLYNOMIAL,
     REGION,
+    SIDE,
     SLAB,
     SOLID,
     TILE_WORDS,
@@ -86,6 +87,7 @@ SHADOW_RECORDS = {
     "occluders": OCCLUDER,
     "slabs": SLAB,
     "boxes": BOX,
+    "sides": SIDE,
 }
 VEIL_RECORDS = {
     "veil_views": VEIL_VIEW,
@@ -151,9 +153,7 @@ def fetches(needs: Needs) -> str:
             _record_at(needs, APPEARANCE, "appearances", "appearance"),
         ]
         functions += [_words_at(needs), _known_words(needs)]
-        functions += [_anywhere(needs), _least_number(needs)]
-    elif "mirrors" in needs.facts:
-        functions += [_anywhere(needs), _least_number(needs)]
+    functions += [_anywhere(needs), _least_number(needs), _least_of_all(needs)]
     if "higher" in needs.facts:
         functions.append(_record_at(needs, HIGHER, "highers", "higher"))
     if needs.has_polynomials:
@@ -179,7 +179,7 @@ def fetches(needs: Needs) -> str:
     for array, record in placed.items():
         name = _NAMES.get(array, array.removesuffix("s"))
         functions.append(_record_at(needs, record, array, name))
-        if record is BOX:
+        if record in (BOX, SIDE):
             functions.append(_alone(needs, record, array, name))
     if "mirrors" in needs.facts:
         functions.append(_record_at(needs, BODY, "bodies", "tried", OF_TRIED))
@@ -187,18 +187,21 @@ def fetches(needs: Needs) -> str:
 
 
 def _alone(needs: Needs, record: Record, array: str, name: str) -> str:
-    """The function by which one invocation alone fetches a record of at most eight floats.
+    """The function by which one invocation alone fetches a record of 32-bit words.
 
     Where others fetch together, the record is in a texture.
     """
     body = f"  return {array}[number];\n"
     if needs.broadcast > 1:
-        loaded, words = _texels_alone(array)
+        loaded, words = _texels_alone(array, record)
         members = ""
         for field in record.fields:
-            taken = ", ".join(f"bitcast<f32>({next(words)})" for _ in range(int(field.count)))
+            loads = (next(words) for _ in range(int(field.count)))
+            taken = ", ".join(
+                word if field.type == "u32" else f"bitcast<{field.type}>({word})" for word in loads
+            )
             members += (
-                f"    array<f32, {field.count}>({taken}),\n"
+                f"    array<{field.type}, {field.count}>({taken}),\n"
                 if field.count != 1
                 else f"    {taken},\n"
             )
@@ -207,12 +210,14 @@ def _alone(needs: Needs, record: Record, array: str, name: str) -> str:
     return f"{head}fn {name}_alone(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
-def _texels_alone(array: str) -> tuple[str, Iterator[str]]:
-    """Statements by which an invocation alone loads eight words of a texture, and these words."""
+def _texels_alone(array: str, record: Record) -> tuple[str, Iterator[str]]:
+    """Statements by which an invocation alone loads a record of a texture, and its words."""
     text = ""
-    for k in range(2):
-        text += f"  let at_{k} = 2u * number + {k}u;\n" + _load_texel(array, k)
-    return text, (f"texel_{k}.{axis}" for k in range(2) for axis in "xyzw")
+    stride = record.dtype().itemsize // TEXEL
+    used = -(-sum(int(field.count) for field in record.fields) * 4 // TEXEL)
+    for k in range(used):
+        text += f"  let at_{k} = {stride}u * number + {k}u;\n" + _load_texel(array, k)
+    return text, (f"texel_{k}.{axis}" for k in range(used) for axis in "xyzw")
 
 
 def _tile_at(needs: Needs) -> str:
@@ -296,13 +301,35 @@ def _anywhere(needs: Needs) -> str:
 
 def _least_number(needs: Needs) -> str:
     """The function for the least number of all invocations that fetch together."""
-    found = "min(min(numbers.x, numbers.y), min(numbers.z, numbers.w))"
-    if needs.broadcast > 1:
-        found = f"subgroupMin({found})"
     return (
         "// The least number of all pixels of the invocations that fetch together.\n"
-        f"fn least_number(numbers: u4) -> u32 {{\n  return {found};\n}}\n"
+        "fn least_number(numbers: u4) -> u32 {\n"
+        "  let least = min(min(numbers.x, numbers.y), min(numbers.z, numbers.w));\n"
+        f"  return {_least(needs, 'least')};\n}}\n"
     )
+
+
+def _least_of_all(needs: Needs) -> str:
+    """The function for the least vector of all invocations that fetch together."""
+    return (
+        "// The least components of the invocations that fetch together.\n"
+        "fn least_of_all(values: vec3<f32>) -> vec3<f32> {\n"
+        f"  return {_least(needs, 'values')};\n}}\n"
+    )
+
+
+def _least(needs: Needs, name: str) -> str:
+    """The least value of a variable in all invocations that fetch together.
+
+    lavapipe of Mesa 22.3 takes much longer for subgroupMin.
+    """
+    if needs.broadcast == 1:
+        return name
+    values = [f"subgroupBroadcast({name}, {lane}u)" for lane in range(needs.broadcast)]
+    while len(values) > 1:
+        pairs = zip(values[::2], values[1::2], strict=True)
+        values = [f"min({first}, {second})" for first, second in pairs]
+    return values[0]
 
 
 def _record_at(

@@ -30,6 +30,10 @@ FEW_LEVELS = 6
 FEW_SURFACES = 8
 
 
+# What is shown of solids of these classes, or of copies of groups, is no quadric of a solid.
+_FLAT_CLASSES = REGIONS | {Class.POLYHEDRON, Class.POLYHEDRON_INSIDE, Class.PATCH}
+
+
 @dataclass(frozen=True)
 class Needs:
     """Everything that a shader's text depends on. Equal needs share one compiled pipeline."""
@@ -100,6 +104,7 @@ class Needs:
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
             wanted |= {"curves"} if self.curves else set()
+            wanted |= {"round"} if self.curves and self._shows_quadrics else set()
             wanted |= {"casters", "cast_polynomials"} if self.cast_polynomials else set()
             wanted |= {"casters", "cast_formulas"} if self.cast_formulas else set()
             wanted |= {"veils"} if self.veils else set()
@@ -126,6 +131,11 @@ class Needs:
         if not STRETCHED.isdisjoint(self.classes):
             wanted.add("stretches")
         return frozenset(wanted)
+
+    @property
+    def _shows_quadrics(self) -> bool:
+        """Whether a block may show the quadric of a solid, or the ball that bounds one."""
+        return self.bounces > 0 or not _FLAT_CLASSES.issuperset(self.classes)
 
     @property
     def has_regions(self) -> bool:

@@ -201,6 +201,7 @@ def constants(needs: Needs) -> str:
         "SHADOWS": (needs.shadows, "lights with shadows"),
         "FAR_LIGHTS": (needs.far_lights, "far lights among these, which come first"),
         "GROUPED": (GROUP, "occluders in a group"),
+        "CHOSEN": (max(2 * needs.shadows, 1), "words for the occluders to try, two for each light"),
         "BOUNCES": (needs.bounces, "the most reflections of a ray"),
         "MIRROR_STEPS": (MIRROR_STEPS, "halvings for a ray from a mirror"),
         "CAST_STEPS": (CAST_STEPS, "halvings of the rest of a ray to a light"),

@@ -1,9 +1,9 @@
-"""Twin of ``hide.wgsl``: the pixels from which an occluder hides a light."""
+"""Twin of ``hide.wgsl``: the pixels from which an occluder hides a light or turns away from it."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from halfstep.twin.cast import Cast, Rest, cast_of, rest_of_ray
 from halfstep.twin.cast_formula import cast_formula_of
 from halfstep.twin.expression import formula_of
 from halfstep.twin.keep import Nearest
-from halfstep.twin.lanes import U32, Bools
+from halfstep.twin.lanes import U32, Bools, Form
 from halfstep.twin.piece import remains
-from halfstep.twin.place import is_own
+from halfstep.twin.place import Point, beam_of, is_own, point_from
 from halfstep.twin.rays import Ray
 from halfstep.twin.shadow import (
     between,
@@ -25,14 +25,13 @@ from halfstep.twin.shadow import (
     ends_beyond,
     far_curve,
     far_slab,
-    first_is_lit,
     first_number,
+    is_away,
+    is_hidden,
     is_met,
     is_met_again,
-    own_shadow,
     rest_of,
     second_along,
-    second_is_lit,
     second_number,
     slab_along,
     starts_beyond,
@@ -47,6 +46,27 @@ class Hidden(NamedTuple):
     unsure: Bools
 
 
+def rays_to_light(occluder: np.void, points: Point, beams: Any, facts: Collection[str]) -> Ray:
+    """The rays from points to the light of an occluder; ``beams`` is the module of rays."""
+    axes = (occluder[name] for name in ("sign", "shear_x", "shear_y"))
+    beam = beam_of(point_from(points, *occluder["center"]), int(occluder["axis"]), *axes)
+    ray: Ray = (beams.light_ray if "lamps" in facts else beams.far_ray)(beam, occluder)
+    return ray
+
+
+def curve_to_light(occluder: np.void, ray: Ray, facts: Collection[str]) -> Form:
+    """F along rays to the light."""
+    return curve_along(occluder, ray) if "lamps" in facts else far_curve(occluder, ray)
+
+
+def turn_away(occluder: np.void, ray: Ray, nearest: Nearest, facts: Collection[str]) -> Bools:
+    """The pixels in which its quadric shows the side turned away from the light."""
+    at_lamp = bool(int(occluder["flags"]) & Shade.AT_LAMP)
+    rest = rest_of(curve_to_light(occluder, ray, facts), ray, at_lamp)
+    away = is_away(starts_beyond(rest, whole_ray(ray)), nearest.turned)
+    return away & (nearest.surface == occluder["curve"])
+
+
 def hide(
     occluder: np.void,
     shadows: PackedShadows,
@@ -55,11 +75,12 @@ def hide(
     facts: Collection[str],
 ) -> Hidden:
     """The pixels from which one of the occluders hides the light."""
-    flags, surface = int(occluder["flags"]), int(occluder["surface"])
+    flags = int(occluder["flags"])
+    # The surface of a bounded plane has the number of its first side.
+    surface = int(occluder["first"]) - bool(flags & Shade.FLAT)
     casts, encloses = bool(flags & Shade.CASTS), bool(flags & Shade.ENCLOSES)
     along = slab_along if "lamps" in facts else far_slab
     whole = piece = whole_ray(ray)
-    faces = np.zeros(ray.near.shape, bool)
     leaves = np.zeros(ray.near.shape, bool)
     for k in range(int(occluder["slab_count"])):
         slab = shadows.slabs[int(occluder["slab_start"]) + k]
@@ -72,17 +93,14 @@ def hide(
         second = (starts_beyond(other, whole) & ~on_second) | ends_beyond(other, whole)
         leaves |= first | (second & both)
         piece = between(piece, line, other, both)
-        faces |= on_first & first_is_lit(slab)
-        faces |= on_second & (both and second_is_lit(slab))
     own = is_own(nearest.surface, occluder["first"], occluder["count"])
-    again = np.zeros(own.shape, bool)
+    again = away = np.zeros(own.shape, bool)
     hidden = remains(piece) & ray.near
     if "curves" in facts:
-        form = curve_along(occluder, ray) if "lamps" in facts else far_curve(occluder, ray)
+        form = curve_to_light(occluder, ray, facts)
         rest = rest_of(form, ray, bool(flags & Shade.AT_LAMP))
         on_curve = own & (nearest.surface == occluder["curve"])
-        faces = np.where(on_curve, starts_beyond(rest, whole), faces)
-        again = on_curve & is_met_again(rest, piece)
+        again = on_curve & bool(flags & Shade.SELF) & is_met_again(rest, piece)
         hidden = is_met(form, piece) & ray.near
         leaves |= comes_out(form, rest, whole, on_curve)
     enclosed = np.full(own.shape, not flags & Shade.FLAT)
@@ -93,7 +111,7 @@ def hide(
         asked = (nearest.surface > 0) & (~own | on_f | encloses)
         ahead = rest_of_ray(caster, occluder, ray, piece, asked, on_f)
         found = _cast_by(shadows.formulas, caster, ahead, encloses, on_f, nearest.turned)
-        faces = np.where(on_f, found.faces, faces)
+        away = on_f & is_away(found.faces, nearest.turned)
         again = on_f & found.met
         hidden = found.met
         leaves |= found.met
@@ -103,8 +121,8 @@ def hide(
     if encloses:
         hidden = leaves
         enclosed &= leaves
-    dark = own_shadow(faces, nearest.turned, again, enclosed, casts)
-    return Hidden(np.where(own, dark, hidden & casts), unsure)
+    hidden = np.where(own, is_hidden(nearest.turned, again, enclosed), hidden)
+    return Hidden((hidden & casts) | away, unsure)
 
 
 def _cast_by(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from halfstep.contract.layout import SLAB_BITS, SLAB_LIT
+from halfstep.contract.layout import SLAB_BITS
 from halfstep.twin import beam, beam_fixed
 from halfstep.twin.lanes import U32, Bools, Form
 from halfstep.twin.piece import Line, Piece, clip, remains
@@ -72,17 +72,7 @@ def first_number(slab: np.void) -> np.uint32:
 
 def second_number(slab: np.void) -> np.uint32:
     """The surface number of the second half-space; 0 if there is none."""
-    return np.uint32((int(slab["numbers"]) >> SLAB_BITS) & ((1 << SLAB_BITS) - 1))
-
-
-def first_is_lit(slab: np.void) -> bool:
-    """Whether the light is outside of the first half-space."""
-    return bool(int(slab["numbers"]) & SLAB_LIT)
-
-
-def second_is_lit(slab: np.void) -> bool:
-    """Whether the light is outside of the second half-space."""
-    return bool(int(slab["numbers"]) & SLAB_LIT << 1)
+    return np.uint32(int(slab["numbers"]) >> SLAB_BITS)
 
 
 def between(piece: Piece, line: Line, other: Line, both: bool) -> Piece:
@@ -145,12 +135,18 @@ def comes_out(form: Form, rest: Line, piece: Piece, on_curve: Bools) -> Bools:
     return np.where(on_curve, starts_beyond(rest, piece) | ends_beyond(rest, piece), outside)
 
 
-def own_shadow(faces: Bools, turned: U32, again: Bools, enclosed: Bools, casts: bool) -> Bools:
-    """Whether a solid hides the light from its own points, turned away from it or behind the solid.
+def is_away(faces: Bools, turned: U32) -> Bools:
+    """Whether a point is turned away from the light.
+
+    Its surface ``faces`` the light from outside, and is seen from inside if it is ``turned``.
+    """
+    return np.asarray(faces == (turned != 0))
+
+
+def is_hidden(turned: U32, again: Bools, enclosed: Bools) -> Bools:
+    """Whether a solid that casts shadows hides the light from its own points behind it.
 
     In pixels that see it from inside (1, or 2 if a base plane opens it), ``enclosed`` tells whether
-    it hides the light.
+    it does.
     """
-    is_turned = turned != 0
-    behind = np.where(is_turned, enclosed & (turned == 1), again)
-    return (faces == is_turned) | (behind & casts)
+    return np.where(turned != 0, enclosed & (turned == 1), again)

@@ -13,18 +13,15 @@ import numpy as np
 
 from halfstep.contract.arrays import Records
 from halfstep.contract.shadows import PackedShadows
-from halfstep.twin.hide import hide
+from halfstep.twin.hide import hide, rays_to_light, turn_away
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools
 from halfstep.twin.mirror import NO_BODY, is_left
 from halfstep.twin.nearest import FIRST, either_key
-from halfstep.twin.place import (
-    NO_POINT,
-    Point,
-    beam_of,
-    is_own,
-    point_from,
-)
+from halfstep.twin.place import NO_POINT, Point, is_own
+
+# The members of a side.
+SIDES = ("front", "back", "opened", "curve")
 
 
 class Dark(NamedTuple):
@@ -70,6 +67,24 @@ def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any
     return Mirror(points, weight, gone)
 
 
+def find_turned(
+    shadows: PackedShadows, nearest: Nearest, points: Point, beams: Any, facts: Collection[str]
+) -> U32:
+    """The bits of lights that the points are turned away from; arguments as of `find_shadows`."""
+    numbers = np.where(nearest.surface < len(shadows.sides), nearest.surface, np.uint32(0))
+    front, back, opened, curve = (shadows.sides[name][numbers] for name in SIDES)
+    behind = np.where(nearest.turned == 1, back, opened)
+    dark = np.where(nearest.turned == 0, front, behind)
+    shown = np.unique(curve[curve > 0]).tolist() if "round" in facts else []
+    for number in shown:
+        for view in shadows.views:
+            occluder = shadows.occluders[int(view["first"]) + number - 1]
+            ray = rays_to_light(occluder, points, beams, facts)
+            away = turn_away(occluder, ray, nearest, facts)
+            dark = dark | np.where(away, view["bit"], np.uint32(0))
+    return dark
+
+
 def find_shadows(
     shadows: PackedShadows,
     nearest: Nearest,
@@ -89,13 +104,11 @@ def find_shadows(
         veils: the pixels from which copies of groups hide a light, by its number.
     """
     some = nearest.surface > 0
-    dark = unsure = np.zeros(some.shape, np.uint32)
-    ray_of = beams.light_ray if "lamps" in facts else beams.far_ray
+    unsure = np.zeros(some.shape, np.uint32)
+    dark = np.where(some, find_turned(shadows, nearest, points, beams, facts), np.uint32(0))
     for number, view in enumerate(shadows.views):
         for occluder in shadows.occluders[view["first"] : view["end"]]:
-            axes = (occluder[name] for name in ("sign", "shear_x", "shear_y"))
-            from_center = point_from(points, *occluder["center"])
-            ray = ray_of(beam_of(from_center, int(occluder["axis"]), *axes), occluder)
+            ray = rays_to_light(occluder, points, beams, facts)
             hidden = hide(occluder, shadows, ray, nearest, facts)
             dark = dark | np.where(some & hidden.dark, view["bit"], np.uint32(0))
             unsure = unsure | np.where(some & hidden.unsure, view["bit"], np.uint32(0))

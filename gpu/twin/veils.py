@@ -22,7 +22,7 @@ from halfstep.twin.lanes import I32, Bools
 from halfstep.twin.place import Point, beam_of, is_own, point_from
 from halfstep.twin.rays import Ray
 from halfstep.twin.region import shows_surface
-from halfstep.twin.shadow import own_shadow, rest_of, whole_ray
+from halfstep.twin.shadow import is_away, is_hidden, rest_of, whole_ray
 from halfstep.twin.sight import Met
 from halfstep.twin.veil import (
     brought_near,
@@ -112,8 +112,8 @@ def draw_veil(
     leaves = np.ones(own.shape, bool)
     if encloses:
         leaves = holds_ahead(crossings, path, False, begin, veil["last"])
-    dark = own_shadow(faces, nearest.turned, met, leaves, casts)
-    return np.where(found, dark, met & leaves & casts)
+    own_dark = is_away(faces, nearest.turned) | (is_hidden(nearest.turned, met, leaves) & casts)
+    return np.where(found, own_dark, met & leaves & casts)
 
 
 def try_veils(
