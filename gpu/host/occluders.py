@@ -324,9 +324,11 @@ def _before(
         chosen = lit & (forms.numbers > 0)
         if is_patch:  # its two sides, not its bounds
             chosen &= forms.numbers <= 2
-        facing = forms.slabs @ light
-        facing /= np.linalg.norm(forms.slabs[..., :3] @ np.linalg.inv(axes.basis), axis=-1)
-        beyond = _beyond(forms.slabs[chosen], facing[chosen], turned * 2.0**-level)
+        normals = forms.slabs[..., :3] @ np.linalg.inv(axes.basis)
+        facing = forms.slabs @ light / np.linalg.norm(normals, axis=-1)
+        beyond = _beyond(
+            forms.slabs[chosen], facing[chosen], np.asarray(turned * 2.0**-level, np.float64)
+        )
     return Occluder(
         solid=ix,
         is_patch=is_patch,
