@@ -26,9 +26,13 @@ SHARES = (
     (0.55, 0.55, 0.55),
 )
 # Limits of the cases that are tried for one box, and of the surfaces of a program.
-MOST_ASKED, MOST_BOUNDS = 64, 64
+MOST_ASKED, MOST_BOUNDS = 1 << 10, 64
 # Planes nearer to each other than this part of half a box may be in any order.
 APART = 2.0**-10
+# The outermost planes of a program are so near to the faces of its box, in parts of its sides.
+OUTER = 2.0**-12
+# Signs are asked so far from the planes that end a full box, in parts of its sides.
+THIN = 2.0**-36
 # Curvatures below this part of the largest one count as none.
 FLAT = 2.0**-20
 
@@ -71,6 +75,24 @@ def core_of(formula: Formula, matrices: Floats, lower: int, box: Floats) -> Core
                 widest=min([_widest_in(box), *map(_widest_within, inside)]),
             )
     return None
+
+
+def full_box(formula: Formula, matrices: Floats, lower: int, box: Floats) -> Floats | None:
+    """The box (2, 3) between a program's outermost planes, if visible cells fill all of it.
+
+    Args:
+        formula: of the program.
+        matrices: (4, 4, S), its surfaces.
+        lower: how many of them are at most of second order.
+        box: (2, 3), contains its cells.
+    """
+    trial = _Trial(formula, matrices, lower, box)
+    found = trial.outermost(box)
+    if found is None:
+        return None
+    thin = THIN * np.ptp(found, axis=0)
+    inner = np.array([found[0] + thin, found[1] - thin])
+    return found if trial.holds(trial.signs(inner), inner) else None
 
 
 def _widest_in(box: Floats) -> float:
@@ -155,6 +177,17 @@ class _Trial:
             if node.kind is Literal:
                 used[node.surface] = True
         return used
+
+    def outermost(self, box: Floats) -> Floats | None:
+        """The planes (2, 3) across the axes, near the faces of a box; None if a face has none."""
+        found = np.array([np.full(3, np.inf), np.full(3, -np.inf)])
+        room = OUTER * np.ptp(box, axis=0)
+        for (axis, place, _), matters in zip(self._places, self.matters, strict=False):
+            if axis >= 0 and matters:
+                for end in (0, 1):
+                    if abs(place - box[end, axis]) <= room[axis]:
+                        found[end, axis] = place
+        return found if (found[0] < found[1]).all() and np.isfinite(found).all() else None
 
     def signs(self, box: Floats) -> list[int]:
         """For each surface 1 if F > 0 all over a box, -1 if F <= 0, else 0."""

@@ -17,6 +17,7 @@ from halfstep.contract.layout import TILE
 from halfstep.contract.program import Known
 from halfstep.contract.regions import PackedRegions
 from halfstep.host.copies import Copies
+from halfstep.host.front import Front
 from halfstep.host.hidden import Hiding, covering
 from halfstep.host.merging import Program
 from halfstep.host.narrowing import Blocks, Narrowing
@@ -76,8 +77,13 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     begin, end = np.searchsorted(pairs.row, np.searchsorted(packed.classes, ends)).tolist()
     own = slice(begin, end)
     written = Written(packed, copies)
-    blocks = _blocks(packed, copies, Pairs(*(each[own] for each in pairs)), first_row // TILE)
-    tried = _tried(packed, copies, blocks, tile[own], written, outputs)
+    first_tile = first_row // TILE
+    blocks = _blocks(packed, copies, Pairs(*(each[own] for each in pairs)), first_tile)
+    front = None
+    # What is hidden or not there may still tell how sure others are.
+    if outputs.isdisjoint(LOOKING_BEHIND | {"error"}):
+        front = Front(packed, copies, first_tile, down)
+    tried = _tried(packed, copies, blocks, tile[own], written, outputs, front)
 
     places, record = tried.places, tried.which
     lengths, is_known = written.lengths[tried.columns[1]], tried.columns[1] == written.known_row
@@ -135,6 +141,7 @@ def _tried(
     tile: Ints,
     written: Written,
     outputs: frozenset[str],
+    front: Front | None,
 ) -> _Tried:
     """What tiles try of copies.
 
@@ -147,6 +154,7 @@ def _tried(
         tile: number of each tile.
         written: gets the excerpts.
         outputs: the device outputs.
+        front: tells what is hidden; None if nothing may be left out.
     """
     assert packed.regions is not None
     left, right, top, bottom = packed.setup.rectangle[copies.row].T // TILE
@@ -160,38 +168,75 @@ def _tried(
     is_stretched = is_large | (tiles >= LEAST_TILES)
     leaving = not outputs.isdisjoint(LOOKING_BEHIND)
     places = np.arange(len(tile))
-    # What is hidden or not there may still tell how sure others are.
-    if leaving or "error" in outputs:
+    if front is None:
         is_stretched[:] = False
     else:
-        blocks, places = _seen(packed, copies, tile, blocks, is_stretched)
-    copy = blocks.copy
-    # Copies that are tried whole have one record each. They give the same names of surfaces in all
-    # tiles if their rays start alike.
-    large = is_large[copy]
-    whole, some = np.flatnonzero(~large), np.flatnonzero(large)
-    shared = np.flatnonzero(np.bincount(copy[whole], minlength=len(programs)))
+        blocks, places = _seen(packed, copies, tile, blocks, is_stretched, front)
+    large = is_large[blocks.copy]
+    narrowing = Narrowing(packed, copies, leaving=leaving, cuts=front is not None)
+    found = [
+        *_narrowed(narrowing, copies, blocks, tile[places], np.flatnonzero(large), written, front)
+    ]
+    # What covers more of the picture was looked at first, and may hide the others.
+    whole = np.flatnonzero(~large)
+    if front is not None:
+        some = whole
+        whole = some[front.sees(tile[places[some]], blocks.copy[some], blocks.first[some])]
+    found.append(_whole(packed, copies, blocks.copy, whole, written))
+    counts = np.cumsum([0, *(columns.shape[1] for _, _, columns in found)])
+    tried = np.concatenate([own for own, _, _ in found])
+    which = np.concatenate([of + first for (_, of, _), first in zip(found, counts, strict=False)])
+    return _Tried(places[tried], which, np.concatenate([part for *_, part in found], axis=-1))
+
+
+def _whole(
+    packed: Packed, copies: Copies, copy: Ints, own: Ints, written: Written
+) -> tuple[Ints, Ints, Ints]:
+    """The tiles ``own`` of copies that are tried whole, the record of each, and these.
+
+    A copy has one record. It gives the same names of surfaces in all tiles if its rays start alike.
+    """
+    assert packed.regions is not None
+    copy = copy[own]
+    shared = np.flatnonzero(np.bincount(copy, minlength=len(copies.copy)))
     row = np.empty(len(shared), np.int64)
-    for number, own in _by_number(programs[shared]):
-        row[own] = written.add_whole(number)
+    for number, places in _by_number(copies.program[shared]):
+        row[places] = written.add_whole(number)
     records = packed.regions.records
     first, last = (records[name].astype(np.int64)[shared] for name in ("first", "last"))
-    found = [(whole, np.searchsorted(shared, copy[whole]), np.stack([shared, row, first, last]))]
-    # Others have one for each tile, or several behind one another.
-    narrowing = Narrowing(
-        packed, copies, leaving=leaving, cuts=not leaving and "error" not in outputs
-    )
-    count = len(shared)
-    alike = copies.regions.alike
-    for number, each in _by_number(alike[programs[copy[some]]]):
-        part = some[each]
-        left = narrowing.left(copies.regions.programs[number], blocks.take(part))
+    return own, np.searchsorted(shared, copy), np.stack([shared, row, first, last])
+
+
+def _narrowed(
+    narrowing: Narrowing,
+    copies: Copies,
+    blocks: Blocks,
+    tile: Ints,
+    some: Ints,
+    written: Written,
+    front: Front | None,
+) -> Iterator[tuple[Ints, Ints, Ints]]:
+    """Some of the tiles, the record of each, and these: one for each tile, or several in a row."""
+    programs = [
+        (number, some[each])
+        for number, each in _by_number(copies.regions.alike[copies.program[blocks.copy[some]]])
+    ]
+    if front is not None:
+        # Large copies are more likely to fill tiles.
+        programs.sort(key=lambda each: np.count_nonzero(np.bincount(blocks.copy[each[1]])))
+    for number, part in programs:
+        if front is not None:
+            part = part[front.sees(tile[part], blocks.copy[part], blocks.first[part])]
+            if not len(part):
+                continue
+        left, filled = narrowing.left(copies.regions.programs[number], blocks.take(part))
+        if front is not None:
+            by = part[filled.tile]
+            front.hide(tile[by], *blocks.take(by)[:3], filled.point)
         own = part[left.tile]
-        columns = np.stack([copy[own], written.add_all(number, left), left.first, left.last])
-        found.append((own, count + np.arange(len(own)), columns))
-        count += len(own)
-    tried, which, columns = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
-    return _Tried(places[tried], which, columns)
+        row = written.add_all(number, left)
+        columns = np.stack([blocks.copy[own], row, left.first, left.last])
+        yield own, np.arange(len(own)), columns
 
 
 def _by_number(numbers: Ints) -> Iterator[tuple[int, Ints]]:
@@ -207,7 +252,12 @@ def _by_number(numbers: Ints) -> Iterator[tuple[int, Ints]]:
 
 
 def _seen(
-    packed: Packed, copies: Copies, tile: Ints, blocks: Blocks, is_stretched: Bools
+    packed: Packed,
+    copies: Copies,
+    tile: Ints,
+    blocks: Blocks,
+    is_stretched: Bools,
+    front: Front,
 ) -> tuple[Blocks, Ints]:
     """The tiles of copies that may be seen, with shorter stretches of rays, and their indices.
 
@@ -217,6 +267,7 @@ def _seen(
         tile: (P,), number of each tile.
         blocks: (P,), the tile and a copy.
         is_stretched: (R,), copies of which the stretches are asked for.
+        front: tells what is hidden.
     """
     asked = is_stretched[blocks.copy]
     covers = covering(packed, copies)
@@ -229,7 +280,7 @@ def _seen(
     some = np.flatnonzero(asked)
     first, last = blocks.first.copy(), blocks.last.copy()
     first[some], last[some] = hiding.stretch(*blocks.take(some))
-    places = np.flatnonzero(first <= last)
+    places = np.flatnonzero((first <= last) & front.sees(tile, blocks.copy, first))
     blocks, tile = Blocks(*blocks[:3], first, last).take(places), tile[places]
     stays = ~_crowded(tile, covers[blocks.copy])
     many = np.flatnonzero(~stays)

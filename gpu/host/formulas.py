@@ -361,11 +361,14 @@ class Formula:
             cut: (P,), pieces behind the first one where a shown cell holds are not visible.
             narrow: (P,), pieces before or behind all cells are not visible.
         """
-        shown = [root for root, hides in zip(self.roots, self.hidden, strict=True) if not hides]
-        holds = np.bitwise_or.reduce(truth.true[shown], axis=0)
         perhaps = ~np.bitwise_and.reduce(truth.false[self.roots], axis=0)
         first, last = np.where(narrow, [_LOWEST[perhaps], _HIGHEST[perhaps]], [[0], [7]])
-        return first, np.where(cut & (holds != 0), np.minimum(_LOWEST[holds], last), last)
+        return first, np.where(cut, np.minimum(self.filled(truth), last), last)
+
+    def filled(self, truth: Truth) -> Ints:
+        """The first piece of each block (P,) where a shown cell holds, 8 if none is known."""
+        shown = [root for root, hides in zip(self.roots, self.hidden, strict=True) if not hides]
+        return np.asarray(_LOWEST[np.bitwise_or.reduce(truth.true[shown], axis=0)])
 
     def on_pieces(self, truth: Truth, first: Ints, last: Ints) -> Decided:
         """The truth of the nodes on pieces from the first to the last (P,) of blocks."""

@@ -21,7 +21,7 @@ from halfstep.host.formulas import Decided, Formula, Truth
 from halfstep.host.merging import Program
 from halfstep.host.pack import Packed
 from halfstep.host.reach import squares_of
-from halfstep.host.signs import Rays, signs
+from halfstep.host.signs import PIECES, Rays, signs
 
 # The largest blocks: about this many lie across a copy. A block is halved so often at once.
 FIRST_BLOCKS, HALVED = 4, 2
@@ -64,6 +64,13 @@ class Left(NamedTuple):
     last: Ints
 
 
+class Filled(NamedTuple):
+    """Tiles (P,) where a cell holds a piece of all rays, and the grid points where it ends."""
+
+    tile: Ints
+    point: Ints
+
+
 class Narrowing:
     """Finds what is left of the formulas of copies in a frame."""
 
@@ -83,8 +90,11 @@ class Narrowing:
         # cell.
         self._opened = (leaving | setup.eye_inside | setup.near_cut)[copies.row]
 
-    def left(self, program: Program, tiles: Blocks) -> Left:
-        """What is left in tiles (P,), each of which has one copy with the formula of a program."""
+    def left(self, program: Program, tiles: Blocks) -> tuple[Left, Filled]:
+        """What is left in tiles (P,), each of which has one copy with the formula of a program.
+
+        Also the tiles behind whose copy nothing is seen.
+        """
         formula = program.formula
         # Of each copy about so many tiles are left along a side of what is seen of it.
         widest = math.ceil(math.sqrt(np.bincount(tiles.copy).max()))
@@ -107,8 +117,10 @@ class Narrowing:
                 asked = formula.surfaces_of(formula.live(known), program.count)
                 rays = rays.narrowed(first, last)
         assert known is not None  # there is a level at least
+        filled = self._filled(formula.filled(truth), blocks, rays, of)
         parts = self._cut(program, blocks.take(of), truth.at(of), known.at(of), rays.at(of))
-        return Left(*(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)))
+        left = Left(*(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)))
+        return left, filled
 
     def _rays(self, blocks: Blocks) -> Rays:
         """The rays of blocks."""
@@ -134,6 +146,13 @@ class Narrowing:
         is_long = rays.are_long
         cut = is_long & ~self._opened[blocks.copy]
         return truth, formula.seen(truth, cut, is_long), rays
+
+    def _filled(self, piece: Ints, blocks: Blocks, rays: Rays, of: Ints) -> Filled:
+        """The tiles, each in the block ``of``, of which a cell holds a piece, of ``PIECES``."""
+        is_known = (piece < PIECES) & rays.are_long & ~self._opened[blocks.copy]
+        own = np.flatnonzero(is_known[of])
+        of = of[own]
+        return Filled(own, rays.at(of).ends[piece[of] + 1, np.arange(len(of))])
 
     def _cut(
         self, program: Program, tiles: Blocks, truth: Truth, known: Decided, rays: Rays

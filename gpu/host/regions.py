@@ -33,6 +33,7 @@ from halfstep.host.higher import (
 )
 from halfstep.host.merging import COINCIDENT, Merged, Program, merged_cells
 from halfstep.host.polynomials import Polynomials
+from halfstep.host.walls import Walls
 from halfstep.scene import Material, Scene
 from halfstep.scene.copies import Copies, Layout, Within
 from halfstep.scene.groups import Cell, Fragment, Group
@@ -142,6 +143,11 @@ class Regions:
         return Cores.of(
             [core_of(one.formula, one.matrices, one.lower, one.box) for one in self.programs]
         )
+
+    @functools.cached_property
+    def walls(self) -> Walls:
+        """Boxes that visible cells fill."""
+        return Walls.of(self.programs, self.of, self.origin, self.world_from_local)
 
     @functools.cached_property
     def matrices(self) -> Floats:
