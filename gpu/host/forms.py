@@ -52,6 +52,15 @@ class Sight(NamedTuple):
         """The distance of rays of neighbouring pixels at u = 0, in units of ``rays``, (V,)."""
         return np.ones_like(self.middle) if self.parallel else self.middle
 
+    @property
+    def ends(self) -> Floats:
+        """Points of rays at both ends, (3, 2, 3, V): [1, x, y][u = -1, u = 1][axis]."""
+        found = np.empty((3, 2, *self.rays.shape[1:]))
+        for end, depth in enumerate((self.middle - self.half, self.middle + self.half)):
+            found[0, end] = self.rays[0] + depth * self.rays[1]
+            found[1:, end] = self.rays[2:] if self.parallel else depth * self.rays[2:]
+        return found
+
     def at(self, places: Places) -> Sight:
         """The solids at ``places``."""
         arrays = (at_places(each, places) for each in self[:-1])

@@ -16,7 +16,7 @@ from halfstep.contract.classes import Class
 from halfstep.contract.keys import joined_key
 from halfstep.contract.layout import TILE
 from halfstep.host.copies import Copies
-from halfstep.host.forms import power_of_two, rays_of
+from halfstep.host.forms import power_of_two
 from halfstep.host.pack import Packed
 from halfstep.host.reach import squares_of
 from halfstep.host.sharing import in_parts
@@ -68,15 +68,7 @@ class Hiding:
         # The index of each copy among those that are chosen.
         self._own = np.zeros(len(copies.row), np.int64)
         self._own[chosen] = np.arange(len(chosen))
-        rotation = regions.world_from_local.take(copy, axis=-1)
-        origin = regions.origin.take(copy, axis=-1)
-        rays = rays_of(setup.view, setup.center[row].T, origin, rotation)
-        middle, half = setup.depth_middle[row], setup.depth_half[row]
-        ends = np.empty((3, 2, 3, len(row)))  # [1, x, y][u = -1, u = 1][axis]
-        for end, depth in enumerate((middle - half, middle + half)):
-            ends[0, end] = rays[0] + depth * rays[1]
-            ends[1:, end] = rays[2:] if setup.view.parallel else depth * rays[2:]
-        self._ends = ends
+        self._ends = ends = copies.sight.at(chosen).ends
         offsets = setup.offsets[row].T
         reach = np.abs(ends[0]) + np.abs(ends[1]) * offsets[0] + np.abs(ends[2]) * offsets[1]
         self._largest = reach.max(axis=0)  # (3, C)

@@ -24,6 +24,7 @@ from halfstep.host.expressions import (
 from halfstep.host.forms import HOST_ROUNDINGS, Sight, length, rays_of
 from halfstep.host.polynomials import AtEye, OnRays, Polynomials, on_rays
 from halfstep.host.regions import Regions
+from halfstep.host.tori import Tori
 from halfstep.scene import TorusShape
 
 # A stretch ends at multiples of a power of two: of 2^-FINEST, or it has at least PARTS of them.
@@ -43,6 +44,7 @@ class HigherOnRays:
     is_formula: Bools  # (M,), no polynomial
     forms: OnRays | None  # of those that are polynomials
     formulas: FormulasOnRays | None  # of the others
+    tori: Tori  # those that are tori
     box: Floats  # (2, 3, M), outside of which F is taken to keep its sign, own coordinates
     rectangle: Ints  # (M, 4), first and last pixel: i0, i1, j0, j1
     center: Ints  # (M, 2), pixel where x = y = 0
@@ -144,6 +146,7 @@ def higher_on_rays(
         is_formula=is_formula,
         forms=forms,
         formulas=formulas,
+        tori=Tori.of([each.shape for each in every], which, seen, center - middle[:, owner]),
         box=boxes,
         rectangle=rectangle.T,
         center=center.T,

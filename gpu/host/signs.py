@@ -164,7 +164,21 @@ def _signs(copies: Copies, surface: Ints, places: F32) -> tuple[Bytes, Bytes]:
     negative = (middle < -reach) | (rootless & ~above)
     if copies.higher is not None:
         positive |= _is_beside(copies, surface, places)
+        own, number = _tori_among(copies, surface)
+        if len(own):
+            inside, outside = copies.higher.tori.signs(number, places.take(own, axis=-1))
+            negative[:, own] |= inside
+            positive[:, own] |= outside
     return _packed(negative), _packed(positive)
+
+
+def _tori_among(copies: Copies, surface: Ints) -> tuple[Ints, Ints]:
+    """The tori among surfaces (P,): their places, and their numbers in `Tori`."""
+    assert copies.higher is not None
+    place = np.minimum(np.searchsorted(copies.higher_at, surface), len(copies.higher_at) - 1)
+    number = np.where(copies.higher_at[place] == surface, copies.higher.tori.number[place], -1)
+    own = np.flatnonzero(number >= 0)
+    return own, number[own]
 
 
 def _is_beside(copies: Copies, surface: Ints, places: F32) -> Bools:
