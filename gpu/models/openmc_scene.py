@@ -97,7 +97,8 @@ class _Builder:
         tables["surface"] += ended.surfaces
         tables["material"] = self._shown.materials
         tables["group"] = [*self._groups.values()]
-        return Model(geometry.name, tables, ended.box)
+        box = ended.box if self._plot is None else self._plot.with_room(ended.box)
+        return Model(geometry.name, tables, box)
 
     # ---------------------------------------------------------------------------- universes
 
