@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from halfstep.contract.arrays import F32, Bools, Floats, Ints
+from halfstep.contract.arrays import F32, Bools, Ints
 from halfstep.host.forms import Sight
 from halfstep.scene import HigherShape, TorusShape
 
@@ -33,7 +33,7 @@ class Tori:
     margin: F32  # (K,)
 
     @classmethod
-    def of(cls, shapes: Sequence[HigherShape], which: Ints, sight: Sight, aside: Floats) -> Self:
+    def of(cls, shapes: Sequence[HigherShape], which: Ints, sight: Sight, aside: Ints) -> Self:
         """The tori among surfaces (M,) of copies.
 
         Args:

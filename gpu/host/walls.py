@@ -148,7 +148,8 @@ def _hidden_from(box: Floats, start: Floats, pace: Floats, near: float) -> Float
 def _joined(boxes: Floats) -> Floats:
     """Boxes (2, 3, N), of which those that are one box together are joined."""
     size = np.abs(boxes).max()
-    places, numbers = [], np.empty(boxes.shape, np.int64)
+    places: list[Floats] = []
+    numbers: Ints = np.empty(boxes.shape, np.int64)
     for axis in range(3):
         own = boxes[:, axis].ravel()
         order = np.argsort(own)
@@ -158,8 +159,8 @@ def _joined(boxes: Floats) -> Floats:
         places.append(own[order][begins])
         numbers[:, axis] = number.reshape(2, -1)
     count = 0
-    while numbers.shape[-1] != count:
-        count = numbers.shape[-1]
+    while len(numbers[0, 0]) != count:
+        count = len(numbers[0, 0])
         for axis in (2, 0, 1):
             numbers = _joined_along(numbers, axis)
     return np.stack([places[axis][numbers[:, axis]] for axis in range(3)], axis=1)
