@@ -302,7 +302,8 @@ def combinations() -> Iterator[Needs]:
     for need in _combinations():
         yield need
         for broadcast, uniform in ((4, True), (8, False)):
-            yield replace(need, broadcast=broadcast, uniform=uniform)
+            crowded = not uniform
+            yield replace(need, broadcast=broadcast, uniform=uniform, crowded=crowded)
 
 
 def _combinations() -> Iterator[Needs]:
@@ -383,6 +384,8 @@ def as_it_lies(name: str) -> str:
         need = replace(need, veils=False, body_polynomials=False, **NO_CASTERS)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)
+    if name == "search_together":
+        need = replace(need, broadcast=4, crowded=True)
     method = "article" if name == "visit_article" else "visible"
     texts = [constants(need), formulas(need), fetches(need), stores(need)]
     for klass in Class:

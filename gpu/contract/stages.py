@@ -101,6 +101,7 @@ STAGES = (
     Stage(Kind.DEVICE, "store_words", ("store_words_wide",)),
     Stage(Kind.DEVICE, "store_bytes", ("store_bytes_two", "store_bytes_four")),
     Stage(Kind.DEVICE, "near_key", ("near_key_short",)),
+    Stage(Kind.DEVICE, "search", ("search_together",)),
     Stage(Kind.DEVICE, "render", ("recheck",)),
 )
 

@@ -7,6 +7,7 @@ import numpy as np
 from halfstep.contract.classes import Class
 from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed
+from halfstep.host.regions import MANY
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
 
 
@@ -30,6 +31,7 @@ def needs_of(
         uniform: put solids and half-spaces in uniform memory if they fit.
     """
     shadows, veils, regions = packed.shadows, packed.veils, lists.regions
+    copies = packed.setup.copies
     is_formula = np.empty(0)
     if regions is not None and regions.higher is not None:
         is_formula = regions.higher["is_formula"]
@@ -53,6 +55,7 @@ def needs_of(
         hidden=(regions is not None and regions.has_hidden)
         or (veils is not None and veils.has_hidden),
         known=lists.known,
+        crowded=copies is not None and copies.regions.count >= MANY,
         pairs=0 if regions is None else regions.pairs,
         higher_polynomials=bool((is_formula == 0).any()),
         higher_formulas=bool((is_formula == 1).any()),

@@ -6,7 +6,7 @@ them to the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -38,6 +38,7 @@ from halfstep.contract.layout import (
     VEIL_CURVED,
     VEIL_FLAT,
     VEIL_VIEW,
+    Field,
     Record,
 )
 from halfstep.contract.powers import caster_terms, term_count
@@ -153,6 +154,9 @@ def fetches(needs: Needs) -> str:
             _record_at(needs, APPEARANCE, "appearances", "appearance"),
         ]
         functions += [_words_at(needs), _known_words(needs)]
+        if needs.broadcast > 1:
+            functions.append(_alone(needs, REGION, "regions", "outline", OF_OUTLINE))
+            functions += [_of_all(needs), _invocations_where()]
     functions += [_anywhere(needs), _least_number(needs), _least_of_all(needs)]
     if "higher" in needs.facts:
         functions.append(_record_at(needs, HIGHER, "highers", "higher"))
@@ -186,37 +190,53 @@ def fetches(needs: Needs) -> str:
     return "\n".join(functions)
 
 
-def _alone(needs: Needs, record: Record, array: str, name: str) -> str:
-    """The function by which one invocation alone fetches a record of 32-bit words.
+def _alone(
+    needs: Needs, record: Record, array: str, name: str, members: Collection[str] = ()
+) -> str:
+    """The function by which one invocation alone fetches the first members of a record.
 
-    Where others fetch together, the record is in a texture.
+    Where others fetch together, the record is in a texture. Members behind ``members`` are zeros.
+
+    Where others fetch together, the record is in a texture. Members behind these words are zeros.
     """
     body = f"  return {array}[number];\n"
     if needs.broadcast > 1:
-        loaded, words = _texels_alone(array, record)
-        members = ""
+        wanted = [one for one in record.fields if not members or one.name in members]
+        loaded, words = _texels_alone(array, record.dtype(needs.format).itemsize, wanted)
+        values = ""
         for field in record.fields:
-            loads = (next(words) for _ in range(int(field.count)))
-            taken = ", ".join(
-                word if field.type == "u32" else f"bitcast<{field.type}>({word})" for word in loads
-            )
-            members += (
-                f"    array<{field.type}, {field.count}>({taken}),\n"
-                if field.count != 1
-                else f"    {taken},\n"
-            )
-        body = f"{loaded}  return {record.name}(\n{members}  );\n"
+            if field not in wanted:
+                values += _zero(field)
+                continue
+            taken = [_cast(field.type, next(words)) for _ in range(int(field.count))]
+            whole = f"array<{field.type}, {field.count}>({', '.join(taken)})"
+            values += f"    {taken[0] if field.count == 1 else whole},\n"
+        body = f"{loaded}  return {record.name}(\n{values}  );\n"
     head = f"// A record of `{array}`, which each invocation fetches for itself.\n"
     return f"{head}fn {name}_alone(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
-def _texels_alone(array: str, record: Record) -> tuple[str, Iterator[str]]:
-    """Statements by which an invocation alone loads a record of a texture, and its words."""
+def _cast(type_: str, word: str) -> str:
+    """A word as a value of a WGSL type."""
+    return word if type_ == "u32" else f"bitcast<{type_}>({word})"
+
+
+def _zero(field: Field) -> str:
+    """The line of a member that is not fetched."""
+    zeros = {"f32": "0.0", "i32": "0i", "u32": "0u"}
+    zero = zeros.get(field.type, f"{field.type}()")
+    return f"    {zero if field.count == 1 else f'array<{field.type}, {field.count}>()'},\n"
+
+
+def _texels_alone(
+    array: str, record_bytes: int, fields: Sequence[Field]
+) -> tuple[str, Iterator[str]]:
+    """Statements by which an invocation alone loads the first fields of a record, and the words."""
+    used = -(-sum(int(field.count) for field in fields) * 4 // TEXEL)
     text = ""
-    stride = record.dtype().itemsize // TEXEL
-    used = -(-sum(int(field.count) for field in record.fields) * 4 // TEXEL)
     for k in range(used):
-        text += f"  let at_{k} = {stride}u * number + {k}u;\n" + _load_texel(array, k)
+        text += f"  let at_{k} = {record_bytes // TEXEL}u * number + {k}u;\n"
+        text += _load_texel(array, k)
     return text, (f"texel_{k}.{axis}" for k in range(used) for axis in "xyzw")
 
 
@@ -332,6 +352,41 @@ def _least(needs: Needs, name: str) -> str:
     return values[0]
 
 
+def _of_all(needs: Needs) -> str:
+    """The functions for what each of the invocations has that fetch together."""
+    lanes = range(needs.broadcast)
+
+    def vector(name: str, lane: int) -> str:
+        parts = (f"subgroupBroadcast({name}.{axis}, {lane}u)" for axis in "xyzw")
+        return f"u4({', '.join(parts)})"
+
+    if needs.short_keys:
+        keys = [vector("key", lane) for lane in lanes]
+    else:
+        keys = [f"Key({vector('key.high', k)}, {vector('key.low', k)})" for k in lanes]
+    numbers = "".join(f"    subgroupBroadcast(number, {lane}u),\n" for lane in lanes)
+    return f"""// The numbers of all invocations that fetch together.
+fn numbers_of_all(number: i32) -> array<i32, BROADCAST> {{
+  return array<i32, BROADCAST>(
+{numbers}  );
+}}
+
+// The keys of all their pixels.
+fn keys_of_all(key: NearestKey) -> array<NearestKey, BROADCAST> {{
+  return array<NearestKey, BROADCAST>(
+{"".join(f"    {key},{chr(10)}" for key in keys)}  );
+}}
+"""
+
+
+def _invocations_where() -> str:
+    """The function that tells where something holds, among invocations that fetch together."""
+    return (
+        "// A bit for each invocation that fetches together: whether something holds there.\n"
+        "fn invocations_where(holds: bool) -> u32 {\n  return subgroupBallot(holds).x;\n}\n"
+    )
+
+
 def _record_at(
     needs: Needs, record: Record, array: str, name: str, members: Collection[str] = ()
 ) -> str:
@@ -359,15 +414,12 @@ def _shared(needs: Needs, record: Record, array: str, wanted: Collection[str]) -
         if type_ == "i64":
             # The mask is needed because lavapipe of Mesa 22.3 extends the sign in i64(u32).
             return f"((i64(bitcast<i32>({word(k + 1)})) << 32u) | (i64({word(k)}) & 0xFFFFFFFFli))"
-        return word(k) if type_ == "u32" else f"bitcast<{type_}>({word(k)})"
+        return _cast(type_, word(k))
 
     members = ""
     for field in record.fields:
         if field.name not in wanted:
-            zeros = {"f32": "0.0", "i32": "0i", "u32": "0u"}
-            zero = zeros.get(field.type, f"{field.type}()")
-            array_of = f"array<{field.type}, {field.count}>()"
-            members += f"    {zero if field.count == 1 else array_of},\n"
+            members += _zero(field)
             continue
         place = places[field.name][1] // 4
         type_, size = _scalar(needs.format, field.type), 1

@@ -56,6 +56,7 @@ class Needs:
     surfaces: int = 0  # the most surfaces of a region, or a little more
     levels: int = 0  # the most levels that a region's program opens at once
     known: Known | None = None  # the program that a shader of the class REGION_KNOWN knows
+    crowded: bool = False  # there are so many copies that it pays to look at several at once
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest degree of a polynomial in the scene
     pairs: int = 0  # the most pairs of ends of a surface of a region of an order above two
@@ -163,6 +164,7 @@ class Needs:
             chosen.add("recheck")
         if self.broadcast > 1:
             chosen.add("store_words_wide")
+            chosen |= {"search_together"} if self.crowded else set()
         if self.surfaces <= FEW_SURFACES and "error" not in self.outputs:
             chosen.add("crossed_few")
         if self.levels > FEW_LEVELS:

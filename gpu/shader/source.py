@@ -150,6 +150,7 @@ def _expanded(needs: Needs, name: str) -> str:
     """The expanded text of a stage."""
     terms = caster_terms(needs.degree)
     bounds = {"DEGREE": needs.degree, "PAIRS": needs.pairs, "CASTER_TERMS": terms}
+    bounds["BROADCAST"] = needs.broadcast
     return expand(stage(name), needs.facts, needs.quads, bounds)
 
 
