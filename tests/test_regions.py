@@ -552,7 +552,10 @@ def assembly() -> Callable[[tuple[str, ...]], halfstep.Frame]:
 @pytest.mark.parametrize(
     ("old", "new", "more"),
     [
-        ("is_wanted || entry", "entry", ()),
+        ("countTrailingZeros(found), found", "countTrailingZeros(found) + 1u, found", ()),
+        ("(own >= end) | !any(ahead)", "(own >= end) | any(ahead)", ()),
+        ("i4(columns[3u])", "i4(columns[2u])", ()),
+        ("keys[1u], u4(0u), near", "u4(0u), u4(0u), near", ()),
         ("left_0 == u4(number)", "left_0 != u4(NO_REGION)", ()),
         ("high_0[3u], ends.high", "high_0[3u], ends.low", ()),
         ("^ turn_0[0u]", "^ turn_0[1u]", ()),
@@ -583,6 +586,18 @@ def test_a_fault_in_what_of_many_copies_is_looked_up_is_seen(
     scene, outputs = halfstep.load("assembly_17x17"), ("place", "surface", "normal", *more)
     assert differing(scene, outputs, assembly(outputs), adapter=adapter.summary.index) != []
     assert any(old in text for text in texts)
+
+
+def test_a_fault_in_the_search_among_few_copies_is_seen(
+    adapter: Adapter, plant: Callable[[str, str], list[str]]
+) -> None:
+    scene, outputs = halfstep.load("nut_and_bolt"), ("surface",)
+    twin = halfstep.render(scene, size=SIZE, outputs=outputs, backend="numpy")
+    for new in ("select(1u, 0u, is_wanted)", "select(1u, 1u, is_wanted)"):
+        texts = plant("select(1u, 0u, is_wanted)", new)
+        found = differing(scene, outputs, twin, adapter=adapter.summary.index)
+        assert (found == []) == new.startswith("select(1u, 0u")
+        assert any("is_wanted" in text for text in texts)
 
 
 def test_cells_and_surfaces_have_the_numbers_of_the_file() -> None:
