@@ -7,6 +7,8 @@ assumes k + 1.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from halfstep.contract.arrays import Bools, Ints
@@ -65,16 +67,49 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
     return np.asarray(rounds + 1 + ("places" in needs.facts))
 
 
+class _Tried(NamedTuple):
+    """What the rounds depend on that records of regions (E,) take."""
+
+    steps: Ints
+    flat: Ints  # planes, quadrics and cells in the list
+    curved: Ints
+    cells: Ints
+    groups: Ints  # groups of words
+    inside: Bools  # rays may start inside
+
+    @classmethod
+    def of(cls, packed: Packed, regions: PackedRegions) -> _Tried:
+        """That of each record."""
+        records = regions.records
+        flat, curved, cells = (
+            records[f"{name}_count"].astype(np.int64) for name in ("flat", "curved", "cell")
+        )
+        return cls(
+            packed.solids["steps"][records["solid"]].astype(np.int64),
+            flat,
+            curved,
+            cells,
+            records["end_group"].astype(np.int64) - records["first_group"],
+            packed.classes[records["solid"]] == Class.REGION_INSIDE,
+        )
+
+    @property
+    def most(self) -> _Tried:
+        """One record that takes no fewer rounds than any."""
+        return _Tried(*(each.max(initial=0, keepdims=True) for each in self))
+
+
 def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> Ints:
     """The most rounds (E,) that an invocation takes to try each of the E records of regions."""
+    return _rounds_of(needs, regions, _Tried.of(packed, regions))
+
+
+def _rounds_of(needs: Needs, regions: PackedRegions, tried: _Tried) -> Ints:
+    """The most rounds (E,) for what E of the records have."""
     records = regions.records
-    steps = packed.solids["steps"][records["solid"]].astype(np.int64) + 1
-    flat, curved, cells = (
-        records[f"{name}_count"].astype(np.int64) for name in ("flat", "curved", "cell")
-    )
-    surfaces, certified = flat + curved, "error" in needs.facts
-    groups = records["end_group"].astype(np.int64) - records["first_group"]
-    inside = packed.classes[records["solid"]] == Class.REGION_INSIDE
+    _, flat, curved, cells, groups, inside = tried
+    steps, certified = tried.steps + 1, "error" in needs.facts
+    surfaces = flat + curved
     # Every surface is crossed once, and twice more for `error`. Every surface is looked up for
     # normals and appearances once for all pixels that show the region.
     rounds = surfaces * (steps + 2) + 2
@@ -205,12 +240,22 @@ def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
     """Whether an invocation of some tile may take more than ``granted`` rounds."""
     left = granted - rounds_of_finish(needs) - rounds_of_light(needs, packed)
     edges = _edges(lists)
-    solids = rounds_of_solids(needs, packed)
     longest = int(np.diff(edges).max(initial=0))
-    if lists.regions is None and longest * int(solids.max(initial=0)) <= left:
+    if longest * _most_rounds(needs, packed, lists.regions) <= left:
         return False  # most frames need no sums
     total = _sums(rounds_of_members(needs, packed, lists))
     return int(np.diff(total[edges]).max(initial=0)) > left
+
+
+def _most_rounds(needs: Needs, packed: Packed, regions: PackedRegions | None) -> int:
+    """A number of rounds that no member of a list exceeds."""
+    most = int(rounds_of_solids(needs, packed).max(initial=0))
+    if regions is None:
+        return most
+    tried = _Tried.of(packed, regions)
+    # Lists of higher surfaces are looked up record by record.
+    rounds = _rounds_of(needs, regions, tried if regions.higher is not None else tried.most)
+    return max(most, int(rounds.max(initial=0)))
 
 
 def fits(needs: Needs, packed: Packed, lists: Lists, granted: int) -> Bools:
