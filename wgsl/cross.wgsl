@@ -26,8 +26,14 @@ fn crossed(form: Form, steps: u32, eye: u32) -> Crossing {
 fn line_crossed(line: Line, steps: u32, eye: u32) -> Crossing {
   let way = line_way(line);
   var search = begun(way);
-  for (var k = 0u; k < steps; k++) {
-    search = halved(search, k);
+  // A turn of a loop takes longer than the halving of one root, so each has several halvings.
+  for (var turn = 0u; turn < (steps + 3u) / 4u; turn++) {
+    // written out
+    for (var k = 0u; k < 4u; k++) {
+      if 4u * turn + k < steps {
+        search = halved(search, 4u * turn + k);
+      }
+    }
   }
   return line_crossing(line, reached(search, way, steps), steps, eye);
 }
