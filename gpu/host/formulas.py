@@ -386,18 +386,19 @@ class Formula:
 
     def surfaces_of(self, live: Bools, count: int) -> Bools:
         """The surfaces (S, P) of the literals (L, P), of ``count`` surfaces."""
-        order, used, first = self._by_surface
+        surfaces, first, others = self._by_surface
         found = np.zeros((count, live.shape[1]), bool)
-        if len(used):
-            found[used] = np.logical_or.reduceat(live[order], first, axis=0)
+        found[surfaces] = live[first]
+        for literal in others:
+            found[self.literal_surfaces[literal]] |= live[literal]
         return found
 
     @functools.cached_property
-    def _by_surface(self) -> tuple[Ints, Ints, Ints]:
-        """The literals by surface, the surfaces, and where the literals of each begin."""
-        order = np.argsort(self.literal_surfaces, kind="stable")
-        used, first = np.unique(self.literal_surfaces[order], return_index=True)
-        return order, used, first
+    def _by_surface(self) -> tuple[Ints, Ints, list[int]]:
+        """The surfaces of literals, the first literal of each, and all other literals."""
+        surfaces, first = np.unique(self.literal_surfaces, return_index=True)
+        others = np.delete(np.arange(self.literal_count), first)
+        return surfaces, first, others.tolist()
 
     def holds(self, decided: Decided) -> Bools:
         """The cells (C, P) that hold on all visible pieces."""

@@ -21,6 +21,7 @@ from halfstep.host.formulas import Decided, Formula, Truth
 from halfstep.host.merging import Program
 from halfstep.host.pack import Packed
 from halfstep.host.reach import squares_of
+from halfstep.host.sharing import places_in
 from halfstep.host.signs import PIECES, Rays, signs
 
 # The largest blocks: about this many lie across a copy. A block is halved so often at once.
@@ -134,7 +135,7 @@ class Narrowing:
         Only the surfaces (S, P) that are asked for are tested.
         """
         copies, side, rays = self._copies, TILE << level, self._rays(blocks)
-        surface, block = np.nonzero(asked)
+        surface, block = places_in(asked)
         corner = blocks.x * side, blocks.y * side
         squares = squares_of(self._setup, copies.row[blocks.copy], *corner, side)
         inside = np.zeros(asked.shape, np.uint8)

@@ -30,6 +30,7 @@ from halfstep.host.pack_polynomials import pack_higher, pack_polynomials
 from halfstep.host.pack_regions import Appearances, appearances, pack_regions
 from halfstep.host.regions import NO_MATERIAL
 from halfstep.host.setup import START_BITS, Setup
+from halfstep.host.sharing import fill
 from halfstep.host.steps import Steps, format_for
 from halfstep.scene import Scene
 
@@ -280,15 +281,7 @@ def _solids(
         own[name] = form
     own["host_error"] = host_error
     own["gradient"] = setup.gradient.reshape(-1, 18)
-    solids["center_x"], solids["center_y"] = setup.center.T
-    solids["near_u"] = _value(setup.near_u, number_format)
-    solids["far_u"] = _value(setup.far_u, number_format)
-    solids["depth_middle"], solids["depth_half"] = setup.depth_middle, setup.depth_half
-    solids["last_step"], solids["steps"] = np.exp2(-steps.count), steps.count
     start = (setup.start * 2.0**keys.bits).astype(np.uint64)
-    solids["key_high"], solids["key_low"] = start >> np.uint64(32), start & np.uint64(0xFFFFFFFF)
-    solids["key_shift"] = keys.bits - (setup.level + steps.count + 1)
-    solids["spare"] = keys.spare
     facts = {
         Flag.EYE_INSIDE: setup.eye_inside,
         Flag.STARTS_AT_EYE: setup.starts_at_eye,
@@ -297,10 +290,31 @@ def _solids(
         Flag.EYE_SURE: setup.eye_sure,
         Flag.RECHECKED: _rechecked(setup),
     }
-    # Plain numbers, because NumPy takes longer for members of an enumeration.
-    solids["flags"] = sum(int(flag) * holds for flag, holds in facts.items())
-    solids["surface"] = tables.numbers.first[setup.solid]
-    solids["plane_start"], solids["plane_count"] = setup.plane_start, setup.plane_count
+    fill(
+        solids,
+        {
+            "center_x": setup.center[:, 0],
+            "center_y": setup.center[:, 1],
+            "near_u": _value(setup.near_u, number_format),
+            "far_u": _value(setup.far_u, number_format),
+            "depth_middle": setup.depth_middle,
+            "depth_half": setup.depth_half,
+            "last_step": np.exp2(-steps.count),
+            "steps": steps.count,
+            "key_high": start >> np.uint64(32),
+            "key_low": start & np.uint64(0xFFFFFFFF),
+            "key_shift": keys.bits - (setup.level + steps.count + 1),
+            # Plain numbers, because NumPy takes longer for members of an enumeration.
+            "flags": np.asarray(sum(int(flag) * holds for flag, holds in facts.items())),
+            "surface": tables.numbers.first[setup.solid],
+            "plane_start": setup.plane_start,
+            "plane_count": setup.plane_count,
+            "color": tables.color.take(setup.solid, axis=0),
+            "specular": tables.specular[setup.solid],
+            "shininess": tables.shininess[setup.solid],
+        },
+    )
+    solids["spare"] = keys.spare
     if setup.polynomials is not None:
         row = setup.polynomials.row
         solids["polynomial"][row] = np.arange(len(row))
@@ -311,9 +325,6 @@ def _solids(
     if setup.formulas is not None:
         row = setup.formulas.row
         solids["polynomial"][row] = np.arange(len(row))
-    solids["color"] = tables.color.take(setup.solid, axis=0)
-    solids["specular"] = tables.specular[setup.solid]
-    solids["shininess"] = tables.shininess[setup.solid]
     return solids
 
 

@@ -17,7 +17,7 @@ from halfstep.host.forms import FAINT, Linear, fixed_point_scale, length
 from halfstep.host.memory import Memory
 from halfstep.host.regions import NO_MATERIAL, Regions
 from halfstep.host.setup import BASE_PLANE_SLACK, Setup
-from halfstep.host.sharing import shared_out
+from halfstep.host.sharing import fill, shared_out
 from halfstep.host.words import Excerpts
 from halfstep.scene import Material, Scene
 from halfstep.scene.hues import colors_of
@@ -119,22 +119,27 @@ def pack_regions(
     room = slack + BASE_PLANE_ERROR
     # Rays start two grid cells earlier, so that they surely start before the first cell.
     begin, end = np.floor(grid(copies.span[0])) - 2, np.ceil(grid(copies.span[1])) + 2
-    records["first"] = np.clip(np.where(near_cut, np.ceil(grid(near_u)), begin), 0, points)
-    records["start_end"] = np.where(near_cut, np.floor(grid(near_u + room)), -1)
-    last, last_sure = np.ceil(grid(far_u)), np.floor(grid(far_u - room))
-    records["last"] = np.where(far_cut, np.clip(last, 0, points), np.minimum(end, points))
-    records["last_sure"] = np.where(far_cut, last_sure, records["last"])
-    for name, edge in zip(("left", "right", "top", "bottom"), setup.rectangle[row].T, strict=True):
-        records[name] = edge
+    last = np.ceil(grid(far_u))
+    last_seen = np.where(far_cut, np.clip(last, 0, points), np.minimum(end, points))
     of_higher = np.bincount(copies.owner[copies.higher_at], minlength=len(row))
     curved_count = copies.counts - copies.planes - of_higher
-    records["flat_start"] = copies.first_plane
-    records["curved_start"] = np.cumsum(curved_count) - curved_count
     programs = regions.programs
-    records["surfaces"] = np.array([one.count for one in programs])[program]
-    records["planes"] = np.array([one.planes for one in programs])[program]
-    records["cells"] = np.array([len(one.cells) for one in programs])[program]
-    records["looks_start"] = looks.start[copies.copy]
+    fill(
+        records,
+        {
+            "first": np.clip(np.where(near_cut, np.ceil(grid(near_u)), begin), 0, points),
+            "start_end": np.where(near_cut, np.floor(grid(near_u + room)), -1),
+            "last": last_seen,
+            "last_sure": np.where(far_cut, np.floor(grid(far_u - room)), last_seen),
+            **dict(zip(("left", "right", "top", "bottom"), setup.rectangle[row].T, strict=True)),
+            "flat_start": copies.first_plane,
+            "curved_start": np.cumsum(curved_count) - curved_count,
+            "surfaces": np.array([one.count for one in programs])[program],
+            "planes": np.array([one.planes for one in programs])[program],
+            "cells": np.array([len(one.cells) for one in programs])[program],
+            "looks_start": looks.start[copies.copy],
+        },
+    )
     flat, curved = _surfaces(copies, setup, number_format, looks.memory)
     return PackedRegions(
         records=records,

@@ -7,18 +7,20 @@ do not depend on the number of threads.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 import numpy as np
 
-from halfstep.contract.arrays import Floats, Ints
+from halfstep.contract.arrays import Array, Bools, Floats, Ints, Records
 
 Item = TypeVar("Item")
 
 # More threads would wait for Python, which only one of them runs at a time.
 MOST_THREADS = 4
+# Number of records that are written at once. With more, they do not stay in a cache meanwhile.
+FILLED = 1 << 11
 
 
 def in_parts(work: Callable[[slice], None], count: int, size: int) -> None:
@@ -38,6 +40,21 @@ def shared_out(work: Callable[[Item], None], items: Sequence[Item]) -> None:
         _all_of(work, left)
         for other in others:
             other.result()
+
+
+def fill(records: Records, columns: Mapping[str, Array]) -> None:
+    """Write members of records (N,), each a column (N, …).
+
+    A record has more bytes than one of its members, so all members of some records are written
+    before those of the next ones.
+    """
+
+    def write(part: slice) -> None:
+        own = records[part]
+        for name, column in columns.items():
+            own[name] = column[part]
+
+    in_parts(write, len(records), FILLED)
 
 
 def _all_of(work: Callable[[Item], None], left: Iterable[Item]) -> None:
@@ -70,3 +87,12 @@ def evenly(places: Ints) -> Places:
     stop = first + step * len(places)
     same = step > 0 and np.array_equal(places, np.arange(first, stop, step))
     return slice(first, stop, step) if same else places
+
+
+def places_in(holds: Bools) -> tuple[Ints, Ints]:
+    """The row and the column of each place in a matrix where something holds, row by row.
+
+    `np.nonzero` gives the same, several times as slowly for a matrix.
+    """
+    row, column = np.divmod(np.flatnonzero(holds), max(holds.shape[1], 1))
+    return row, column

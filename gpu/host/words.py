@@ -26,6 +26,7 @@ from halfstep.contract.program import (
     TURN,
 )
 from halfstep.host.formulas import Formula
+from halfstep.host.sharing import places_in
 from halfstep.scene.region import Intersection, Literal
 
 # Stands for the length of a program that is no OR of ANDs.
@@ -131,7 +132,7 @@ def excerpts_of(
         lists_higher: lists have surfaces of an order above two.
     """
     count = live.shape[1]
-    excerpt, literal = np.nonzero(np.ascontiguousarray(live.T))
+    excerpt, literal = places_in(np.ascontiguousarray(live.T))
     used = _Used.of(tree, excerpt, literal, count)
     leaves = _leaves(tree, _Marks(excerpt, literal, used.before), holds)
     block, is_flat = leaves.excerpt, np.zeros(count, bool)
@@ -207,17 +208,16 @@ class _Used(NamedTuple):
         """The surfaces of literals (M,) of excerpts."""
         most = int(tree.surface.max(initial=-1)) + 1
         spot = excerpt * most + tree.surface[literal]
-        is_used = np.zeros(count * most, bool)
-        is_used[spot] = True
-        found = np.flatnonzero(is_used)
-        place = np.empty(len(is_used), np.int64)
-        place[found] = np.arange(len(found))
+        found, place = spot, np.arange(len(spot))
+        # Literals of different surfaces, in their order, need no sorting.
+        if (np.diff(spot) <= 0).any():
+            found, place = np.unique(spot, return_inverse=True)
         of, surface = np.divmod(found, max(most, 1))
         each = np.array([tree.formula.crossings.get(ix, 1) for ix in range(most)], np.int64)
         counts = each[surface]
         total = np.bincount(of, counts, count).astype(np.int64)
         before = np.cumsum(counts) - counts - (np.cumsum(total) - total)[of]
-        return cls(of, surface, total, before[place[spot]])
+        return cls(of, surface, total, before[place])
 
 
 class _Marks(NamedTuple):
@@ -269,7 +269,7 @@ def _leaves(tree: Tree, marks: _Marks, holds: Bools) -> _Leaves:
     # The crossings before each literal, by its number and excerpt.
     spots = np.empty(holds.shape[1] * len(tree.surface), np.int64)
     spots[marks.excerpt * len(tree.surface) + marks.literal] = marks.before
-    excerpt, cell = np.nonzero(holds.T)
+    excerpt, cell = places_in(np.ascontiguousarray(holds.T))
     ones = np.ones(len(cell), np.int64)
     # The complement of nothing.
     roots, none = tree.depths[0].node[cell], np.zeros_like(ones)

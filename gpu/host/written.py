@@ -16,6 +16,7 @@ from halfstep.host.copies import Copies
 from halfstep.host.merging import Program
 from halfstep.host.narrowing import Left
 from halfstep.host.pack import Packed
+from halfstep.host.sharing import fill
 from halfstep.host.words import ENDLESS, Excerpts, excerpts_of
 
 # Limit of the surfaces of a group that rays may cross in one tile, because shaders keep the
@@ -131,27 +132,31 @@ class Written:
         rows[order] = np.arange(len(order))
         solid = rows[self._copies.row[copy]]
         records = regions.records.take(copy)  # a fancy index copies member by member
-        records["solid"] = solid
-        # The error of a base plane has no effect on rays that start or end beyond it.
-        records["start_end"][first > records["start_end"] + 2] = -1
-        records["last_sure"] = np.minimum(records["last_sure"], last)
-        records["first"], records["last"] = first, last
+        start_end = records["start_end"]
         high, low, shift = (
             self._packed.solids[name].take(solid) for name in ("key_high", "key_low", "key_shift")
         )
         key = joined_key(high, low) + (2 * first.astype(np.uint64) << shift.astype(np.uint64))
-        records["near_high"], records["near_low"] = (
-            key >> np.uint64(32),
-            key & np.uint64(0xFFFFFFFF),
-        )
         sizes = excerpts.sizes
         # The words that do not depend on the frame come first.
         first_group = (len(regions.words) + np.cumsum(sizes) - sizes) // GROUP
         end_group = first_group + excerpts.groups
         places = np.stack([first_group, end_group, end_group * GROUP])
         written = np.concatenate([places, excerpts.counts]).astype(np.uint32)[:, row]
-        for name, column in zip(_WRITTEN, written, strict=True):
-            records[name] = column
+        fill(
+            records,
+            {
+                "solid": solid,
+                # The error of a base plane has no effect on rays that start or end beyond it.
+                "start_end": np.where(first > start_end + 2, -1, start_end),
+                "last_sure": np.minimum(records["last_sure"], last),
+                "first": first,
+                "last": last,
+                "near_high": key >> np.uint64(32),
+                "near_low": key & np.uint64(0xFFFFFFFF),
+                **dict(zip(_WRITTEN, written, strict=True)),
+            },
+        )
         words = np.concatenate([regions.words, excerpts.content])
         return replace(regions, records=records, words=words, most_surfaces=most), key
 
