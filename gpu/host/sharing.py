@@ -46,15 +46,13 @@ def fill(records: Records, columns: Mapping[str, Array]) -> None:
     """Write members of records (N,), each a column (N, …).
 
     A record has more bytes than one of its members, so all members of some records are written
-    before those of the next ones.
+    before those of the next ones. One thread writes them: several would wait for Python, because
+    each column of some records is short.
     """
-
-    def write(part: slice) -> None:
-        own = records[part]
+    for first in range(0, len(records), FILLED):
+        own = records[first : first + FILLED]
         for name, column in columns.items():
-            own[name] = column[part]
-
-    in_parts(write, len(records), FILLED)
+            own[name] = column[first : first + FILLED]
 
 
 def _all_of(work: Callable[[Item], None], left: Iterable[Item]) -> None:
