@@ -96,3 +96,27 @@ def test_what_is_everywhere_is_seen_where_a_region_around_it_ends() -> None:
     assert (frame.cell == 5).sum() > 300
     assert (frame.cell == ball.cell).all()
     np.testing.assert_array_equal(frame.depth, ball.depth)
+
+
+@pytest.mark.parametrize("steps", [9, 11])
+def test_walls_between_copies_leave_no_dots_on_what_is_around_them(steps: int) -> None:
+    """Where a ray enters a wall and the side of the cell in one step, the side has the name."""
+    sides = [plane(3, 1, -5.3), plane(4, 0, 5.2)]
+    scene = {
+        **SCENE,
+        "surface": [plane(1, 2, -1), plane(2, 2, 2), *sides],
+        "cell": [{"region": "1 -2 3 -4", "fill": "core"}],
+    }
+    fine, frame = (
+        halfstep.render(
+            scene, size=(160, 120), outputs=("surface", "place"), steps=n, backend="numpy"
+        )
+        for n in (24, steps)
+    )
+    # Away from edges of the sides, each of which is one surface number in all copies.
+    there = fine.surface >= 0
+    for axis, by in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        there &= np.roll(fine.surface, by, axis) == fine.surface
+    seams = there & (np.roll(fine.place, 1, 1) != fine.place)
+    assert seams.sum() > 200
+    assert np.array_equal(frame.surface[there], fine.surface[there])

@@ -331,16 +331,19 @@ def _cut_copies(
     numbers = np.concatenate([np.arange(len(plainly.matrices)), *parts])
     programs: list[tuple[Ints, Program]] = []
     for members in _alike(around, np.flatnonzero(state == 0)):
-        functions, regions = [plainly.matrices], list(plainly.regions)
+        functions, cuts = [plainly.matrices], list[Region]()
         higher = {**plainly.higher}
         for one, signs in around:
             first, ix = sum(map(len, functions)), members[0]
             own = one.matrices[ix]
             moved_on = Senses(range(first, first + len(own)), [False] * len(own))
             cut = normal_form(decided(one.normal, signs[:, ix].tolist()), moved_on)
-            regions = [joined(Intersection, [cell, cut]) for cell in regions]
+            cuts.append(cut)
             functions.append(own)
             higher |= {first + k: each.moved(one.maps[ix]) for k, each in one.higher.items()}
+        # Of surfaces that a ray crosses in one cell of the grid, the first in the formula gives its
+        # name to the point: that around copies, which neighbours share, not the one between them.
+        regions = [joined(Intersection, [*cuts, cell]) for cell in plainly.regions]
         cells = merged_cells(
             np.concatenate(functions), regions, shown, box, higher=higher, hidden=hidden
         )
