@@ -29,9 +29,6 @@ _BASES = {"xy": ("z", "<=", -1), "xz": ("y", ">=", 1), "yz": ("x", "<=", -1)}
 # The thickness of the part that is kept behind the plane, in parts of the width. It is small, so
 # that the background shows where the plane meets no cell.
 _THICKNESS = 2.0**-17
-# The room before and behind a plane, in parts of the width, and half the distance of the camera.
-# Boxes of copies that stand askew must not reach the camera: rays would start inside of them.
-ROOM = 4.0
 WHITE = [1.0, 1.0, 1.0]
 # Light by which every face shows its material's own colour.
 _FLAT = {"ambient": {"color": WHITE}, "light": [{"direction": [0, 0, 1], "color": [0, 0, 0]}]}
@@ -64,15 +61,6 @@ class Plot:
     clip: tuple[str, ...] = ()
     mask: Mask | None = None
     around: Array | None = None
-
-    def with_room(self, box: Array) -> Array:
-        """The box (2, 3) of a model, with room before and behind the plane of a slice."""
-        if self.around is None:
-            return box
-        axis = int(np.argmin(np.ptp(self.around, axis=0)))
-        room = np.zeros((2, 3))
-        room[:, axis] = ROOM / 2 * np.ptp(self.around, axis=0).max() * np.array([-1, 1])
-        return np.asarray(box + room)
 
     @property
     def shows_void(self) -> bool:
@@ -196,7 +184,7 @@ def _slice(document: Document, element: Element, plot: Plot, size: tuple[int, in
         message = f"{plot.title} has pixels that are not square; it is drawn {columns}x{square}"
         warnings.warn(message, stacklevel=2)
     direction, up = VIEWS[basis]
-    center = np.array(origin) + 2 * ROOM * max(extent) * np.array(direction)
+    center = np.array(origin) + max(extent) * np.array(direction)
     letter, side, sign = _BASES[basis]
     axis = "xyz".index(letter)
     behind = origin[axis] + sign * _THICKNESS * max(extent)

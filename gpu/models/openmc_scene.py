@@ -97,8 +97,7 @@ class _Builder:
         tables["surface"] += ended.surfaces
         tables["material"] = self._shown.materials
         tables["group"] = [*self._groups.values()]
-        box = ended.box if self._plot is None else self._plot.with_room(ended.box)
-        return Model(geometry.name, tables, box)
+        return Model(geometry.name, tables, ended.box)
 
     # ---------------------------------------------------------------------------- universes
 
