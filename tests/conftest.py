@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import random
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -81,6 +82,15 @@ def rng(seed: int) -> np.random.Generator:
 def adapter(halfstep_adapter: Adapter) -> Adapter:
     """The adapter to test on."""
     return halfstep_adapter
+
+
+@pytest.fixture(autouse=True)
+def _own_count() -> Iterator[None]:
+    """Keep the sessions of pytest that tests start from counting lines."""
+    counts = os.environ.pop("SLIPCOVER_ENABLED", None)
+    yield
+    if counts is not None:
+        os.environ["SLIPCOVER_ENABLED"] = counts
 
 
 @pytest.fixture(autouse=True)
