@@ -49,7 +49,8 @@ def restricted(coefficients: Floats, points: Floats) -> Floats:
     np.multiply(coefficients[places], weights, out=form[:, 0])
     for step in _steps(len(coefficients) - 1):
         along = (axes * form.take(step.members, axis=0)[:, None]).sum(axis=0)
-        form = along.reshape(-1, count).take(step.sources, axis=0).sum(axis=0)
+        rows = along.reshape(math.prod(along.shape[:-1]), count)
+        form = rows.take(step.sources, axis=0).sum(axis=0)
     return form[0, :-1]
 
 

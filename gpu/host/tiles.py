@@ -84,10 +84,13 @@ def _covered(
         stretched |= packed.classes == int(klass)
     last[stretched[pairs.row]] = EVERYWHERE[1]
     kept = np.ones(len(pairs.row), bool)
-    place = np.argsort(packed.order)
+    # A part of a frame has only some of its solids.
+    rows = {solid: row for row, solid in enumerate(packed.order.tolist())}
     for boxes in packed.setup.covered:
+        row = rows.get(boxes.row)
+        if row is None:
+            continue
         found = tiles_of(boxes, first_row, tiles)
-        row = int(place[boxes.row])
         own = slice(*np.searchsorted(pairs.row, [row, row + 1]).tolist())
         places = pairs.y[own], pairs.x[own]
         kept[own], first[own], last[own] = (each[places] for each in found)
