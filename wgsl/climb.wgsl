@@ -38,7 +38,9 @@ fn climbing_jet(jet: Jet) -> Judged {
   let sloped = is_sloped(jet);
   let sizes = abs(jet.slope) + abs(jet.bend);
   let tilt = jet.slope - (ROOM * jet.slope_error + (8.0 * EPSILON) * sizes);
-  let off = ROOM * jet.bend_error;
+  // Slopes count on bends at all places, not on the mean of those on the way there.
+  let errors = select(f4(1.0), f4(3.0), (jet.state & u4(MEAN)) != u4(0u));
+  let off = ROOM * (errors * jet.bend_error);
   let begins = sloped & (tilt > 2.0 * (jet.bend + off));
   let middle = jet.value < -known_to(jet);
   // Where F changes by less than its error but climbs, smaller cells may tell.

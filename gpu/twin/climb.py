@@ -20,7 +20,7 @@ import numpy as np
 
 from halfstep.twin.cells import Judged
 from halfstep.twin.certify import EPSILON, ROOM
-from halfstep.twin.jets import STEEP, UNDEFINED, Jet, judged_jet, reach_of
+from halfstep.twin.jets import MEAN, STEEP, UNDEFINED, Jet, judged_jet, reach_of
 from halfstep.twin.lanes import F32, Bools
 
 _TWO, _THREE, _FOUR, _EIGHT = map(np.float32, (2, 3, 4, 8))
@@ -58,7 +58,9 @@ def climbing_jet(jet: Jet) -> Judged:
     sloped, defined = is_sloped(jet), judged.defined
     sizes = np.abs(jet.slope) + np.abs(jet.bend)
     tilt = jet.slope - (ROOM * jet.slope_error + (_EIGHT * EPSILON) * sizes)
-    off = ROOM * jet.bend_error
+    # Slopes count on bends at all places, not on the mean of those on the way there.
+    errors = np.where((jet.state & MEAN) > 0, _THREE, np.float32(1))
+    off = ROOM * (errors * jet.bend_error)
     begins = sloped & (tilt > _TWO * (jet.bend + off))
     middle = jet.value < -known_to(jet)
     # Where F changes by less than its error but climbs, smaller cells may tell.
