@@ -182,8 +182,10 @@ def test_cells_have_one_shader_by_both_methods(name: str) -> None:
 
 def test_a_shader_holds_code_of_its_own_solids_alone() -> None:
     """Nothing of a polyhedron, a plane or a quadric in a shader without one."""
-    sphere = code(compose(replace(NEEDS, classes=(Class.ELLIPSOID,))))
-    box = code(compose(replace(NEEDS, classes=(Class.POLYHEDRON,))))
+    # No frame of theirs asks integers where float32 is uncertain.
+    need = replace(NEEDS, outputs=NEEDS.outputs - {"vague"})
+    sphere = code(compose(replace(need, classes=(Class.ELLIPSOID,))))
+    box = code(compose(replace(need, classes=(Class.POLYHEDRON,))))
     for word in ("Piece", "clip(", "polyhedron", "quadric_entry", "Patch", "linear(", "FLAG_"):
         assert word not in sphere, word
     for word in ("quadratic", "ellipsoid", "quadric_entry", "gradient(", "Patch", "discriminant"):
@@ -230,6 +232,7 @@ def test_no_built_in_leaves_the_device_a_choice(combined: set[str]) -> None:
         "ceil",
         "clamp",
         "countLeadingZeros",
+        "countOneBits",
         "countTrailingZeros",
         "floor",
         "max",
@@ -237,7 +240,7 @@ def test_no_built_in_leaves_the_device_a_choice(combined: set[str]) -> None:
         "round",
         "select",
     }
-    moved = {f"subgroup{name}" for name in ("Ballot", "Broadcast", "Max", "Min")}
+    moved = {f"subgroup{name}" for name in ("Ballot", "Broadcast")}
     moved |= {"textureLoad"}
     # Correctly rounded where bits are promised, as the canary sees.
     rounded = {"sqrt"}

@@ -833,6 +833,11 @@ class Draw:
                 # Ways to lamps are no shorter than a part of the way to the solid.
                 value = self._usual(name, leaf)
                 return np.where(value > 0, np.maximum(value, 2.0**-4), value)
+            case "second" if self._function.file == "meet":
+                # Rays meet a ball where float32 holds the square of the place.
+                return rng.uniform(0.1, 1, shape)
+            case "x" | "y" | "z" if place.startswith("glance.along."):
+                return rng.choice([-1, 1], shape) * rng.uniform(0.1, 1, shape)
             case "face_count" | "curve" | "turned" if self._function.file == "meet":
                 return rng.integers(0, 3, shape)
             case "half_turns":

@@ -1,4 +1,4 @@
-// A solid of a formula and rays to a light -> whether it hides the light: F along the rest of a ray.
+// A solid of a formula, and rays to a light -> whether it hides the light, by F along the rays.
 //
 // Let u run along the rest from -1 to 1. If the ray begins on F, F counts from its value there.
 

@@ -125,7 +125,8 @@ fn is_wanted(box: Box, is_far: b4) -> bool {
   return anywhere(wanted);
 }
 
-// Which of the next boxes touch those of points; each invocation that fetches together looks at one.
+// Which of the next boxes touch those of points. Each invocation that fetches together looks at
+// one.
 fn touching(number: u32, end: u32, around: Around, other: Around) -> u32 {
   let box = box_alone(number + lane);
   var near = touches(box, around);
