@@ -300,10 +300,12 @@ def combinations() -> Iterator[Needs]:
     """Every class with every method, number format and output, and all classes together.
 
     Each as it is where an invocation loads alone, and where those of a subgroup of four or eight
-    load together, from storage or uniform memory.
+    load together, from storage or uniform memory. The latter not for each output alone.
     """
     for need in _combinations():
         yield need
+        if len(need.outputs) <= 2 and "image" not in need.outputs:
+            continue
         for broadcast, uniform in ((4, True), (8, False)):
             crowded = not uniform
             yield replace(need, broadcast=broadcast, uniform=uniform, crowded=crowded)
