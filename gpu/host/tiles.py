@@ -84,16 +84,13 @@ def _covered(
         stretched |= packed.classes == int(klass)
     last[stretched[pairs.row]] = EVERYWHERE[1]
     kept = np.ones(len(pairs.row), bool)
-    # A part of a frame has only some of its solids.
-    rows = {solid: row for row, solid in enumerate(packed.order.tolist())}
     for boxes in packed.setup.covered:
-        row = rows.get(boxes.row)
-        if row is None:
-            continue
-        found = tiles_of(boxes, first_row, tiles)
-        own = slice(*np.searchsorted(pairs.row, [row, row + 1]).tolist())
-        places = pairs.y[own], pairs.x[own]
-        kept[own], first[own], last[own] = (each[places] for each in found)
+        # None where a part of the frame is without the solid.
+        for row in np.flatnonzero(packed.order == boxes.row).tolist():
+            found = tiles_of(boxes, first_row, tiles)
+            own = slice(*np.searchsorted(pairs.row, [row, row + 1]).tolist())
+            places = pairs.y[own], pairs.x[own]
+            kept[own], first[own], last[own] = (each[places] for each in found)
     some = np.flatnonzero(kept)
     pairs = _at(pairs, some)
     return pairs, members_of(pairs.row, first[some], last[some])
