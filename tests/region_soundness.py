@@ -6,24 +6,28 @@
 
     python -m tests.region_soundness --formulas --rays 500000
 
+    python -m tests.region_soundness --copies --rays 1000000
+
 It draws groups of one to three cells, formulas of up to six levels over two to nine surfaces of all
 kinds in a ball, seen from outside and, three times in ten, from within; half of them between base
 planes that cut them. With ``--tori`` one to four of the surfaces are tori, some side by side; with
 ``--formulas`` one to three are formulas that are no polynomials, or tori that cross themselves, and
-some more are tori. Each is rendered in both number formats with 8 to 30 halvings, with tori and
-formulas in float32 with 8 to 20, and judged by `tests.region_oracle`, which sorts all roots in
-extended precision, those of formulas in float64. What float64 cannot decide is not judged. A
-*violation* is a pixel whose depth is further from the exact one than ``error`` says, or that is
-certain of a hit, a miss or a cell that is none. *Lost* are pixels that show a hit or a miss that is
-none, although no two surfaces there are nearer than eight cells of the grid. Exit 1 if there is a
-violation.
+some more are tori. With ``--copies`` a group with tori stands at three places. Each is
+rendered in both number formats with 8 to 30 halvings, with tori and formulas in float32 with 8 to
+20, and judged by `tests.region_oracle`, which sorts all roots in extended precision, those of
+formulas in float64. What float64 cannot decide is not judged. A *violation* is a pixel whose depth
+is further from the exact one than ``error`` says, or that is certain of a hit, a miss or a cell
+that is none. *Lost* are pixels that show a hit or a miss that is none, although no two surfaces
+there are nearer than eight cells of the grid. Exit 1 if there is a violation.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
 import time
+import tomllib
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -53,6 +57,8 @@ from tests.test_regions import (
 from tests.tori import Torus, beside, random_torus
 
 SIZE = (96, 72)
+# From one copy to the next: they are in balls of radius 1.2.
+FAR_ENOUGH = 2.5
 TORUS_SETTINGS = tuple(("float32", steps) for steps in (8, 10, 12, 16, 20))
 SETTINGS = tuple((form, steps) for form in ("float32", "fixed32") for steps in (8, 12, 16, 22, 30))
 
@@ -96,15 +102,29 @@ class Drawn(NamedTuple):
     scene: Scene
     tori: Sequence[Torus] = ()
     formulas: Sequence[Bounded] = ()
+    origins: Sequence[Floats] = (np.zeros(3),)  # of copies, which do not meet
 
     def truth(self, setup: Setup) -> Truth:
         """What rays of all pixels show."""
         view = setup.view
         j, i = np.mgrid[: view.height, : view.width]
         directions = view.directions(i, j).reshape(-1, 3)
-        ends = setup.near, setup.far
-        given = self.matrices, self.cells, view.eye, directions
-        return truth(*given, *ends, tori=self.tori, formulas=self.formulas)
+        rest = directions, setup.near, setup.far
+        given = {"tori": self.tori, "formulas": self.formulas}
+        found = [
+            truth(self.matrices, self.cells, view.eye - origin, *rest, **given)
+            for origin in self.origins
+        ]
+        return functools.reduce(nearer, found)
+
+
+def nearer(one: Truth, other: Truth) -> Truth:
+    """What rays show of two things that do not meet."""
+    first = one.hit & ~(other.hit & (other.depth < one.depth))
+    chosen = (np.where(first, *each) for each in zip(one, other, strict=True))
+    return Truth(*chosen)._replace(
+        thin=np.fmin(one.thin, other.thin), known=one.known & other.known
+    )
 
 
 def scene_with_tori(rng: np.random.Generator, formulas: Sequence[Bounded] = ()) -> Drawn | None:
@@ -131,6 +151,20 @@ def scene_with_tori(rng: np.random.Generator, formulas: Sequence[Bounded] = ()) 
 def scene_with_formulas(rng: np.random.Generator) -> Drawn | None:
     """The same with one to three formulas among them."""
     return scene_with_tori(rng, [random_bounded(rng) for _ in range(rng.integers(1, 4))])
+
+
+def scene_of_copies(rng: np.random.Generator) -> Drawn | None:
+    """The cells of `scene_with_tori` as a group that stands at three places."""
+    drawn = scene_with_tori(rng)
+    if drawn is None:
+        return None
+    whole = tomllib.loads(drawn.scene.to_toml())
+    whole.pop("volume", None)
+    group = {"name": "it", **{key: whole.pop(key) for key in ("surface", "cell")}}
+    origins = [*(FAR_ENOUGH * np.eye(3)[:2]), np.zeros(3)]
+    places = [{"group": "it", "origin": origin.tolist()} for origin in origins]
+    scene = Scene.from_dict({**whole, "group": [group], "place": places})
+    return drawn._replace(scene=scene, origins=origins)
 
 
 def random_scene(rng: np.random.Generator) -> Drawn | None:
@@ -174,24 +208,29 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rays", type=int, default=10_000_000)
     parser.add_argument("--seed", type=int, default=1998)
-    parser.add_argument("--tori", action="store_true")
-    parser.add_argument("--formulas", action="store_true")
+    kinds = parser.add_mutually_exclusive_group()
+    draws = {
+        "--tori": scene_with_tori,
+        "--formulas": scene_with_formulas,
+        "--copies": scene_of_copies,
+    }
+    for name, kind in draws.items():
+        kinds.add_argument(
+            name, action="store_const", dest="draw", const=kind, default=random_scene
+        )
     parser.add_argument("--backend", default="numpy", choices=("numpy", "gpu"))
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     counts: dict[tuple[str, int], Count] = defaultdict(Count)
     groups, begin = 0, time.perf_counter()
-    draw = random_scene
-    if options.tori or options.formulas:
-        draw = scene_with_formulas if options.formulas else scene_with_tori
     while sum(count.rays for count in counts.values()) < options.rays:
-        drawn = draw(rng)
+        drawn = options.draw(rng)
         if drawn is None:
             continue
         scene, setup = drawn.scene, prepare(drawn.scene).setup
         exact = drawn.truth(setup)
         deepest = float(setup.depth_half.max(initial=0.0))
-        for form, steps in SETTINGS if draw is random_scene else TORUS_SETTINGS:
+        for form, steps in SETTINGS if options.draw is random_scene else TORUS_SETTINGS:
             frame = halfstep.render(
                 scene,
                 steps=steps,

@@ -16,7 +16,7 @@ from halfstep.host import excerpts
 from halfstep.host.prepare import prepare
 from halfstep.host.regions import regions_of
 from halfstep.scene import Scene, with_overrides
-from tests.region_soundness import Drawn, scene_with_formulas, scene_with_tori
+from tests.region_soundness import Drawn, scene_of_copies, scene_with_formulas, scene_with_tori
 from tests.test_regions import NEAR_TIE
 from tests.tori import random_torus, roots_of
 
@@ -123,7 +123,10 @@ def test_the_roots_of_the_oracle_are_all_there_are(rng: np.random.Generator) -> 
 
 # A random cell may be all of both sides of a formula, which are regions of up to seven surfaces:
 # what is seen behind these is not certain then.
-@pytest.mark.parametrize(("draw", "share"), [(scene_with_tori, 0.97), (scene_with_formulas, 0.4)])
+@pytest.mark.parametrize(
+    ("draw", "share"),
+    [(scene_with_tori, 0.97), (scene_with_formulas, 0.4), (scene_of_copies, 0.9)],
+)
 @pytest.mark.parametrize("in_tiles", [False, True])
 def test_depths_are_within_their_bounds(
     in_tiles: bool,

@@ -103,6 +103,11 @@ class Copies:
         return np.cumsum(self.planes) - self.planes
 
     @functools.cached_property
+    def first_curved(self) -> Ints:
+        """Index of each copy's first quadric among the surfaces of all that are no planes (R,)."""
+        return self.first_surface - self.first_plane
+
+    @functools.cached_property
     def owner(self) -> Ints:
         """The copy of each surface (N,)."""
         return np.repeat(np.arange(len(self.copy)), self.counts)
@@ -190,7 +195,7 @@ class Copies:
             rows = self.first_plane[of] + self.slot[places]
             yield Batch(places, rows, of, linear(matrix, rotation, seen, Path.of(seen)))
             return
-        rows = places - self.first_plane[of] - self.planes[of]
+        rows = self.first_curved[of] + self.slot[places] - self.planes[of]
         yield Batch(places, rows, of, curved(matrix, np.zeros(len(of), bool), rotation, seen))
 
     def _alike(self, number: int, of: Ints) -> Iterator[Batch]:
@@ -200,11 +205,11 @@ class Copies:
         rotation = at_places(self.regions.world_from_local, evenly(self.copy[of]))
         path = Path.of(seen)
         first, first_plane = self.first_surface[of], self.first_plane[of]
+        first_curved = self.first_curved[of] - one.planes
         for slot in range(one.planes):
             matrix = one.matrices[..., slot : slot + 1]
             places, rows = evenly(first + slot), evenly(first_plane + slot)
             yield Batch(places, rows, of, linear(matrix, rotation, seen, path))
-        first_curved = first - first_plane - one.planes
         for slots in one.families:
             matrix, constants = one.matrices[..., slots[:1]], one.matrices[3, 3, slots, None]
             found = curved_alike(matrix, constants, None, rotation, seen, path)

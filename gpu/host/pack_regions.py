@@ -121,8 +121,6 @@ def pack_regions(
     begin, end = np.floor(grid(copies.span[0])) - 2, np.ceil(grid(copies.span[1])) + 2
     last = np.ceil(grid(far_u))
     last_seen = np.where(far_cut, np.clip(last, 0, points), np.minimum(end, points))
-    of_higher = np.bincount(copies.owner[copies.higher_at], minlength=len(row))
-    curved_count = copies.counts - copies.planes - of_higher
     programs = regions.programs
     fill(
         records,
@@ -133,7 +131,7 @@ def pack_regions(
             "last_sure": np.where(far_cut, np.floor(grid(far_u - room)), last_seen),
             **dict(zip(("left", "right", "top", "bottom"), setup.rectangle[row].T, strict=True)),
             "flat_start": copies.first_plane,
-            "curved_start": np.cumsum(curved_count) - curved_count,
+            "curved_start": copies.first_curved,
             "surfaces": np.array([one.count for one in programs])[program],
             "planes": np.array([one.planes for one in programs])[program],
             "cells": np.array([len(one.cells) for one in programs])[program],
