@@ -33,6 +33,16 @@ fn turn_away(occluder: Occluder) {
   }
 }
 
+// Whether sides that are seen are those of one surface, or opposite to it.
+fn is_same_surface(seen: u4, side: u32) -> b4 {
+  return (seen > u4(0u)) & ((seen >> u4(1u)) == u4(side >> 1u));
+}
+
+// Whether sides that are seen are those of one surface.
+fn is_same_side(seen: u4, side: u32) -> b4 {
+  return (seen > u4(0u)) & (seen == u4(side));
+}
+
 // Sets the bit of the light where an occluder hides it.
 fn hide(occluder: Occluder) {
   let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
@@ -46,23 +56,36 @@ fn hide(occluder: Occluder) {
   var piece_0 = whole_ray(ray_0);
   // each quad
   var leaves_0 = b4(false);  //? encloses
+  // each quad
+  var is_flush_0 = b4(false);  //? flush
   for (var k = 0u; k < occluder.slab_count; k++) {
     let slab = slab_at(occluder.slab_start + k);
     let both = second_number(slab) != 0u;
+    var side = 0u;  //? flush
+    var opposite = 0u;  //? flush
+    {  //? flush
+      side = side_at(surface + first_number(slab)).flush;
+      opposite = side_at(select(0u, surface + second_number(slab), both)).flush;
+    }
     // each quad
     {
       var line = far_slab(slab, ray_0);
       line = slab_along(slab, ray_0);  //? lamps
       let other = second_along(slab, line, ray_0);
       {  //? encloses
-        let on_first = nearest_0.surface == u4(surface + first_number(slab));
-        let on_second = nearest_0.surface == u4(surface + second_number(slab));
+        var on_first = nearest_0.surface == u4(surface + first_number(slab));
+        var on_second = nearest_0.surface == u4(surface + second_number(slab));
+        on_first = on_first | is_same_surface(seen_0, side);  //? flush
+        on_second = on_second | is_same_surface(seen_0, opposite);  //? flush
         let whole = whole_ray(ray_0);
         let first = (starts_beyond(line, whole) & !on_first) | ends_beyond(line, whole);
         let second = (starts_beyond(other, whole) & !on_second) | ends_beyond(other, whole);
         leaves_0 = leaves_0 | first | (second & b4(both));
       }
       piece_0 = between(piece_0, line, other, both);
+      // A solid behind the surface of the point does not hide the light before it.
+      is_flush_0 = is_flush_0 | is_same_side(seen_0, side);  //? flush
+      is_flush_0 = is_flush_0 | is_same_side(seen_0, opposite);  //? flush
     }
   }
   // each quad
@@ -97,7 +120,12 @@ fn hide(occluder: Occluder) {
     {  //? curves
       let form = curve_to_light(occluder, ray_0);
       let rest = rest_of(form, ray_0, at_lamp);
-      let on_curve = own & (nearest_0.surface == u4(occluder.curve));
+      var on_curve = own & (nearest_0.surface == u4(occluder.curve));
+      {  //? flush
+        let curved = is_same_side(seen_0, side_at(occluder.curve).flush);
+        on_curve = on_curve | curved;
+        is_flush_0 = is_flush_0 | curved;
+      }
       let may_meet_again = b4((occluder.flags & SHADE_SELF) != 0u);
       again = on_curve & may_meet_again & is_met_again(rest, piece_0);
       hidden = is_met(form, piece_0) & ray_0.near;
@@ -115,6 +143,7 @@ fn hide(occluder: Occluder) {
       unsure_0 = unsure_0 | (!cast_0.sure & b4(casts));  //? error
       enclosed = select(enclosed, again, sheet_0);
     }
+    hidden = select(hidden, again, is_flush_0);  //? flush
     let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);  //? encloses
     hidden = select(hidden, leaves_0, encloses);  //? encloses
     enclosed = enclosed & (leaves_0 | !encloses);  //? encloses

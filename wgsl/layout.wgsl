@@ -252,6 +252,7 @@ struct Side {
   back: u32,  // seen from inside
   opened: u32,  // seen from inside, which a base plane opens
   curve: u32,  // number of its solid among occluders, from 1, if it is quadric
+  flush: u32,  // its outer side, if another solid has that too; else 0
 }
 
 // Half-spaces of an occluder along rays to a light: where c + b v <= 0, and >= -width t.

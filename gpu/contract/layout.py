@@ -412,6 +412,7 @@ SIDE = Record(
         Field("back", "u32", 1, "seen from inside"),
         Field("opened", "u32", 1, "seen from inside, which a base plane opens"),
         Field("curve", "u32", 1, "number of its solid among occluders, from 1, if it is quadric"),
+        Field("flush", "u32", 1, "its outer side, if another solid has that too; else 0"),
     ),
 )
 

@@ -200,6 +200,7 @@ FACTS = {
     "curves": "shadows are needed, and an occluder has a quadric",
     "round": "shadows are needed, and what is shown may be the quadric of a solid",
     "encloses": "shadows are needed, and a light may be inside an occluder",
+    "flush": "shadows are needed, and solids share surfaces that a light reaches",
     "casters": "shadows are needed, and an occluder has a polynomial or a formula",
     "cast_polynomials": "shadows are needed, and an occluder has a polynomial",
     "cast_formulas": "shadows are needed, and an occluder has a formula that is not a polynomial",

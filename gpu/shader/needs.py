@@ -73,6 +73,7 @@ class Needs:
     far_lights: int = 0  # how many of the lights with shadows are far away
     curves: bool = False  # an occluder has a quadric
     encloses: bool = False  # a light may be inside an occluder
+    flush: bool = False  # solids share surfaces that a light reaches
     body_polynomials: bool = False  # a body has a polynomial
     cast_polynomials: bool = False  # an occluder has a polynomial
     cast_formulas: bool = False  # an occluder has a formula that is not a polynomial
@@ -104,6 +105,7 @@ class Needs:
             wanted.add("shadows")
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
+            wanted |= {"flush"} if self.flush else set()
             wanted |= {"curves"} if self.curves else set()
             wanted |= {"round"} if self.curves and self._shows_quadrics else set()
             wanted |= {"casters", "cast_polynomials"} if self.cast_polynomials else set()

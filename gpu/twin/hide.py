@@ -15,7 +15,7 @@ from halfstep.twin.cast_formula import cast_formula_of
 from halfstep.twin.expression import formula_of
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import U32, Bools, Form
-from halfstep.twin.piece import remains
+from halfstep.twin.piece import Piece, remains
 from halfstep.twin.place import Point, beam_of, is_own, point_from
 from halfstep.twin.rays import Ray
 from halfstep.twin.shadow import (
@@ -67,6 +67,81 @@ def turn_away(occluder: np.void, ray: Ray, nearest: Nearest, facts: Collection[s
     return away & (nearest.surface == occluder["curve"])
 
 
+def flush_of(shadows: PackedShadows, nearest: Nearest) -> U32:
+    """The sides that are seen of surfaces that several solids share; 0 for others."""
+    numbers = np.where(nearest.surface < len(shadows.sides), nearest.surface, np.uint32(0))
+    outer = shadows.sides["flush"][numbers]
+    other = outer ^ np.where(nearest.turned > 0, np.uint32(1), np.uint32(0))
+    return np.where(outer > 0, other, outer)
+
+
+def is_same_surface(seen: U32, side: np.uint32) -> Bools:
+    """Whether sides that are seen are those of one surface, or opposite to it."""
+    return np.asarray((seen > 0) & (seen >> np.uint32(1) == side >> np.uint32(1)))
+
+
+def is_same_side(seen: U32, side: np.uint32) -> Bools:
+    """Whether sides that are seen are those of one surface."""
+    return np.asarray((seen > 0) & (seen == side))
+
+
+class Flush(NamedTuple):
+    """What the half-spaces of a slab have in common with surfaces that are seen."""
+
+    on_first: Bools  # the surface of the first
+    on_second: Bools
+    same: Bools  # the side of one of them
+
+
+def flush_of_slab(slab: np.void, surface: int, sides: U32, seen: U32) -> Flush:
+    """What a slab has in common with sides that are ``seen``; ``surface`` is the solid's first."""
+    first = sides[surface + first_number(slab)]
+    second = sides[surface + second_number(slab)] if second_number(slab) else np.uint32(0)
+    same = is_same_side(seen, first) | is_same_side(seen, second)
+    return Flush(is_same_surface(seen, first), is_same_surface(seen, second), same)
+
+
+class Within(NamedTuple):
+    """Rays to a light, within the half-spaces of an occluder."""
+
+    piece: Piece
+    leaves: Bools  # something is outside; where a point lies on a half-space, behind the point
+    is_flush: Bools  # a half-space ends at the side of the surface that is seen
+
+
+def within_slabs(
+    occluder: np.void,
+    shadows: PackedShadows,
+    ray: Ray,
+    shown: U32,
+    seen: U32,
+    facts: Collection[str],
+) -> Within:
+    """The parts of rays from points of surfaces ``shown``, whose sides ``seen`` others share."""
+    # The surface of a bounded plane has the number of its first side.
+    surface = int(occluder["first"]) - bool(int(occluder["flags"]) & Shade.FLAT)
+    along = slab_along if "lamps" in facts else far_slab
+    whole = piece = whole_ray(ray)
+    leaves = np.zeros(ray.near.shape, bool)
+    is_flush = np.zeros(ray.near.shape, bool)
+    for k in range(int(occluder["slab_count"])):
+        slab = shadows.slabs[int(occluder["slab_start"]) + k]
+        both = bool(second_number(slab))
+        line = along(slab, ray)
+        other = second_along(slab, line, ray)
+        on_first = shown == np.uint32(surface) + first_number(slab)
+        on_second = shown == np.uint32(surface) + second_number(slab)
+        if "flush" in facts:
+            flush = flush_of_slab(slab, surface, shadows.sides["flush"], seen)
+            is_flush |= flush.same
+            on_first, on_second = on_first | flush.on_first, on_second | flush.on_second
+        first = (starts_beyond(line, whole) & ~on_first) | ends_beyond(line, whole)
+        second = (starts_beyond(other, whole) & ~on_second) | ends_beyond(other, whole)
+        leaves |= first | (second & both)
+        piece = between(piece, line, other, both)
+    return Within(piece, leaves, is_flush)
+
+
 def hide(
     occluder: np.void,
     shadows: PackedShadows,
@@ -79,20 +154,9 @@ def hide(
     # The surface of a bounded plane has the number of its first side.
     surface = int(occluder["first"]) - bool(flags & Shade.FLAT)
     casts, encloses = bool(flags & Shade.CASTS), bool(flags & Shade.ENCLOSES)
-    along = slab_along if "lamps" in facts else far_slab
-    whole = piece = whole_ray(ray)
-    leaves = np.zeros(ray.near.shape, bool)
-    for k in range(int(occluder["slab_count"])):
-        slab = shadows.slabs[int(occluder["slab_start"]) + k]
-        both = bool(second_number(slab))
-        line = along(slab, ray)
-        other = second_along(slab, line, ray)
-        on_first = nearest.surface == np.uint32(surface) + first_number(slab)
-        on_second = nearest.surface == np.uint32(surface) + second_number(slab)
-        first = (starts_beyond(line, whole) & ~on_first) | ends_beyond(line, whole)
-        second = (starts_beyond(other, whole) & ~on_second) | ends_beyond(other, whole)
-        leaves |= first | (second & both)
-        piece = between(piece, line, other, both)
+    seen = flush_of(shadows, nearest)
+    piece, leaves, is_flush = within_slabs(occluder, shadows, ray, nearest.surface, seen, facts)
+    whole = whole_ray(ray)
     own = is_own(nearest.surface, occluder["first"], occluder["count"])
     again = away = np.zeros(own.shape, bool)
     hidden = remains(piece) & ray.near
@@ -100,6 +164,9 @@ def hide(
         form = curve_to_light(occluder, ray, facts)
         rest = rest_of(form, ray, bool(flags & Shade.AT_LAMP))
         on_curve = own & (nearest.surface == occluder["curve"])
+        if "flush" in facts:
+            curved = is_same_side(seen, shadows.sides["flush"][int(occluder["curve"])])
+            is_flush, on_curve = is_flush | curved, on_curve | curved
         again = on_curve & bool(flags & Shade.SELF) & is_met_again(rest, piece)
         hidden = is_met(form, piece) & ray.near
         leaves |= comes_out(form, rest, whole, on_curve)
@@ -118,6 +185,7 @@ def hide(
         unsure = ~found.sure & casts
         # Both sides of a sheet are outer sides.
         enclosed = np.where(caster["sheet"] > 0, again, enclosed)
+    hidden = np.where(is_flush, again, hidden)
     if encloses:
         hidden = leaves
         enclosed &= leaves

@@ -1,0 +1,165 @@
+"""Shadows where solids end in one surface: those behind it hide no light before it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import halfstep
+from halfstep.host import occluders
+from halfstep.host.flush import flush_sides
+from halfstep.host.prepare import prepare
+from halfstep.scene import Scene, with_overrides
+
+SIZE = (64, 48)
+FACING = 0.05
+Table = dict[str, Any]
+# Solids that share a surface, and a point inside. All that faces a light is lit.
+BOX: Table = {"kind": "box", "size": [2, 2, 1.4]}
+DRUM: Table = {"kind": "cylinder", "radius": 0.7}
+SPHERE: Table = {"kind": "sphere", "radius": 1}
+LABEL: Table = {"kind": "plane", "bounds": {"min": [-0.5, -0.8, -1], "max": [0.5, 0.8, 1]}}
+FLUSH: dict[str, list[Table]] = {
+    "boxes": [{**BOX, "origin": [x, 0, 0]} for x in (-0.5, 0.5)],
+    "drums": [{**DRUM, "z_min": -1, "z_max": 0.4}, {**DRUM, "z_min": -0.3, "z_max": 1}],
+    "caps": [{**SPHERE, "cut": [[0, 0, 1, 0.5]]}, {**SPHERE, "cut": [[0, 0, -1, 0.5]]}],
+    "label": [BOX, {**LABEL, "origin": [0, 0, 0.7]}],
+    "label from behind": [
+        BOX,
+        {**LABEL, "origin": [0, 0, 0.7], "rotation_degrees": [180, 0, 0]},
+    ],
+    "twins": [SPHERE, SPHERE],
+}
+
+
+def turn_of(degrees: list[float]) -> Any:
+    """The matrix of `rotation_degrees`."""
+    found = np.eye(3)
+    for axis, angle in enumerate(np.radians(degrees)):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(3)
+        turn[one, one] = turn[two, two] = np.cos(angle)
+        turn[two, one] = np.sin(angle)
+        turn[one, two] = -turn[two, one]
+        found = turn @ found
+    return found
+
+
+def random_flush(rng: np.random.Generator, name: str, *, lamp: bool, count: int = 2) -> Scene:
+    """The solids, turned and moved together, seen from a random side, with ``count`` lights."""
+    # Bounds of planes are along the axes of the world.
+    degrees = [0.0] * 3 if "label" in name else rng.uniform(-180, 180, 3).tolist()
+    turn, place = turn_of(degrees), rng.normal(size=3) * 3
+    solids = []
+    for one in FLUSH[name]:
+        origin = place + turn @ np.array(one.get("origin", [0, 0, 0]))
+        solid = {"color": [0.7] * 3, "rotation_degrees": degrees, **one, "origin": origin.tolist()}
+        if "bounds" in one:
+            solid["bounds"] = {end: list(place + at) for end, at in one["bounds"].items()}
+        solids.append(solid)
+    eye = rng.normal(size=3)
+    eye = place + turn @ [eye[0], eye[1], abs(eye[2]) + 1] * 3
+    towards = rng.normal(size=(count, 3)) + turn[:, 2] * 1.5
+    lights = [
+        {"position": (place + 6 * each).tolist()} if lamp else {"direction": each.tolist()}
+        for each in towards
+    ]
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": eye.tolist(), "look_at": place.tolist(), "fov_degrees": 30},
+            "light": [{**each, "shadows": True} for each in lights],
+            "solid": solids,
+        }
+    )
+
+
+def faced(scene: Scene, frame: halfstep.Frame) -> list[Any]:
+    """For each light the pixels that surely face it."""
+    view = prepare(with_overrides(scene, size=SIZE)).setup.view
+    j, i = np.mgrid[: SIZE[1], : SIZE[0]]
+    points = view.eye + frame.depth[..., None] * view.directions(i, j)
+    normal, found = frame.normal, []
+    for light in scene.lights:
+        way = np.array(light.direction or light.position)
+        way = way - points if light.direction is None else way
+        way = way / np.linalg.norm(way, axis=-1, keepdims=True)
+        found.append((frame.solid >= 0) & ((normal * way).sum(axis=-1) > FACING))
+    return found
+
+
+def dark_and_lit(scene: Scene, **options: Any) -> tuple[int, int]:
+    """How many pixels that face a light are dark, and how many are lit."""
+    outputs = ("normal", "depth", "shadow")
+    frame = halfstep.render(scene, size=SIZE, outputs=outputs, **options)
+    dark = lit = 0
+    for bit, own in enumerate(faced(scene, frame)):
+        hidden = (frame.shadow >> bit & 1)[own]
+        dark, lit = dark + int(hidden.sum()), lit + int((hidden == 0).sum())
+    return dark, lit
+
+
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+@pytest.mark.parametrize("lamp", [False, True])
+@pytest.mark.parametrize("name", FLUSH)
+def test_what_faces_a_light_is_lit(
+    name: str,
+    lamp: bool,
+    number_format: str,
+    rng: np.random.Generator,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Solids are convex where they face a light. Were surfaces not shared, they would have dots."""
+    options = {"backend": "numpy", "number_format": number_format, "steps": 14}
+    scenes = [random_flush(rng, name, lamp=lamp) for _ in range(3)]
+    counts = [dark_and_lit(scene, **options) for scene in scenes]
+    assert sum(dark for dark, _ in counts) == 0
+    assert sum(lit for _, lit in counts) > 1500
+    monkeypatch.setattr(occluders, "flush_sides", nothing_shared)
+    assert sum(dark_and_lit(scene, **options)[0] for scene in scenes) > 20
+
+
+def nothing_shared(geometry: Any, world: Any, lights: Any) -> Any:
+    """What `flush_sides` finds where no surfaces are shared."""
+    return 0 * flush_sides(geometry, world, lights)
+
+
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+@pytest.mark.usefixtures("adapter")
+def test_device_and_twin_are_equal(number_format: str) -> None:
+    """In one scene with a far light and a lamp inside a room whose floor a label lies on."""
+    label = {**LABEL, "color": [0.2, 0.4, 0.7]}
+    label["bounds"] = {"min": [1.7, -0.8, -1], "max": [2.7, 0.8, 1]}
+    room = {"kind": "box", "size": [9, 9, 9], "origin": [0, 0, 4.5], "color": [0.7] * 3}
+    tables = {
+        "format": 1,
+        "camera": {"center": [1, -3, 4], "look_at": [0, 0, 0.5], "fov_degrees": 50},
+        "light": [
+            {"position": [0.5, 0.4, 3], "shadows": True},
+            {"direction": [0.3, 0.2, 1], "shadows": True},
+        ],
+        "solid": [
+            room,
+            label,
+            *({"color": [0.7] * 3, **one} for one in FLUSH["drums"] + FLUSH["boxes"]),
+        ],
+    }
+    scene = Scene.from_dict(tables)
+    frames = [
+        halfstep.render(
+            scene,
+            size=SIZE,
+            outputs=("image", "shadow", "surface"),
+            number_format=number_format,
+            backend=backend,
+        )
+        for backend in ("gpu", "numpy")
+    ]
+    on_label = frames[0].solid == 1
+    assert on_label.sum() > 100
+    assert (frames[0].shadow[on_label] & 1 == 0).mean() > 0.5  # the room has the lamp inside
+    for name in ("image", "shadow", "solid", "surface"):
+        one, other = (getattr(frame, name) for frame in frames)
+        assert np.array_equal(one, other), name
