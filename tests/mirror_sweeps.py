@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from halfstep.contract.mirrors import PackedMirrors
 from halfstep.host.prepare import prepare
 from halfstep.run.twin import Band
 from halfstep.scene import Scene, with_overrides
@@ -52,8 +51,8 @@ def caught(scene: Scene, **options: Any) -> list[tuple[Any, Any, Any]]:
     packed = prepare(scene)
     found: list[Any] = []
 
-    def recorded(mirrors: PackedMirrors, rays: bounce.Rays) -> bounce.Spotted:
-        spotted = original(mirrors, rays)
+    def recorded(asked: bounce.Asked, rays: bounce.Rays) -> bounce.Spotted:
+        spotted = original(asked, rays)
         found.append(spotted)
         return spotted
 
@@ -68,7 +67,7 @@ def caught(scene: Scene, **options: Any) -> list[tuple[Any, Any, Any]]:
     unsure = [np.zeros(first.shape, bool), *(each.doubt <= each.distance for each in found)]
     surfaces = [first, *(each.surface for each in found)]
     return [
-        (numbers.solid[each], numbers.surface[each], some)
+        (numbers.solids(each), numbers.surfaces(each), some)
         for each, some in zip(surfaces, unsure, strict=True)
     ]
 

@@ -24,6 +24,7 @@ from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, load, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
+from tests.cell_mirrors import mirroring
 from tests.crowded import different, one_tile, spheres
 
 SIZE = (96, 72)
@@ -89,6 +90,7 @@ CASES = [
     ("tokamak", ("surface",), "visible"),
     ("die", ("surface", "shadow"), "visible"),
     ("bracket", ("surface", "shadow"), "visible"),
+    ("die", ("surface", "color"), "visible"),  # of mirrors
 ]
 
 
@@ -100,7 +102,10 @@ def test_no_tile_takes_more_rounds_than_are_counted(
     adapter: Adapter,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    scene = with_overrides(load(name), size=SIZE, steps=11, method=method)
+    scene = load(name)
+    if name == "die" and "color" in outputs:
+        scene = mirroring(scene, 2)
+    scene = with_overrides(scene, size=SIZE, steps=11, method=method)
     scene = with_overrides(scene, shadows="shadow" in outputs)
     packed = prepare(scene)
     wanted = device_outputs(outputs)

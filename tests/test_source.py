@@ -123,6 +123,7 @@ SHADOWED = replace(
     cast_formulas=True,
     bounces=1,
     body_polynomials=True,
+    body_cells=True,
     veils=True,
 )
 
@@ -331,13 +332,14 @@ def _combinations() -> Iterator[Needs]:
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
         bounces = int(form is not FIXED32)  # which cannot draw mirrors
         lit = replace(SHADOWED, format=form, bounces=bounces, veils=False, **NO_CASTERS)
-        lit = replace(lit, body_polynomials=False)
+        lit = replace(lit, body_polynomials=False, body_cells=False)
         yield replace(lit, far_lights=far, encloses=encloses)
         if form is not FIXED32:  # which cannot draw shadows of cells and polynomials
             yield replace(lit, far_lights=far, encloses=encloses, veils=True)
             higher = replace(lit, cast_polynomials=True, body_polynomials=True)
             yield replace(higher, far_lights=far, encloses=encloses)
             yield replace(lit, far_lights=far, encloses=encloses, cast_formulas=True)
+            yield replace(lit, far_lights=far, encloses=encloses, body_cells=True)
     for continued, classes in product((False, True), ((Class.PATCH,), (Class.REGION,))):
         counted = replace(SHADOWED, bounces=0, veil_rounds=64, continued=continued)
         yield replace(counted, classes=classes, outputs=ALL)
@@ -386,7 +388,7 @@ def as_it_lies(name: str) -> str:
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
     if form is FIXED32:  # cannot draw shadows of cells and polynomials
-        need = replace(need, veils=False, body_polynomials=False, **NO_CASTERS)
+        need = replace(need, veils=False, body_polynomials=False, body_cells=False, **NO_CASTERS)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)
     if name == "search_together":

@@ -44,6 +44,7 @@ from halfstep.twin.chosen import Chosen, chosen_for
 from halfstep.twin.nearest import Key
 from halfstep.twin.piece import Line
 from halfstep.twin.polynomial import Offset
+from halfstep.twin.reflect import NEVER
 from halfstep.twin.shade import Light
 from halfstep.twin.values import Value
 from tests.flushing import flushing
@@ -161,7 +162,7 @@ var<private> lights: array<Light, LIGHTS>;
     # Short keys are never kept together with what needs long ones.
     alone -= {"keep", "finish"} if chosen else set()
     # Mirrors and shadows of cells and polynomials are for float32.
-    of_floats = {"mirror", "meet", "veil", "trace", "cast"}
+    of_floats = {"mirror", "meet", "reflect", "veil", "trace", "cast"}
     alone -= of_floats if number_format is FIXED32 else set()
     files = [name for name in files_of(number_format, {"lines", *chosen}) if name in alone]
     return Module("the stages", "\n".join([shared, TABLE, *map(stage, files)]))
@@ -638,6 +639,16 @@ FAULTS = [
     ("cast.shaded", "(powers[0] < -error)", "(powers[0] > error)"),
     ("cast.rest_of_ray", "on_curve | encloses", "on_curve"),
     ("cast.cast_of", "== u4(1u)", "== u4(2u)"),
+    ("reflect.grid_point_beyond", "floor(", "ceil("),
+    ("reflect.u_before", "0.5 /", "1.0 /"),
+    ("reflect.rest_along", "+ form.g", "- form.g"),
+    ("reflect.value_along", "+ form.c", "- form.c"),
+    ("reflect.error_of_face", "+ 2.0", "+ 1.0"),
+    ("reflect.flat_doubted", "line.c + by", "line.c - by"),
+    ("reflect.curve_doubted", "f4(by)", "f4(-by)"),
+    ("reflect.encounter", "NEVER - 1", "NEVER"),
+    ("reflect.encounter", "entry.side, beyond.side", "beyond.side, entry.side"),
+    ("reflect.encounter", "sure | !asked", "sure & asked"),
     ("meet.glance_track", "+ ahead) + level", "+ ahead) - level"),
     ("meet.glance_trace", "k.by_v[2], b, d", "k.by_v[1], b, d"),
     ("meet.slopes_in", "plane_z * y + line_z", "plane_z * y"),
@@ -812,6 +823,9 @@ class Draw:
                     if place.startswith("ends")
                     else np.where(rng.random(shape) < 0.3, ~point, point)
                 )
+            case "q" | "begin" | "cell" | "point" if self._function.name == "encounter":
+                # Few, about the last, so that some are the same.
+                return NEVER - rng.integers(0, 4, shape)
             case "q" | "enters" | "leaves":
                 return rng.integers(0, cells + 2, shape)
             case "never":

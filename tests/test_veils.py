@@ -275,6 +275,26 @@ def test_shadows_where_all_copies_are_cut_away(backend: str) -> None:
     assert not frame.shadow.any()
 
 
+def test_a_cell_without_points_casts_no_shadow() -> None:
+    """Two balls that do not meet, so near that only the veils tell it."""
+    ball = {"kind": "sphere", "radius": 1}
+    scene = Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [0, -8, 2], "look_at": [0, 0, 0]},
+            "light": [{"direction": [0.73, -0.33, 0.42], "shadows": True}],
+            "part": [
+                {"name": "a", **ball},
+                {"name": "b", **ball, "radius": 0.43, "origin": [-1.14, -0.61, 0.76]},
+            ],
+            "cell": [{"region": "a & b", **GRAY}],
+        }
+    )
+    assert prepare(scene).veils is None
+    frame = halfstep.render(scene, size=SMALL, backend="numpy", outputs=("surface", "shadow"))
+    assert (frame.surface == -1).all()
+
+
 def test_too_many_copies_are_refused() -> None:
     across = int(np.sqrt(MOST_VEILED)) + 1
     lattice = {"kind": "rectangular", "pitch": [2, 2], "shape": [across, across], "group": "ball"}

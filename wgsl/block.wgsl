@@ -54,7 +54,7 @@ var<private> weight_0: f4;  // how much it adds to the colour  //? mirrors
 // each quad
 var<private> light_0: Vector;  // the colour so far  //? mirrors
 // each quad
-var<private> vague_0: b4;  // it is not certain what a mirror shows  //? body_polynomials
+var<private> vague_0: b4;  // it is not certain what a mirror shows  //? placed
 
 // Which block of its tile an invocation has, in rows, where those that skip what none of them needs
 // stand together: in blocks of four pixels, eight invocations have eight pixels by four.

@@ -7,8 +7,9 @@ struct Spotted {
   body: u4,  // that of the body
   turned: u4,  // which side of it is seen, as of `other_side`
   root: Root,
-  place: f4,  // u of it  //? body_polynomials
-  doubt: f4,  // distance from which on it is not certain  //? body_polynomials
+  place: f4,  // u of it  //? placed
+  side: i4,  // of a surface of a copy of a group, as of `Met`  //? body_cells
+  doubt: f4,  // distance from which on it is not certain  //? placed
 }
 
 // Beyond all distances.
@@ -20,8 +21,9 @@ const NOTHING_SPOTTED: Spotted = Spotted(
   u4(0u),
   u4(0u),
   Root(b4(false), i4(0), f4(0.0), f4(0.0), f4(0.0), b4(false)),
-  f4(0.0),  //? body_polynomials
-  f4(NO_DOUBT),  //? body_polynomials
+  f4(0.0),  //? placed
+  i4(0),  //? body_cells
+  f4(NO_DOUBT),  //? placed
 );
 
 // What is seen of it.
@@ -54,6 +56,7 @@ fn spot_first(
   root: Root,
   u: f4,
   inside: b4,
+  side: i4,  //? body_cells
 ) -> Spotted {
   let distance = distance_of(body, glance, u);
   let is_flat = b4((body.flags & SHADE_FLAT) != 0u);
@@ -75,8 +78,9 @@ fn spot_first(
       select(old.root.c, root.c, nearer),
       select(old.root.flipped, root.flipped, nearer),
     ),
-    select(old.place, u, nearer),  //? body_polynomials
-    old.doubt,  //? body_polynomials
+    select(old.place, u, nearer),  //? placed
+    select(old.side, side, nearer),  //? body_cells
+    old.doubt,  //? placed
   );
 }
 
@@ -124,10 +128,13 @@ fn try_body(number: u32, body: Body) {
       spotted_0.doubt = min(spotted_0.doubt, select(doubt, f4(NO_DOUBT), meeting_0.sure));
     }
   }
+  for (var once = 0u; once < min(body.copy, 1u); once++) {  //? body_cells
+    meet_copy(body);
+  }
   // each quad
   {
     // If the ray starts on F, the root there is divided out, and a half-space is left.
-    let whole = curve_of(body, glance_0);
+    let whole = curve_of(body.second, body.slope, body.value, glance_0);
     let on_curve = nearest_0.surface == u4(body.curve);
     let rest = clip(piece_0, Line(whole.a * glance_0.start + whole.g, whole.a), last);
     let piece = either_piece(on_curve, rest, piece_0);
@@ -151,7 +158,29 @@ fn try_body(number: u32, body: Body) {
       place = select(place, meeting_0.u, has_polynomial);
       inside = select(inside, meeting_0.inside, has_polynomial);
     }
-    spotted_0 = spot_first(spotted_0, number, body, glance_0, root, place, inside);
+    var side = i4(0);  //? body_cells
+    for (var once = 0u; once < min(body.copy, 1u); once++) {  //? body_cells
+      let copy = reflected_at(body.copy - 1u);
+      let seen = encounter_0;
+      root.hit = seen.hit;
+      root.surface = seen.cell * i4(i32(copy.surfaces)) + (seen.side >> u4(1u));
+      place = seen.u;
+      inside = seen.inside;
+      side = seen.side;
+      let doubt = distance_of(body, glance_0, seen.begin);  //? error
+      let begins = select(doubt, f4(NO_DOUBT), seen.sure);  //? error
+      spotted_0.doubt = min(spotted_0.doubt, begins);  //? error
+    }
+    spotted_0 = spot_first(
+      spotted_0,
+      number,
+      body,
+      glance_0,
+      root,
+      place,
+      inside,
+      side,  //? body_cells
+    );
   }
 }
 
@@ -225,6 +254,10 @@ fn catch_bodies() {
     let glance_0 = glance_at(body, point_0, ray_0);
     // each quad
     var at_0 = further(glance_0.base, glance_0.along, u_0);
+    // each quad
+    at_0 = further(  //? body_cells
+      glance_0.base, glance_0.along, select(u_0, spotted_0.place, b4(body.copy > 0u))
+    );
     for (var once = 0u; once < min(body.polynomial, 1u); once++) {  //? body_polynomials
       let caster = body_polynomial_at(body.polynomial - 1u);
       // each quad
@@ -239,12 +272,14 @@ fn catch_bodies() {
       let mine = spotted_0.body == u4(number);
       let on_curve = spotted_0.surface == u4(body.curve);
       let on_f = spotted_0.surface == u4(body.surface);
-      let left = is_left(body.flags, on_f, spotted_0.turned);
+      let bend = gradient_of(body.second, body.slope, at_0);
+      var left = is_left(body.flags, on_f, spotted_0.turned);
+      left = left & b4(body.copy == 0u);  //? body_cells
       gone_0 = select(gone_0, select(u4(NO_BODY), u4(number), left), mine);
       let color = Vector(f4(body.color[0]), f4(body.color[1]), f4(body.color[2]));
       caught_0 = Caught(
         either_point(mine, point_on(body, at_0), caught_0.point),
-        either(mine, either(on_curve, gradient_of(body, at_0), slope_0), caught_0.slope),
+        either(mine, either(on_curve, bend, slope_0), caught_0.slope),
         Finish(
           either(mine, color, caught_0.material.color),
           select(caught_0.material.specular, f4(body.specular), mine),
@@ -252,6 +287,9 @@ fn catch_bodies() {
         ),
         select(caught_0.reflection, f4(body.reflection), mine),
       );
+    }
+    for (var once = 0u; once < min(body.copy, 1u); once++) {  //? body_cells
+      look_at_copy(number, body);
     }
     number = next_body(number) - 1u;
   }
@@ -281,12 +319,13 @@ fn follow_mirrors(j: i32) {
     }
     find_bodies();
     // each quad
-    vague_0 = vague_0 | (spotted_0.doubt <= spotted_0.distance);  //? body_polynomials & error
+    vague_0 = vague_0 | (spotted_0.doubt <= spotted_0.distance);  //? placed & error
     catch_bodies();
     // each quad
     {
       nearest_0.surface = spotted_0.surface;
       nearest_0.turned = spotted_0.turned;
+      nearest_0.met = Met(u4(NO_REGION), spotted_0.side, i4(0));  //? body_cells
       nearest_0.dark = u4(0u);  //? shadows
       point_0 = caught_0.point;
     }

@@ -9,6 +9,7 @@ fn painted(old: Nearest, look: Appearance, here: b4) -> Nearest {
   shown.color = either(
     here, Vector(f4(look.color[0]), f4(look.color[1]), f4(look.color[2])), old.color
   );
+  shown.reflection = select(old.reflection, f4(look.reflection), here);  //? mirrors
   shown.specular = select(old.specular, f4(look.specular), here);  //? gloss
   shown.shininess = select(old.shininess, u4(look.shininess), here);  //? gloss
   return shown;

@@ -20,6 +20,7 @@ struct Nearest {
   position: i4,  // position of the point on its ray  //? position
   turned: u4,  // which side of the surface is seen, as `other_side` has it  //? places
   dark: u4,  // bits of the lights that do not reach the point  //? shadows
+  reflection: f4,  // what a point of a region mirrors; 1 of no region  //? regions & mirrors
 }
 
 // No point yet.
@@ -42,6 +43,7 @@ const NOTHING: Nearest = Nearest(
   i4(0),  //? position
   u4(0u),  //? places
   u4(0u),  //? shadows
+  f4(1.0),  //? regions & mirrors
 );
 
 // The nearer of a sight and the nearest point so far.
@@ -95,6 +97,7 @@ fn keep(
     select(old.position, sight.position, nearer),  //? position
     select(old.turned, turned, nearer),  //? places
     old.dark,  //? shadows
+    old.reflection,  //? regions & mirrors
   );
 }
 

@@ -126,6 +126,7 @@ struct Appearance {
   @align(32) color: array<f32, 3>,  // linear RGB
   specular: f32,  // weight of the highlight
   shininess: u32,  // exponent of the highlight
+  reflection: f32,  // share of what it mirrors
   is_own: u32,  // 0 for a surface with the appearance of the cell, else 1
 }
 
@@ -340,12 +341,37 @@ struct Body {
   reflection: f32,  // weight of the mirror image
   curve: u32,  // number of the quadric among surfaces; 0 if it has none
   polynomial: u32,  // row of its polynomial, from 1; 0 if it has none
+  copy: u32,  // row of its cells, from 1; 0 if it is a solid
 }
 
 // A half-space of a body: n.x + beyond <= 0.
 struct Face {
   @align(32) normal: array<f32, 3>,  // n, unit
   beyond: f32,  // distance of the middle outside it
+}
+
+// The cells of a body that is a copy of a group: their program and their surfaces.
+struct Reflected {
+  @align(32) count: u32,  // how many numbers of surfaces the body has: cells times surfaces
+  surfaces: u32,  // surfaces of its group, planes first
+  planes: u32,  // planes among them
+  flat_start: u32,  // its first plane, among the half-spaces of bodies
+  curved_start: u32,  // its first quadric
+  looks_start: u32,  // appearance of its first cell; its surfaces follow
+  cells: u32,  // cells of its program
+  list_start: u32,  // its list: numbers of planes, of quadrics
+  flat_count: u32,  // planes in the list
+  curved_count: u32,  // quadrics in the list
+  first_group: u32,  // where its program begins, in groups of words
+  end_group: u32,  // where it ends
+}
+
+// A quadric of a copy of a group, about the middle of its body, as F of a body.
+struct Bowl {
+  @align(32) second: array<f32, 6>,  // half the second derivative of F: xx, yy, zz, xy, xz, yz
+  slope: array<f32, 3>,  // half the gradient of F in the middle
+  value: f32,  // F in the middle
+  error: f32,  // error of F from rounding, along a ray
 }
 
 // A ball around a body, or around the balls that follow, up to `next`.

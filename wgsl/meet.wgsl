@@ -124,7 +124,7 @@ fn meeting_of(
   let is_ball = b4(caster.ball != 0u);
   let on_f = surface == u4(body.surface);
   let on_ball = (surface == u4(body.curve)) & is_ball;
-  let form = curve_of(body, glance);
+  let form = curve_of(body.second, body.slope, body.value, glance);
   let chord = chord_of(form.a, form.g, form.c, f4(0.0), f4(0.0), f4(0.0));
   // From the ball itself, one end is known.
   let bend = select(form.a, f4(1.0), form.a == f4(0.0));

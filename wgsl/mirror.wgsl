@@ -94,22 +94,20 @@ fn bent(m: array<f32, 6>, a: Vector) -> Vector {
   );
 }
 
-// Half the gradient of F.
-fn gradient_of(body: Body, spot: Vector) -> Vector {
-  let m = bent(body.second, spot);
-  let q = body.slope;
-  return Vector(m.x + q[0], m.y + q[1], m.z + q[2]);
+// Half the gradient of F; q is its value in the middle.
+fn gradient_of(m: array<f32, 6>, q: array<f32, 3>, spot: Vector) -> Vector {
+  let bend = bent(m, spot);
+  return Vector(bend.x + q[0], bend.y + q[1], bend.z + q[2]);
 }
 
-// F along the ray.
-fn curve_of(body: Body, glance: Glance) -> Form {
-  let q = body.slope;
-  let slope = gradient_of(body, glance.base);
+// F along the ray; `value` is F in the middle.
+fn curve_of(m: array<f32, 6>, q: array<f32, 3>, value: f32, glance: Glance) -> Form {
+  let slope = gradient_of(m, q, glance.base);
   let twice = Vector(slope.x + q[0], slope.y + q[1], slope.z + q[2]);
   return Form(
-    dot_product(glance.along, bent(body.second, glance.along)),
+    dot_product(glance.along, bent(m, glance.along)),
     f4(2.0) * dot_product(glance.along, slope),
-    dot_product(glance.base, twice) + body.value,
+    dot_product(glance.base, twice) + value,
   );
 }
 

@@ -262,8 +262,8 @@ fn render(
     {
       nearest_0 = seen_0;
       nearest_0.doubt = either_key(unsure_0, FIRST, seen_0.doubt);  //? casters & error
-      let old = nearest_0.doubt;  //? body_polynomials & error
-      nearest_0.doubt = either_key(vague_0, FIRST, old);  //? body_polynomials & error
+      let old = nearest_0.doubt;  //? placed & error
+      nearest_0.doubt = either_key(vague_0, FIRST, old);  //? placed & error
     }
   }
   // each quad

@@ -81,7 +81,9 @@ fn find_points(location: Location, j: i32) {
     let found = point_at(location, x, j - location.center_y, nearest_0.position);
     point_0 = either_point(mine, found, point_0);
     {  //? mirrors
-      weight_0 = select(weight_0, f4(location.reflection), mine);
+      var share = f4(location.reflection);
+      share = share * nearest_0.reflection;  //? regions
+      weight_0 = select(weight_0, share, mine);
       let on_curve = nearest_0.surface == u4(location.surface);
       let left = is_left(location.flags, on_curve, nearest_0.turned);
       gone_0 = select(gone_0, select(u4(NO_BODY), u4(location.body), left), mine);

@@ -263,6 +263,7 @@ APPEARANCE = Record(
         Field("color", "f32", 3, "linear RGB"),
         Field("specular", "f32", 1, "weight of the highlight"),
         Field("shininess", "u32", 1, "exponent of the highlight"),
+        Field("reflection", "f32", 1, "share of what it mirrors"),
         Field("is_own", "u32", 1, "0 for a surface with the appearance of the cell, else 1"),
     ),
 )
@@ -526,6 +527,7 @@ BODY = Record(
         Field("reflection", "f32", 1, "weight of the mirror image"),
         Field("curve", "u32", 1, "number of the quadric among surfaces; 0 if it has none"),
         Field("polynomial", "u32", 1, "row of its polynomial, from 1; 0 if it has none"),
+        Field("copy", "u32", 1, "row of its cells, from 1; 0 if it is a solid"),
     ),
 )
 
@@ -535,6 +537,36 @@ FACE = Record(
     (
         Field("normal", "f32", 3, "n, unit"),
         Field("beyond", "f32", 1, "distance of the middle outside it"),
+    ),
+)
+
+REFLECTED = Record(
+    "Reflected",
+    "The cells of a body that is a copy of a group: their program and their surfaces.",
+    (
+        Field("count", "u32", 1, "how many numbers of surfaces the body has: cells times surfaces"),
+        Field("surfaces", "u32", 1, "surfaces of its group, planes first"),
+        Field("planes", "u32", 1, "planes among them"),
+        Field("flat_start", "u32", 1, "its first plane, among the half-spaces of bodies"),
+        Field("curved_start", "u32", 1, "its first quadric"),
+        Field("looks_start", "u32", 1, "appearance of its first cell; its surfaces follow"),
+        Field("cells", "u32", 1, "cells of its program"),
+        Field("list_start", "u32", 1, "its list: numbers of planes, of quadrics"),
+        Field("flat_count", "u32", 1, "planes in the list"),
+        Field("curved_count", "u32", 1, "quadrics in the list"),
+        Field("first_group", "u32", 1, "where its program begins, in groups of words"),
+        Field("end_group", "u32", 1, "where it ends"),
+    ),
+)
+
+BOWL = Record(
+    "Bowl",
+    "A quadric of a copy of a group, about the middle of its body, as F of a body.",
+    (
+        Field("second", "f32", 6, "half the second derivative of F: xx, yy, zz, xy, xz, yz"),
+        Field("slope", "f32", 3, "half the gradient of F in the middle"),
+        Field("value", "f32", 1, "F in the middle"),
+        Field("error", "f32", 1, "error of F from rounding, along a ray"),
     ),
 )
 
@@ -586,6 +618,8 @@ RECORDS = (
     MIRRORS,
     BODY,
     FACE,
+    REFLECTED,
+    BOWL,
     BALL,
     BOX,
 )

@@ -4,15 +4,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from halfstep.contract.arrays import Records
+from halfstep.contract.arrays import U32, Records
 
 # Halvings for a ray from a mirror, as many as for shadows.
 MIRROR_STEPS = 16
+# Above all numbers of bodies.
+NO_BODY = 0xFFFFFFFF
+
+
+@dataclass(frozen=True)
+class PackedReflected:
+    """The cells of bodies that are copies of groups."""
+
+    copies: Records  # of all copies
+    bowls: Records  # their quadrics; their planes are among the faces of bodies
+    words: U32  # their lists, and their programs
+    most_surfaces: int  # the most surfaces of a group
+    levels: int  # the most levels that a program opens at once
+
+    @property
+    def arrays(self) -> tuple[Records, ...]:
+        """The content of the device's buffers, in the order of the bindings."""
+        return self.copies, self.bowls
 
 
 @dataclass(frozen=True)
 class PackedMirrors:
-    """K solids in the form in which rays from mirrors meet them."""
+    """K solids and copies of groups in the form in which rays from mirrors meet them."""
 
     frame: Records  # (1,), the grid of the world relative to the eye
     bodies: Records  # (K,)
@@ -20,6 +38,7 @@ class PackedMirrors:
     balls: Records  # around the bodies, in their order, and before them around groups of them
     polynomials: Records | None  # of bodies, if some have one
     bounces: int  # how often a ray is reflected at most; at least 1
+    reflected: PackedReflected | None  # the cells of bodies, if some are copies of groups
 
     @property
     def arrays(self) -> tuple[Records, ...]:

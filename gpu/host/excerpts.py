@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract.arrays import U32, Bools, Ints
-from halfstep.contract.classes import SHORT, Class
+from halfstep.contract.classes import REGIONS, SHORT, Class
 from halfstep.contract.layout import TILE
 from halfstep.contract.program import Known
 from halfstep.contract.regions import PackedRegions
+from halfstep.contract.stretches import rows_of
 from halfstep.host.copies import Copies
 from halfstep.host.front import Front
 from halfstep.host.hidden import Hiding, covering
@@ -51,6 +52,16 @@ class Lists(NamedTuple):
     members: U32
     regions: PackedRegions | None
     known: Known | None = None  # the program of the class REGION_KNOWN, if that is among them
+
+    @property
+    def rows(self) -> Ints:
+        """The row among the solids of each member."""
+        rows = rows_of(self.members).astype(np.int64)
+        if self.regions is not None:
+            slot = np.arange(len(self.starts) - 1) % len(self.classes)
+            is_region = np.repeat(np.isin(self.classes, [*REGIONS])[slot], np.diff(self.starts))
+            rows[is_region] = self.regions.records["solid"][self.members[is_region]]
+        return rows
 
 
 def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str]) -> Lists:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Ints, Records
+from halfstep.contract.arrays import U32, Ints, Records
 from halfstep.contract.formats import Format
 from halfstep.contract.veils import PackedVeils
 from halfstep.host.geometry import Geometry
@@ -33,13 +34,20 @@ class Lit:
     mirrors: MirrorTables | None  # the bodies, if there are mirrors
     veils: PackedVeils | None  # the veils, if copies of groups hide lights
 
+    @functools.cached_property
+    def words(self) -> U32:
+        """The words of programs of veils, then of bodies."""
+        known = [self.veils, None if self.mirrors is None else self.mirrors.reflected]
+        parts = [each.words for each in known if each is not None]
+        return np.concatenate([np.zeros(0, np.uint32), *parts])
+
     @classmethod
     def of(cls, scene: Scene, geometry: Geometry) -> Lit | None:
         """The shadows and mirrors of a scene; None if it has neither.
 
         Raises:
-            SceneError: a solid is unbounded, so that no grid holds it; or too many copies of groups
-                may hide lights.
+            SceneError: a solid is unbounded, so that no grid holds it; too many copies of groups
+                may hide lights; or a group has too many surfaces.
         """
         shadows, mirrors = has_shadows(scene), has_mirrors(scene)
         if not shadows and not mirrors:
@@ -49,11 +57,13 @@ class Lit:
             what = "mirrors are not drawn; cut it, or let no material reflect"
         world = World.of(scene, geometry, what)
         hiding = shadows_of(scene, geometry, world) if shadows else None
+        veils = None if hiding is None else pack_veils(hiding, veils_of(scene, geometry, world))
+        start = 0 if veils is None else len(veils.words)
         return cls(
             world=world,
             shadows=None if hiding is None else ShadowTables(hiding),
-            mirrors=MirrorTables(scene, geometry, world) if mirrors else None,
-            veils=None if hiding is None else pack_veils(hiding, veils_of(scene, geometry, world)),
+            mirrors=MirrorTables(scene, geometry, world, start) if mirrors else None,
+            veils=veils,
         )
 
 

@@ -17,13 +17,17 @@ import numpy as np
 from halfstep.contract import layout
 from halfstep.contract.arrays import Floats, Ints
 from halfstep.contract.layout import Shade
-from halfstep.contract.mirrors import PackedMirrors
+from halfstep.contract.mirrors import NO_BODY, PackedMirrors
 from halfstep.host.camera import View
 from halfstep.host.casters import Caster, caster_of
 from halfstep.host.geometry import Geometry
 from halfstep.host.pack_shadows import caster_records
+from halfstep.host.reflected import reflected_of
+from halfstep.host.regions import Regions
 from halfstep.host.world import World, planes_of
-from halfstep.scene import Scene
+from halfstep.scene import Fragment, Scene
+from halfstep.scene.groups import Cell
+from halfstep.scene.solids import Part
 
 # A ball is larger than its solid by this factor, against rounding.
 ROOM = 1 + 2.0**-9
@@ -41,9 +45,30 @@ LARGE = 0.3
 
 
 def has_mirrors(scene: Scene) -> bool:
-    """Whether a solid of ``scene`` reflects, and the scene allows bounces."""
-    shines = any(scene.material_of(solid).reflection > 0 for solid in scene.solids)
+    """Whether a solid or cell of ``scene`` reflects, and the scene allows bounces."""
+    things = [*scene.solids, *_things(scene)]
+    shines = any(scene.material_of(thing).reflection > 0 for thing in things)
     return shines and scene.image.bounces > 0
+
+
+def _things(fragment: Fragment) -> Iterator[Cell | Part]:
+    """The cells and parts that have a material."""
+    for thing in (*fragment.cells, *fragment.parts):
+        if (thing.material or thing.color) is not None:
+            yield thing
+    for group in fragment.groups:
+        yield from _things(group)
+
+
+def _shares(scene: Scene, regions: Regions | None) -> list[float]:
+    """1 for each copy of a group of which something reflects, else 0."""
+    if regions is None:
+        return []
+    shines = [
+        any(scene.material_of(thing).reflection > 0 for thing in _things(owned.group))
+        for owned in regions.owned
+    ]
+    return np.array(shines, float)[regions.of].tolist()
 
 
 class MirrorTables:
@@ -52,11 +77,21 @@ class MirrorTables:
     For each solid: its reflection, the number of its body from 1, and its flags.
     """
 
-    def __init__(self, scene: Scene, geometry: Geometry, world: World) -> None:
+    def __init__(self, scene: Scene, geometry: Geometry, world: World, start: int) -> None:
+        """``start``: how many words of other programs are before those of bodies.
+
+        Raises:
+            SceneError: a group has too many surfaces.
+        """
         self._world, self._bounces = world, scene.image.bounces
         materials = [scene.material_of(solid) for solid in scene.solids]
-        self.reflection = np.array([each.reflection for each in materials])  # (K,)
-        self.body, self.flags = np.zeros((2, len(materials)), np.uint32)  # (K,)
+        # Cells have their own reflections, in their appearances.
+        shares = [each.reflection for each in materials] + _shares(scene, geometry.regions)
+        self.reflection = np.array(shares)  # (K,)
+        self.body, self.flags = np.zeros((2, geometry.count), np.uint32)  # (K,)
+        # Rays leave no copy for good.
+        self.body[len(materials) :] = NO_BODY
+        self.reflected = reflected_of(scene, geometry.regions, start)
         shown = np.flatnonzero(~geometry.is_empty)
         middle = world.grid.whole(world.boxes[..., shown].mean(axis=0).T)
         radius = _radii(geometry, world, shown)
@@ -77,6 +112,11 @@ class MirrorTables:
             level = 2.0 ** math.ceil(math.log2(half))
             body["center"], body["unit"], body["bound"] = ball.center, 1 / level, half / level
             to_local = _to_local(body, geometry, world, ix)
+            if ix >= geometry.solid_count:
+                faces.append(self._filled(body, ix - geometry.solid_count, to_local, face_start))
+                body["surface"] = world.first_surface[ix]
+                face_start += len(faces[-1])
+                continue
             caster = caster_of(geometry, ix, to_local, 0.0)
             if caster is not None:
                 casters.append(caster)
@@ -95,8 +135,15 @@ class MirrorTables:
             rows = np.concatenate(faces)
             self._faces["normal"], self._faces["beyond"] = rows[:, :3], rows[:, 3]
 
-    def packed(self, view: View) -> PackedMirrors:
-        """The records of a frame."""
+    def _filled(self, body: np.void, copy: int, to_local: Floats, face_start: int) -> Floats:
+        """Fill the record of a copy of a group. Returns its planes (P, 4), with unit normals."""
+        assert self.reflected is not None
+        # As a solid it has no surface to meet: F < 0 everywhere.
+        body["value"], body["copy"] = -1, copy + 1
+        return self.reflected.add(copy, to_local, face_start)
+
+    def packed(self, view: View, looks: Ints) -> PackedMirrors:
+        """The records of a frame; ``looks`` (I,) is the first appearance of each copy."""
         frame = np.zeros(1, layout.MIRRORS.dtype())
         frame["middle"] = self._world.grid.middle - view.eye
         frame["unit"] = self._world.grid.unit
@@ -108,6 +155,7 @@ class MirrorTables:
             balls=self._balls,
             polynomials=self._polynomials,
             bounces=self._bounces,
+            reflected=None if self.reflected is None else self.reflected.packed(looks),
         )
 
 

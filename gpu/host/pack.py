@@ -193,7 +193,8 @@ def pack(
     if (np.diff(order) != 1).any():
         solids = solids.take(order)  # a fancy index copies member by member
     veils = None if lit is None else lit.veils
-    words = np.zeros(0, np.uint32) if veils is None else veils.words
+    words = np.zeros(0, np.uint32) if lit is None else lit.words
+    looks = np.zeros(0, np.int64) if tables.appearances is None else tables.appearances.start
     return Packed(
         setup=setup,
         surfaces=tables,
@@ -222,7 +223,9 @@ def pack(
         expressions=expressions,
         locations=None if lit is None else locations(lit, setup, solids, number_format),
         shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
-        mirrors=None if lit is None or lit.mirrors is None else lit.mirrors.packed(setup.view),
+        mirrors=None
+        if lit is None or lit.mirrors is None
+        else lit.mirrors.packed(setup.view, looks),
         veils=veils,
     )
 

@@ -66,6 +66,7 @@ def appearances(scene: Scene, regions: Regions) -> Appearances:
     records["color"] = [material.color for material, _ in rows]
     records["specular"] = [material.specular for material, _ in rows]
     records["shininess"] = [material.exponent for material, _ in rows]
+    records["reflection"] = [material.reflection for material, _ in rows]
     records["is_own"] = [is_own for _, is_own in rows]
     first = np.array(start, np.int64)
     if scene.image.color_by == "place":

@@ -16,13 +16,13 @@ from halfstep.host.pack_shadows import BOX_MARGIN, NOWHERE, SPARE_BOXES, fill
 from halfstep.host.veils import Veiled
 
 # Members of records that tell the position of an excerpt.
-_WRITTEN = ("first_group", "end_group", "list_start", "flat_count", "curved_count")
+WRITTEN = ("first_group", "end_group", "list_start", "flat_count", "curved_count")
 
 
 def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> PackedVeils | None:
     """The records of veils for the lights of ``shadows``; None if there are no veils."""
     every = [one for before in veiled for one in before]
-    if not every:
+    if not any(one.veils for one in every):
         return None
     views = np.zeros(len(veiled), layout.VEIL_VIEW.dtype())
     counts = [sum(len(one.veils) for one in before) for before in veiled]
@@ -46,9 +46,9 @@ def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> Pack
     records["copy"] = owner
     records["flat_start"], records["curved_start"] = flat_start[owner], curved_start[owner]
     records["planes"] = np.array([len(one.planes) for one in every])[owner]
-    programs = _Programs()
+    programs = Programs()
     written = [programs.add(veil.excerpt, len(every[row].planes)) for row, veil in veils]
-    for name, column in zip(_WRITTEN, np.array(written, np.uint32).T, strict=True):
+    for name, column in zip(WRITTEN, np.array(written, np.uint32).T, strict=True):
         records[name] = column
 
     # For lamps, the way across over the way along has a margin already.
@@ -86,16 +86,17 @@ def _joined(parts: Sequence[Floats]) -> tuple[Floats, Ints]:
     return np.concatenate(parts), np.cumsum(counts) - counts
 
 
-class _Programs:
+class Programs:
     """Excerpts of formulas as words, each excerpt once."""
 
-    def __init__(self) -> None:
+    def __init__(self, start: int = 0) -> None:
+        """``start``: how many words are before them, a multiple of `GROUP`."""
         self._parts: list[U32] = [np.zeros(0, np.uint32)]
-        self._length = 0
+        self._length = start
         self._known: dict[tuple[bytes, bytes, int], tuple[int, ...]] = {}
 
     def add(self, excerpt: Excerpt, planes: int) -> tuple[int, ...]:
-        """The members ``_WRITTEN`` for an excerpt of a program with ``planes`` planes."""
+        """The members ``WRITTEN`` for an excerpt of a program with ``planes`` planes."""
         key = excerpt.words.tobytes(), excerpt.surfaces.tobytes(), planes
         if key not in self._known:
             begin, words = self._length, len(excerpt.words)

@@ -108,7 +108,8 @@ def _before_light(
         _before(geometry, regions, formulas[program], world, copy, light, axes)
         for copy, program in enumerate(regions.of.tolist())
     )
-    most = max(len(veil.excerpt.surfaces) for one in found for veil in one.veils)
+    sizes = [len(veil.excerpt.surfaces) for one in found for veil in one.veils]
+    most = max(sizes, default=0)
     if most > MOST_CROSSED:
         raise SceneError(
             f"{scene.name}: shadows: {most:,} surfaces of a group on one way to a light, more "

@@ -16,6 +16,7 @@ from halfstep.run.parts import PART_BYTES
 from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES
 from halfstep.shader.source import (
+    BODY_CELLS_BINDINGS,
     BODY_POLYNOMIALS_BINDING,
     CAST_FORMULAS_BINDING,
     CASTERS_BINDING,
@@ -64,6 +65,8 @@ _NAMES = {
     33: "forms of occluders",
     34: "polynomials of bodies",
     35: "formulas of occluders",
+    36: "copies in mirrors",
+    37: "quadrics of copies in mirrors",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
 Binding = tuple[GpuBuffer, int, int] | object
@@ -212,12 +215,20 @@ def contents_of(packed: Packed, lists: Lists, frame: Records, tiles: Array) -> d
         found[14] = packed.polynomials.records
     if packed.expressions is not None:
         found[EXPRESSIONS_BINDING] = packed.expressions.records
+    return found | _of_light(packed)
+
+
+def _of_light(packed: Packed) -> dict[int, Array]:
+    """What the bindings for shadows and mirrors hold."""
+    found: dict[int, Array] = {}
     if packed.locations is not None:
         found[LOCATIONS] = packed.locations
     if packed.mirrors is not None:
         found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
         if packed.mirrors.polynomials is not None:
             found[BODY_POLYNOMIALS_BINDING] = packed.mirrors.polynomials
+        if packed.mirrors.reflected is not None:
+            found |= dict(zip(BODY_CELLS_BINDINGS, packed.mirrors.reflected.arrays, strict=True))
     if packed.shadows is not None:
         found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
         if packed.shadows.casters is not None:

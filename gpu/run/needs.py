@@ -39,7 +39,10 @@ def needs_of(
     if shadows is not None and shadows.casters is not None:
         casters = shadows.casters["formula"]
     algebraic = [each for each in (packed.polynomials, packed.expressions) if each is not None]
-    before_lights = 0 if veils is None else veils.most_surfaces
+    reflected = None if packed.mirrors is None else packed.mirrors.reflected
+    others = [each for each in (veils, reflected) if each is not None]
+    most_surfaces = max((each.most_surfaces for each in others), default=0)
+    levels = max((each.levels for each in others), default=0)
     return Needs(
         classes=packed.present,
         outputs=outputs,
@@ -50,8 +53,8 @@ def needs_of(
         shininess_bits=packed.shininess_bits,
         broadcast=broadcast,
         uniform=uniform and _fits_uniform(packed),
-        surfaces=0 if regions is None else _enough(max(regions.most_surfaces, before_lights)),
-        levels=0 if regions is None else max(regions.levels, 0 if veils is None else veils.levels),
+        surfaces=0 if regions is None else _enough(max(regions.most_surfaces, most_surfaces)),
+        levels=0 if regions is None else max(regions.levels, levels),
         hidden=(regions is not None and regions.has_hidden)
         or (veils is not None and veils.has_hidden),
         known=lists.known,
@@ -65,6 +68,7 @@ def needs_of(
         far_lights=0 if shadows is None else shadows.far_lights,
         curves=shadows is not None and shadows.curves,
         body_polynomials=packed.mirrors is not None and packed.mirrors.polynomials is not None,
+        body_cells=reflected is not None,
         cast_polynomials=bool((casters == 0).any()),
         cast_formulas=bool((casters > 0).any()),
         encloses=(shadows is not None and shadows.encloses)

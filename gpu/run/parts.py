@@ -8,7 +8,6 @@ import numpy as np
 
 from halfstep.contract.arrays import U32, Bools
 from halfstep.contract.layout import TILE_WORDS
-from halfstep.contract.stretches import rows_of
 from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
 from halfstep.host.tiles import LEAST_SHARE, Classes, blank_tiles, tile_groups
@@ -67,7 +66,7 @@ def shared_out(
     plain = shaders.plain()
     if plain is None or packed.locations is None:
         return [(shaders, left_out)]
-    reflects = packed.locations["reflection"][rows_of(lists.members)] > 0
+    reflects = packed.locations["reflection"][lists.rows] > 0
     before = np.concatenate([[0], np.cumsum(reflects)])
     dull = np.diff(before[lists.starts[:: len(lists.classes)]]) == 0
     blank = blank_tiles(lists.starts, lists.classes)

@@ -70,10 +70,12 @@ def is_possible(packed: Packed, outputs: frozenset[str]) -> bool:
     """Whether a frame with these outputs asks integers."""
     if "error" not in outputs or packed.format is FIXED32:
         return False
-    # With polynomials in shadows or mirrors, `error` tells of these, too: float32 decides on them.
+    # With polynomials in shadows or mirrors, or cells in mirrors, `error` tells of these, too:
+    # float32 decides on them.
     shadows, mirrors = packed.shadows, packed.mirrors
     traced = shadows is not None and shadows.casters is not None
-    traced |= mirrors is not None and mirrors.polynomials is not None
+    if mirrors is not None:
+        traced |= mirrors.polynomials is not None or mirrors.reflected is not None
     if traced and not outputs.isdisjoint(("image", "color", "shadow")):
         return False
     return bool((packed.solids["flags"] & np.uint32(Flag.RECHECKED)).any())

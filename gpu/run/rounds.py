@@ -15,7 +15,7 @@ from halfstep.contract.arrays import Bools, Ints
 from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.formats import FIXED32
 from halfstep.contract.layout import LANES
-from halfstep.contract.mirrors import MIRROR_STEPS
+from halfstep.contract.mirrors import MIRROR_STEPS, PackedReflected
 from halfstep.contract.powers import (
     BOUNDS,
     CAST_STEPS,
@@ -180,8 +180,26 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
             # Cells and halvings to find what is met, and a round each time to fetch a polynomial.
             asked = needs.quads * (CLOCKS + CAST_STEPS + 2) + 4
             of_mirrors += len(packed.mirrors.polynomials) * asked
+        if packed.mirrors.reflected is not None:
+            of_mirrors += _rounds_of_copies(needs, packed.mirrors.reflected)
     bounces = needs.bounces if of_mirrors else 0
     return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
+
+
+def _rounds_of_copies(needs: Needs, reflected: PackedReflected) -> int:
+    """The most rounds that an invocation takes for all copies of groups in one bounce."""
+    copies = reflected.copies
+    flat, curved, cells, first, end = (
+        copies[name].astype(np.int64)
+        for name in ("flat_count", "curved_count", "cells", "first_group", "end_group")
+    )
+    # A walk as in `rounds_of_regions`: in and out, and for `error` twice more. All surfaces are
+    # crossed and looked at, and for `error` looked at once more.
+    certified = "error" in needs.facts
+    looks = 2 * curved + (1 + certified) * flat + 2
+    walks = needs.quads * (6 if certified else 2)
+    surfaces = (2 + certified * needs.quads) * (flat + curved)
+    return int((surfaces + cells + walks * (looks * (end - first + 2) + 2) + 12).sum())
 
 
 def left_for_veils(needs: Needs, packed: Packed, granted: int, together: int) -> int:

@@ -28,6 +28,7 @@ from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, U32
 from halfstep.twin.normal import Vector
 from halfstep.twin.place import Point
+from halfstep.twin.reflected import Cells
 from halfstep.twin.region import NO_REGION, NOTHING_MET
 from halfstep.twin.shade import Light
 from halfstep.twin.sight import Seen
@@ -157,6 +158,12 @@ class Band:
             nearest = shadows.doubted_where(dark, nearest)
         return nearest._replace(dark=dark.bits)
 
+    @property
+    def _cells(self) -> Cells | None:
+        """What mirrors read of the scene's cells, if it has some."""
+        regions = self.lists.regions
+        return None if regions is None else Cells(regions.words, regions.appearances)
+
     def _lights(self) -> list[Light]:
         """The lights of the frame. Those with shadows come first."""
         hidden = self._packed.shadows if "shadows" in self._facts else None
@@ -205,6 +212,7 @@ class Band:
                 self._chosen,
                 self._facts,
                 self._darkened,
+                self._cells,
             )
             color, nearest = bounce.follow_mirrors(asked, nearest, points, shown.color, i, j)
             shown = shown._replace(color=color)

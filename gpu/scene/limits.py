@@ -135,6 +135,7 @@ def mirror_faults(
 ) -> list[Fault]:
     """Faults of mirrors that are not drawn."""
     faults: list[Fault] = []
+    has_higher_cells = next(_shapes_of_cells(scene, ()), None) is not None
     has_formulas = any(
         isinstance(solid, Algebraic) and not solid.has_polynomial for solid in solids
     )
@@ -145,9 +146,9 @@ def mirror_faults(
         shown = show(material.reflection)
         if image.bounces == 0:
             faults.append((loc, f"{shown}: image.bounces is 0, and a mirror needs 1 or more"))
-        if has_cells(scene):
-            text = f"{shown}: mirrors are drawn of solids alone, and the scene has cells"
-            faults.append((loc, text))
+        if has_higher_cells:
+            text = "mirrors are not drawn of cells of tori and formulas yet"
+            faults.append((loc, f"{shown}: {text}, and the scene has some"))
         if has_formulas:
             text = "mirrors are not drawn of formulas that are no polynomials yet"
             faults.append((loc, f"{shown}: {text}, and the scene has some"))

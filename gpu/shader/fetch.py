@@ -16,6 +16,7 @@ from halfstep.contract.layout import (
     APPEARANCE,
     BALL,
     BODY,
+    BOWL,
     BOX,
     CASTER,
     CURVED,
@@ -29,6 +30,7 @@ from halfstep.contract.layout import (
     MIRRORS,
     OCCLUDER,
     POLYNOMIAL,
+    REFLECTED,
     REGION,
     SIDE,
     SLAB,
@@ -104,6 +106,7 @@ MIRROR_RECORDS = {
     "faces": FACE,
     "balls": BALL,
 }
+REFLECTED_RECORDS = {"reflected": REFLECTED, "bowls": BOWL}
 
 
 def in_textures(needs: Needs) -> tuple[str, ...]:
@@ -122,6 +125,7 @@ def in_textures(needs: Needs) -> tuple[str, ...]:
         *SHADOW_RECORDS,
         *VEIL_RECORDS,
         *MIRROR_RECORDS,
+        *REFLECTED_RECORDS,
         "polynomials",
         "expressions",
     )
@@ -130,7 +134,7 @@ def in_textures(needs: Needs) -> tuple[str, ...]:
 # The members of a body that a shader reads to find out whether a ray meets it first.
 OF_TRIED = (
     *("second", "slope", "value", "flags", "surface", "face_start", "face_count"),
-    *("center", "unit", "bound", "curve", "polynomial"),
+    *("center", "unit", "bound", "curve", "polynomial", "copy"),
 )
 _NAMES = {"bodies": "body", "boxes": "box", "veil_boxes": "veil_box", "mirrors": "mirrors"}
 
@@ -180,6 +184,7 @@ def fetches(needs: Needs) -> str:
     placed |= SHADOW_RECORDS if "shadows" in needs.facts else {}
     placed |= VEIL_RECORDS if "veils" in needs.facts else {}
     placed |= MIRROR_RECORDS if "mirrors" in needs.facts else {}
+    placed |= REFLECTED_RECORDS if "body_cells" in needs.facts else {}
     for array, record in placed.items():
         name = _NAMES.get(array, array.removesuffix("s"))
         functions.append(_record_at(needs, record, array, name))

@@ -75,6 +75,7 @@ class Needs:
     encloses: bool = False  # a light may be inside an occluder
     flush: bool = False  # solids share surfaces that a light reaches
     body_polynomials: bool = False  # a body has a polynomial
+    body_cells: bool = False  # a body is a copy of a group of cells
     cast_polynomials: bool = False  # an occluder has a polynomial
     cast_formulas: bool = False  # an occluder has a formula that is not a polynomial
     many: bool = False  # a light has so many occluders that groups of boxes pay
@@ -115,7 +116,9 @@ class Needs:
             wanted |= {"continued"} if self.continued else set()
             wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
         if self.bounces and self.outputs & {"image", "color"}:
-            wanted |= {"mirrors", "body_polynomials"} if self.body_polynomials else {"mirrors"}
+            wanted.add("mirrors")
+            wanted |= {"placed", "body_polynomials"} if self.body_polynomials else set()
+            wanted |= {"placed", "body_cells"} if self.body_cells else set()
         if wanted & {"shadows", "mirrors"}:
             wanted.add("places")
         if self.broadcast > 1:
@@ -142,9 +145,11 @@ class Needs:
 
     @property
     def has_regions(self) -> bool:
-        """Whether the shader tries copies of groups, as solids to see or as veils of lights."""
-        shaded = not self.outputs.isdisjoint(("image", "color", "shadow"))
-        return not REGIONS.isdisjoint(self.classes) or (self.veils and shaded)
+        """Whether the shader tries copies of groups: solids to see, veils of lights, or bodies."""
+        colored = not self.outputs.isdisjoint(("image", "color"))
+        is_lit = self.veils and (colored or "shadow" in self.outputs)
+        is_mirrored = self.body_cells and bool(self.bounces) and colored
+        return not REGIONS.isdisjoint(self.classes) or is_lit or is_mirrored
 
     @property
     def has_polynomials(self) -> bool:

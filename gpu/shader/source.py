@@ -51,6 +51,7 @@ from halfstep.shader.fetch import (
     FETCHED,
     MIRROR_RECORDS,
     PLACE_RECORDS,
+    REFLECTED_RECORDS,
     REGION_RECORDS,
     SHADOW_RECORDS,
     VEIL_RECORDS,
@@ -82,6 +83,8 @@ CASTERS_BINDING = VEIL_BINDINGS.stop
 BODY_POLYNOMIALS_BINDING = CASTERS_BINDING + 1
 # The binding for formulas of solids that may hide lights.
 CAST_FORMULAS_BINDING = CASTERS_BINDING + 2
+# The bindings for cells of bodies.
+BODY_CELLS_BINDINGS = range(CASTERS_BINDING + 3, CASTERS_BINDING + 3 + len(REFLECTED_RECORDS))
 
 # The type of a binding that is a texture.
 TEXTURE = "texture"
@@ -268,6 +271,7 @@ def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
         ("shadows", SHADOW_BINDINGS.start, SHADOW_RECORDS),
         ("mirrors", MIRROR_BINDINGS.start, MIRROR_RECORDS),
         ("veils", VEIL_BINDINGS.start, VEIL_RECORDS),
+        ("body_cells", BODY_CELLS_BINDINGS.start, REFLECTED_RECORDS),
     ):
         if fact in needs.facts:
             found += enumerate(records.items(), start=first)

@@ -37,9 +37,12 @@ from halfstep.twin.normal import Vector, either, normalized, or_else, scaled
 from halfstep.twin.piece import Line, Piece, clip
 from halfstep.twin.place import Point, either_point
 from halfstep.twin.ray import ray_direction
+from halfstep.twin.reflected import Bearer, Cells, Looked, look_at_copy, meet_copy
+from halfstep.twin.region import NO_REGION
 from halfstep.twin.root import Root, choose, outside_at_entry, quadric_entry, quadric_exit
 from halfstep.twin.shade import Finish, Light, seen, shade
 from halfstep.twin.shadows import Mirror
+from halfstep.twin.sight import Met
 
 MIRROR_STEP = np.float32(2.0**-MIRROR_STEPS)
 # Beyond all distances.
@@ -55,6 +58,7 @@ class Spotted(NamedTuple):
     turned: U32  # which side of it is seen, as of `other_side`
     root: Root
     place: F32  # u of it
+    side: I32  # of a surface of a copy of a group, as of `Met`
     doubt: F32  # distance from which on it is not certain
 
 
@@ -65,7 +69,8 @@ def nothing_spotted(weight: F32) -> Spotted:
     root = Root(never, np.zeros(shape, np.int32), zero, zero, zero, never)
     far = np.float32(3e38)
     distance = np.where(weight > 0, far, -far)
-    return Spotted(distance, none, none, none, root, zero, np.full(shape, NO_DOUBT))
+    side, doubt = np.zeros(shape, np.int32), np.full(shape, NO_DOUBT)
+    return Spotted(distance, none, none, none, root, zero, side, doubt)
 
 
 class Caught(NamedTuple):
@@ -84,7 +89,14 @@ def distance_of(body: np.void, glance: Glance, u: F32) -> F32:
 
 
 def spot_first(
-    old: Spotted, number: int, body: np.void, glance: Glance, root: Root, u: F32, inside: Bools
+    old: Spotted,
+    number: int,
+    body: np.void,
+    glance: Glance,
+    root: Root,
+    u: F32,
+    inside: Bools,
+    side: I32,
 ) -> Spotted:
     """What a ray meets first, and a body, which it meets at a root, at u."""
     distance = distance_of(body, glance, u)
@@ -108,6 +120,7 @@ def spot_first(
             np.where(nearer, root.flipped, old.root.flipped),
         ),
         np.where(nearer, u, old.place),
+        np.where(nearer, side, old.side),
         old.doubt,
     )
 
@@ -117,14 +130,25 @@ class Rays(NamedTuple):
 
     surface: U32  # number of the surface that mirrors each
     turned: U32  # which side of it does
+    met: Met  # the point, if a copy of a group does
     gone: U32  # number of the body that each has left for good
     point: Point  # where they begin
     along: Vector  # unit
     weight: F32  # how much they add; 0 where there is none
 
 
-def try_body(old: Spotted, number: int, mirrors: PackedMirrors, rays: Rays) -> Spotted:
-    """Try the body of a number from 1 on rays from mirrors."""
+def try_body(
+    old: Spotted,
+    number: int,
+    mirrors: PackedMirrors,
+    rays: Rays,
+    cells: Cells | None,
+    facts: Collection[str],
+) -> Spotted:
+    """Try the body of a number from 1 on rays from mirrors.
+
+    ``cells`` are those of the scene, if it has some.
+    """
     body = mirrors.bodies[number - 1]
     glance = glance_at(body, rays.point, rays.along)
     count, base = int(body["face_count"]), int(body["surface"])
@@ -135,7 +159,7 @@ def try_body(old: Spotted, number: int, mirrors: PackedMirrors, rays: Rays) -> S
         line = face_of(face, glance)
         c, b = np.where(on, np.float32(-1), line.c), np.where(on, np.float32(0), line.b)
         piece = clip(piece, Line(c, b), k + 1)
-    whole = curve_of(body, glance)
+    whole = curve_of(body["second"], body["slope"], body["value"], glance)
     on_curve = rays.surface == body["curve"]
     within = piece
     rest = clip(piece, Line(whole.a * glance.start + whole.g, whole.a), count + 1)
@@ -148,7 +172,19 @@ def try_body(old: Spotted, number: int, mirrors: PackedMirrors, rays: Rays) -> S
     face = np.where(root.surface > count, 0, root.surface)
     asked = glance.near & (rays.gone != number)
     root = root._replace(hit=root.hit & asked, surface=face)
-    place = place_of_root(root)
+    place, side = place_of_root(root), np.zeros(root.surface.shape, np.int32)
+    if body["copy"]:
+        assert cells is not None
+        assert mirrors.reflected is not None
+        copy = mirrors.reflected.copies[int(body["copy"]) - 1]
+        asked = glance.near & (rays.weight > 0)
+        bearer = Bearer(rays.surface, rays.met)
+        seen = meet_copy(mirrors, cells, body, glance, asked, bearer, facts)
+        face = seen.cell * np.int32(copy["surfaces"]) + (seen.side >> np.int32(1))
+        root = root._replace(hit=seen.hit, surface=face)
+        place, inside, side = seen.u, seen.inside, seen.side
+        doubt = np.where(seen.sure, NO_DOUBT, distance_of(body, glance, seen.begin))
+        old = old._replace(doubt=np.minimum(old.doubt, doubt))
     if body["polynomial"]:
         assert mirrors.polynomials is not None
         caster = mirrors.polynomials[int(body["polynomial"]) - 1]
@@ -157,7 +193,7 @@ def try_body(old: Spotted, number: int, mirrors: PackedMirrors, rays: Rays) -> S
         place, inside = met.u, met.inside
         doubt = np.where(met.sure, NO_DOUBT, distance_of(body, glance, met.begin))
         old = old._replace(doubt=np.minimum(old.doubt, doubt))
-    return spot_first(old, number, body, glance, root, place, inside)
+    return spot_first(old, number, body, glance, root, place, inside, side)
 
 
 class Asked(NamedTuple):
@@ -169,19 +205,21 @@ class Asked(NamedTuple):
     chosen: Chosen
     facts: Collection[str]
     darkened: Callable[[Nearest, Point], Nearest]  # with the lights that do not reach points
+    cells: Cells | None  # of the scene, if it has some
 
 
-def find_bodies(mirrors: PackedMirrors, rays: Rays) -> Spotted:
+def find_bodies(asked: Asked, rays: Rays) -> Spotted:
     """What rays from mirrors meet first."""
     spotted = nothing_spotted(rays.weight)
-    for number in range(1, len(mirrors.bodies) + 1):
-        spotted = try_body(spotted, number, mirrors, rays)
+    for number in range(1, len(asked.mirrors.bodies) + 1):
+        spotted = try_body(spotted, number, asked.mirrors, rays, asked.cells, asked.facts)
     return spotted
 
 
-def catch_bodies(mirrors: PackedMirrors, rays: Rays, found: Spotted, chosen: Chosen) -> Caught:
+def catch_bodies(asked: Asked, rays: Rays, found: Spotted) -> Caught:
     """Halve the roots of what was found, and look at it."""
-    sight = chosen.conveyor(found.root, found.root, MIRROR_STEPS, frozenset())
+    mirrors = asked.mirrors
+    sight = asked.chosen.conveyor(found.root, found.root, MIRROR_STEPS, frozenset())
     u = sight.position.astype(np.float32) * MIRROR_STEP
     shape = u.shape
     zero, none = np.zeros(shape, np.float32), np.zeros(shape, np.uint32)
@@ -194,9 +232,9 @@ def catch_bodies(mirrors: PackedMirrors, rays: Rays, found: Spotted, chosen: Cho
         base = int(body["surface"])
         on_f = found.surface == np.uint32(base)
         glance = glance_at(body, rays.point, rays.along)
-        place = found.place if body["polynomial"] else u
+        place = found.place if body["polynomial"] or body["copy"] else u
         at = further(glance.base, glance.along, place)
-        slope = gradient_of(body, at)
+        slope = gradient_of(body["second"], body["slope"], at)
         if body["polynomial"]:
             assert mirrors.polynomials is not None
             caster = mirrors.polynomials[int(body["polynomial"]) - 1]
@@ -218,6 +256,13 @@ def catch_bodies(mirrors: PackedMirrors, rays: Rays, found: Spotted, chosen: Cho
             np.where(mine, body["reflection"], caught.reflection),
             np.where(mine, np.where(left, np.uint32(number), NO_BODY), caught.gone),
         )
+        if body["copy"]:
+            assert asked.cells is not None
+            old_look = Looked(caught.slope, caught.material, caught.reflection)
+            surface = np.where(mine, found.surface, np.uint32(0))
+            look = look_at_copy(mirrors, asked.cells, body, glance, place, surface, old_look)
+            none = np.where(mine, NO_BODY, caught.gone)
+            caught = Caught(caught.point, *look, none)
     return caught
 
 
@@ -248,14 +293,15 @@ def follow_mirrors(
     for bounce in range(mirrors.bounces):
         back = Vector(*(-part for part in ray))
         ray = mirrored(ray, normalized(or_else(slope, back)))
-        rays = Rays(nearest.surface, nearest.turned, gone, point, ray, weight)
-        found = find_bodies(mirrors, rays)
+        rays = Rays(nearest.surface, nearest.turned, nearest.met, gone, point, ray, weight)
+        found = find_bodies(asked, rays)
         if "error" in asked.facts:
             unsure = found.doubt <= found.distance
             nearest = nearest._replace(doubt=either_key(unsure, FIRST, nearest.doubt))
-        caught = catch_bodies(mirrors, rays, found, asked.chosen)
+        caught = catch_bodies(asked, rays, found)
         point, slope, gone = caught.point, caught.slope, caught.gone
-        nearest = nearest._replace(surface=found.surface, turned=found.turned)
+        met = Met(np.full_like(found.surface, NO_REGION), found.side, np.zeros_like(found.side))
+        nearest = nearest._replace(surface=found.surface, turned=found.turned, met=met)
         nearest = asked.darkened(nearest, point)
         back = Vector(*(-part for part in ray))
         normal = normalized(or_else(slope, back))

@@ -17,6 +17,8 @@ from halfstep.twin.region import outward, plane_normal, shows_surface
 def painted(old: Nearest, look: np.void, here: Bools, facts: Collection[str]) -> Nearest:
     """A point, with the appearance of a cell or a surface in the pixels `here`."""
     new = old._replace(color=either(here, Vector(*look["color"]), old.color))
+    if "mirrors" in facts:
+        new = new._replace(reflection=np.where(here, look["reflection"], old.reflection))
     if "gloss" in facts:
         new = new._replace(
             specular=np.where(here, look["specular"], old.specular),

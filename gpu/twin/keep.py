@@ -61,6 +61,7 @@ class Nearest(NamedTuple):
     position: I32  # position of the point on its ray
     turned: U32  # which side of the surface is seen, as `other_side` has it
     dark: U32  # bits of the lights that do not reach the point
+    reflection: F32  # share of what a point of a region mirrors; 1 of what is no region
 
 
 def nothing(keys: Keys) -> Nearest:
@@ -85,6 +86,7 @@ def nothing(keys: Keys) -> Nearest:
         position=np.zeros((), np.int32),
         turned=none,
         dark=none,
+        reflection=np.ones((), np.float32),
     )
 
 

@@ -128,7 +128,7 @@ def meeting_of(
     is_sheet, is_ball = bool(caster["sheet"]), bool(caster["ball"])
     on_f = surface == body["surface"]
     on_ball = (surface == body["curve"]) & is_ball
-    form = curve_of(body, glance)
+    form = curve_of(body["second"], body["slope"], body["value"], glance)
     none = np.zeros_like(form.a)
     chord = chord_of(form.a, form.g, form.c, none, none, none)
     # From the ball itself, one end is known.

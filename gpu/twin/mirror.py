@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from halfstep.contract import mirrors
 from halfstep.contract.layout import Shade
 from halfstep.twin.lanes import F32, U32, Bools, Form
 from halfstep.twin.normal import Vector, dot_product, normalized, scaled
@@ -23,7 +24,7 @@ EXACT = np.float32(1 - 2.0**-20)
 # What rounding adds to the square of the least distance from a ray, for the square of the way.
 BLUR = np.float32(2.0**-36)
 # Above all numbers of bodies.
-NO_BODY = np.uint32(0xFFFFFFFF)
+NO_BODY = np.uint32(mirrors.NO_BODY)
 
 
 class Glance(NamedTuple):
@@ -105,19 +106,19 @@ def bent(m: F32, a: Vector) -> Vector:
     )
 
 
-def gradient_of(body: np.void, spot: Vector) -> Vector:
-    """Half the gradient of F."""
-    return Vector(*(m + q for m, q in zip(bent(body["second"], spot), body["slope"], strict=True)))
+def gradient_of(m: F32, q: F32, spot: Vector) -> Vector:
+    """Half the gradient of F; ``m`` as in `bent`, ``q`` (3,) is its value in the middle."""
+    return Vector(*(bend + slope for bend, slope in zip(bent(m, spot), q, strict=True)))
 
 
-def curve_of(body: np.void, glance: Glance) -> Form:
-    """F along the ray."""
-    slope = gradient_of(body, glance.base)
-    twice = Vector(*(part + q for part, q in zip(slope, body["slope"], strict=True)))
+def curve_of(m: F32, q: F32, value: F32, glance: Glance) -> Form:
+    """F along the ray; ``value`` is F in the middle."""
+    slope = gradient_of(m, q, glance.base)
+    twice = Vector(*(part + each for part, each in zip(slope, q, strict=True)))
     return Form(
-        dot_product(glance.along, bent(body["second"], glance.along)),
+        dot_product(glance.along, bent(m, glance.along)),
         TWO * dot_product(glance.along, slope),
-        dot_product(glance.base, twice) + body["value"],
+        dot_product(glance.base, twice) + value,
     )
 
 

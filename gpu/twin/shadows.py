@@ -60,7 +60,7 @@ def find_points(locations: Records, nearest: Nearest, i: I32, j: I32, beams: Any
             found = beams.point_at(location, x, y, nearest.position[mine])
             for whole, part in zip(points, found, strict=True):
                 whole[mine] = part
-            weight[mine] = location["reflection"]
+            weight[mine] = location["reflection"] * nearest.reflection[mine]
             on_curve = nearest.surface[mine] == location["surface"]
             left = is_left(int(location["flags"]), on_curve, nearest.turned[mine])
             gone[mine] = np.where(left, location["body"], NO_BODY)

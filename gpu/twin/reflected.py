@@ -1,0 +1,205 @@
+"""Twin of ``reflected.wgsl``: what rays from mirrors meet of copies of groups of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from halfstep.contract.arrays import Records
+from halfstep.contract.mirrors import PackedMirrors
+from halfstep.contract.program import GROUP
+from halfstep.contract.veils import VEIL_STEPS
+from halfstep.twin.certify_region import Between, settled
+from halfstep.twin.crossings import Crossing
+from halfstep.twin.lanes import I32, U32, Bools
+from halfstep.twin.mirror import (
+    Glance,
+    curve_of,
+    face_of,
+    further,
+    gradient_of,
+    normal_of_face,
+)
+from halfstep.twin.normal import Vector, either
+from halfstep.twin.place import is_own
+from halfstep.twin.reflect import (
+    NEVER,
+    Encounter,
+    curve_doubted,
+    encounter,
+    error_of_face,
+    flat_doubted,
+    grid_point_beyond,
+    rest_along,
+    value_along,
+)
+from halfstep.twin.region import shows_surface
+from halfstep.twin.shade import Finish
+from halfstep.twin.sight import Met
+from halfstep.twin.veil import (
+    curve_crossed,
+    flat_crossed,
+    form_ahead,
+    line_ahead,
+    points_to_surface,
+)
+from halfstep.twin.walk import ANY_CELL, Place
+from halfstep.twin.walks import Crossed, Walk, is_out, path_of, walk
+
+
+class Cells(NamedTuple):
+    """What a scene's copies of groups have in common with other stages."""
+
+    words: NDArray[np.uint32]  # of programs
+    appearances: Records
+
+
+class Bearer(NamedTuple):
+    """Where rays from mirrors begin: surfaces of the scene, and the sides of them."""
+
+    surface: U32
+    met: Met
+
+
+def meet_copy(
+    mirrors: PackedMirrors,
+    cells: Cells,
+    body: np.void,
+    glance: Glance,
+    asked: Bools,
+    bearer: Bearer,
+    facts: Collection[str],
+) -> Encounter:
+    """What rays from mirrors first meet of a copy of a group.
+
+    Args:
+        mirrors: all bodies.
+        cells: the words of programs.
+        body: the copy.
+        glance: the rays about it.
+        asked: the pixels that ask for it.
+        bearer: what mirrors the rays.
+        facts: the facts of the frame.
+    """
+    reflected = mirrors.reflected
+    assert reflected is not None
+    copy = reflected.copies[int(body["copy"]) - 1]
+    own = is_own(bearer.surface, int(body["surface"]), int(copy["count"]))
+    first, flat_count = int(copy["list_start"]), int(copy["flat_count"])
+    count = flat_count + int(copy["curved_count"])
+    listed = cells.words[first : first + count].tolist()
+    begin, start = grid_point_beyond(glance.start), glance.start
+    found: dict[Crossed, list[Crossing]] = {kind: [] for kind in Crossed}
+    for number in listed[:flat_count]:
+        face = mirrors.faces[int(copy["flat_start"]) + number]
+        line = face_of(face, glance)
+        on_line = own & shows_surface(bearer.met, number)
+        way = points_to_surface(line.b * start + line.c, line.b)
+        begin = begin + np.where(on_line, way, np.int32(0))
+        ahead, by = line_ahead(line, on_line), error_of_face(face["beyond"])
+        found[Crossed.CROSSED].append(flat_crossed(ahead))
+        if "error" in facts:
+            found[Crossed.SURELY].append(flat_doubted(ahead, by))
+            found[Crossed.PERHAPS].append(flat_doubted(ahead, -by))
+    for number in listed[flat_count:]:
+        bowl = reflected.bowls[int(copy["curved_start"]) + number - int(copy["planes"])]
+        form = curve_of(bowl["second"], bowl["slope"], bowl["value"], glance)
+        on_curve = own & shows_surface(bearer.met, number)
+        rest = rest_along(form, start)
+        way = points_to_surface(value_along(form, start), rest.b * start + rest.c)
+        begin = begin + np.where(on_curve, way, np.int32(0))
+        bent, by = form_ahead(form, rest, on_curve), bowl["error"]
+        found[Crossed.CROSSED].append(curve_crossed(bent))
+        if "error" in facts:
+            found[Crossed.SURELY].append(curve_doubted(bent, by))
+            found[Crossed.PERHAPS].append(curve_doubted(bent, -by))
+    begin = np.where(asked, begin, NEVER)
+    crossings = [each for kind in Crossed for each in found[kind]]
+    program = cells.words[int(copy["first_group"]) * GROUP : int(copy["end_group"]) * GROUP]
+    nothing, any_cell = np.zeros_like(begin), np.full(begin.shape, ANY_CELL)
+
+    def walked(which: Walk, at: I32, only: I32) -> Place:
+        path = path_of(which, program, count, VEIL_STEPS)
+        return walk(crossings, path, not is_out(which), Place(at, nothing, any_cell), only)
+
+    entry = walked(Walk.ENTRY, begin, any_cell)
+    beyond = walked(Walk.BEYOND, entry.q, entry.cell)
+    into, certain = Between(nothing, nothing), np.ones(begin.shape, bool)
+    if "error" in facts:
+        inside = entry.q == begin
+        before = np.maximum(begin - np.int32(1), np.int32(0))
+        within = walked(Walk.SURELY_IN, begin, any_cell).q
+        certain = ~inside | (within == begin)
+        into = Between(
+            np.where(
+                inside,
+                walked(Walk.PERHAPS_OUT, before, entry.cell).q,
+                walked(Walk.PERHAPS_IN, before, any_cell).q,
+            ),
+            np.where(inside, walked(Walk.SURELY_OUT, begin, entry.cell).q, within),
+        )
+        side = np.where(inside, beyond.side, entry.side)
+        shown = bearer.met._replace(side=side)
+        for place, number in enumerate(listed):
+            sure, maybe = crossings[count + place], crossings[2 * count + place]
+            certain = certain & (settled(sure, maybe, into) | shows_surface(shown, number))
+    return encounter(asked, begin, entry, beyond, into, certain)
+
+
+class Looked(NamedTuple):
+    """What is seen of points of a copy."""
+
+    slope: Vector  # along the normal
+    material: Finish
+    reflection: NDArray[np.float32]
+
+
+def look_at_copy(
+    mirrors: PackedMirrors,
+    cells: Cells,
+    body: np.void,
+    glance: Glance,
+    u: NDArray[np.float32],
+    surface: U32,
+    seen: Looked,
+) -> Looked:
+    """What is seen of a copy at u on rays, in the pixels that show it; ``seen`` of the others."""
+    reflected = mirrors.reflected
+    assert reflected is not None
+    copy = reflected.copies[int(body["copy"]) - 1]
+    at = further(glance.base, glance.along, u)
+    mine = is_own(surface, int(body["surface"]), int(copy["count"]))
+    face = surface - body["surface"]
+    cell, slot = face // copy["surfaces"], face % copy["surfaces"]
+    looks = cells.appearances[int(copy["looks_start"]) :]
+    for number in np.unique(cell[mine]).tolist():
+        seen = _painted(seen, looks[number], mine & (cell == number))
+    for number in np.unique(slot[mine]).tolist():
+        here = mine & (slot == number)
+        if number < copy["planes"]:
+            slope = normal_of_face(mirrors.faces[int(copy["flat_start"]) + number])
+        else:
+            bowl = reflected.bowls[int(copy["curved_start"]) + number - int(copy["planes"])]
+            slope = gradient_of(bowl["second"], bowl["slope"], at)
+        seen = seen._replace(slope=either(here, slope, seen.slope))
+        look = looks[int(copy["cells"]) + number]
+        if look["is_own"]:
+            seen = _painted(seen, look, here)
+    return seen
+
+
+def _painted(seen: Looked, look: np.void, here: Bools) -> Looked:
+    """What is seen, with the appearance of a cell or a surface in the pixels ``here``."""
+    old, color = seen.material, Vector(*(np.asarray(part) for part in look["color"]))
+    return Looked(
+        seen.slope,
+        Finish(
+            either(here, color, old.color),
+            np.where(here, look["specular"], old.specular),
+            np.where(here, look["shininess"], old.shininess),
+        ),
+        np.where(here, look["reflection"], seen.reflection),
+    )
