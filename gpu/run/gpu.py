@@ -42,6 +42,9 @@ from halfstep.shader.needs import UNIFORM_BYTES, Needs
 BAND_BYTES = 128 << 20
 SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
+# How wgpu-py maps a buffer that a submitted pass writes. For "READ" it would submit a second, empty
+# pass and wait for both; a device maps no buffer before all passes that write it are done.
+READ = "READ_NOSYNC"
 # The most invocations that load a record together. A record has at most ten pieces, so more
 # invocations would load nothing.
 MOST_BROADCAST = 16
@@ -408,7 +411,7 @@ class Device(Turns):
             memory = self._buffers.copied(layout.size)
             encoder.copy_buffer_to_buffer(frame, 0, memory, 0, layout.size)
         self._device.queue.submit([encoder.finish()])
-        memory.map_sync("READ", 0, layout.size)
+        memory.map_sync(READ, 0, layout.size)
         return memory
 
     def _bind_group(self, shaders: Shaders, bindings: dict[int, Binding]) -> object:
