@@ -572,9 +572,10 @@ FAULTS = [
         "trail.since, left_open",
     ),
     ("higher.all_crossed", "opposite(", "opposite(!"),
+    ("elementary.angle_of", "+ 0.5)", "+ 0.25)"),
     ("elementary.turned_sine", "& i4(1)", "& i4(2)"),
-    ("elementary.sine_of", "+ 0.5)", "+ 0.25)"),
-    ("elementary.cosine_of", ") + 0.5)", ") - 0.5)"),
+    ("elementary.sine_of", ", 0)", ", 2)"),
+    ("elementary.cosine_of", ", 1)", ", 3)"),
     ("elementary.exponential_of", "i4(127)", "i4(126)"),
     ("elementary.logarithm_of", "mantissa * 0.5", "mantissa * 0.25"),
     ("elementary.reciprocal_of", "select(x, f4(SMALLEST", "select(x, f4(-SMALLEST"),
@@ -854,10 +855,10 @@ class Draw:
                 return rng.choice([-1, 1], shape) * rng.uniform(0.1, 1, shape)
             case "face_count" | "curve" | "turned" if self._function.file == "meet":
                 return rng.integers(0, 3, shape)
-            case "half_turns":
-                return rng.integers(-4, 5, shape) / 2
-            case "x" if self._function.name == "turned_sine":
-                return rng.uniform(-7, 7, shape)
+            case "quarters" | "more":
+                return rng.integers(-9, 10, shape)
+            case "rest" if self._function.name == "turned_sine":
+                return rng.uniform(-0.79, 0.79, shape)
             case "x" if self._function.file == "elementary":
                 return rng.choice([-1, 1], shape) * np.exp2(rng.uniform(-45, 14, shape))
             case "m" | "h" if self._function.name == "about":

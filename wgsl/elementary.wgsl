@@ -17,26 +17,40 @@ const SMALLEST_ARGUMENT: f32 = 0x1p-40f;
 // Products are limited to this magnitude.
 const LARGEST_PRODUCT: f32 = 0x1p60f;
 
-// sin(x) if half_turns is whole and near x/π; cos(x) if it is that less a half.
-fn turned_sine(x: f4, half_turns: f4) -> f4 {
-  let r = ((x - half_turns * 3.140625) - half_turns * 0x1.fb4p-11f) - half_turns * 0x1.4442d2p-23f;
+// An angle as whole quarter turns and a rest of at most half of one.
+struct Angle {
+  rest: f4,
+  quarters: i4,
+}
+
+fn angle_of(x: f4) -> Angle {
+  let angle = min(max(x, f4(-LARGEST_ANGLE)), f4(LARGEST_ANGLE));
+  let k = floor(angle * 0x1.45f306p-1f + 0.5);
+  let rest = ((angle - k * 1.5703125) - k * 0x1.fb4p-12f) - k * 0x1.4442d2p-24f;
+  return Angle(rest, i4(k));
+}
+
+// The sine of an angle and some more quarter turns.
+fn turned_sine(angle: Angle, more: i32) -> f4 {
+  let r = angle.rest;
   let q = r * r;
-  let tail = q * (0x1.71de3ap-19f - q * 0x1.ae6456p-26f);
-  let series = q * (-0x1.555556p-3f + q * (0x1.111112p-7f + q * (-0x1.a01a02p-13f + tail)));
-  let s = r + r * series;
-  return select(s, -s, (i4(floor(half_turns)) & i4(1)) != i4(0));
+  let series = q * (-0x1.55554p-3f + q * (0x1.1105b4p-7f - q * 0x1.98da4p-13f));
+  let tail = q * (0x1.55554ap-5f - q * (0x1.6c0c8cp-10f - q * 0x1.9a023ap-16f));
+  let quarters = angle.quarters + i4(more);
+  let is_odd = (quarters & i4(1)) != i4(0);
+  let size = select(r + r * series, 1.0 - q * (0.5 - tail), is_odd);
+  // The sign changes after half a turn.
+  return bitcast<f4>(bitcast<u4>(size) ^ (bitcast<u4>(quarters & i4(2)) << u4(30u)));
 }
 
 // sin(x)
 fn sine_of(x: f4) -> f4 {
-  let angle = min(max(x, f4(-LARGEST_ANGLE)), f4(LARGEST_ANGLE));
-  return turned_sine(angle, floor(angle * 0x1.45f306p-2f + 0.5));
+  return turned_sine(angle_of(x), 0);
 }
 
-// cos(x): sin(x + π/2) = -sin(x - (k + 1/2) π) for even k.
+// cos(x)
 fn cosine_of(x: f4) -> f4 {
-  let angle = min(max(x, f4(-LARGEST_ANGLE)), f4(LARGEST_ANGLE));
-  return -turned_sine(angle, floor(angle * 0x1.45f306p-2f) + 0.5);
+  return turned_sine(angle_of(x), 1);
 }
 
 // e^x

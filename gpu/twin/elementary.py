@@ -17,9 +17,11 @@ bounds leave room for it.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from halfstep.twin.lanes import F32
+from halfstep.twin.lanes import F32, I32
 
 LARGEST_ANGLE = np.float32(8192)
 TURN_ERROR = np.float32(2.0**-22)
@@ -34,20 +36,12 @@ def _number(text: str) -> np.float32:
     return np.float32(float.fromhex(text))
 
 
-_PI = tuple(map(_number, ("0x1.92p1", "0x1.fb4p-11", "0x1.4442d2p-23")))
-_SINE = tuple(
-    map(
-        _number,
-        (
-            "-0x1.555556p-3",
-            "0x1.111112p-7",
-            "-0x1.a01a02p-13",
-            "0x1.71de3ap-19",
-            "0x1.ae6456p-26",
-        ),
-    )
-)
-_ONE_BY_PI = _number("0x1.45f306p-2")
+_QUARTER_TURN = tuple(map(_number, ("0x1.92p0", "0x1.fb4p-12", "0x1.4442d2p-24")))
+# Of series in r² for (sin(r)/r - 1)/r² and (cos(r) - 1 + r²/2)/r⁴, |r| <= π/4, with the least error
+# of the sine and of the cosine.
+_SINE = tuple(map(_number, ("-0x1.55554p-3", "0x1.1105b4p-7", "0x1.98da4p-13")))
+_COSINE = tuple(map(_number, ("0x1.55554ap-5", "0x1.6c0c8cp-10", "0x1.9a023ap-16")))
+_TWO_BY_PI = _number("0x1.45f306p-1")
 _ONE_BY_LN_2 = _number("0x1.715476p0")
 _LN_2 = np.float32(0.693359375), _number("0x1.bd0106p-13")
 _EXPONENTIAL = tuple(
@@ -63,26 +57,43 @@ _ROOT_2 = _number("0x1.6a09e6p0")
 _HALF, _ONE, _TWO = np.float32(0.5), np.float32(1), np.float32(2)
 
 
-def turned_sine(x: F32, half_turns: F32) -> F32:
-    """sin(x) if ``half_turns`` is whole and near x/π; cos(x) if it is that less a half."""
-    r = ((x - half_turns * _PI[0]) - half_turns * _PI[1]) - half_turns * _PI[2]
+class Angle(NamedTuple):
+    """An angle as whole quarter turns and a rest of at most half of one."""
+
+    rest: F32
+    quarters: I32
+
+
+def angle_of(x: F32) -> Angle:
+    """An angle, limited to LARGEST_ANGLE."""
+    angle = np.minimum(np.maximum(x, -LARGEST_ANGLE), LARGEST_ANGLE)
+    k = np.floor(angle * _TWO_BY_PI + _HALF)
+    rest = ((angle - k * _QUARTER_TURN[0]) - k * _QUARTER_TURN[1]) - k * _QUARTER_TURN[2]
+    return Angle(rest, k.astype(np.int32))
+
+
+def turned_sine(angle: Angle, more: int) -> F32:
+    """The sine of an angle and some ``more`` quarter turns."""
+    r = angle.rest
     q = r * r
-    tail = q * (_SINE[3] - q * _SINE[4])
-    series = q * (_SINE[0] + q * (_SINE[1] + q * (_SINE[2] + tail)))
-    s = r + r * series
-    return np.where(np.floor(half_turns).astype(np.int32) & 1, -s, s)
+    series = q * (_SINE[0] + q * (_SINE[1] - q * _SINE[2]))
+    tail = q * (_COSINE[0] - q * (_COSINE[1] - q * _COSINE[2]))
+    quarters = angle.quarters + np.int32(more)
+    size = np.where((quarters & 1) != 0, _ONE - q * (_HALF - tail), r + r * series)
+    # The sign changes after half a turn.
+    sign = (quarters & 2).astype(np.uint32) << np.uint32(30)
+    turned: F32 = (size.view(np.uint32) ^ sign).view(np.float32)
+    return turned
 
 
 def sine_of(x: F32) -> F32:
     """sin(x)"""
-    angle = np.minimum(np.maximum(x, -LARGEST_ANGLE), LARGEST_ANGLE)
-    return turned_sine(angle, np.floor(angle * _ONE_BY_PI + _HALF))
+    return turned_sine(angle_of(x), 0)
 
 
 def cosine_of(x: F32) -> F32:
     """cos(x)"""
-    angle = np.minimum(np.maximum(x, -LARGEST_ANGLE), LARGEST_ANGLE)
-    return -turned_sine(angle, np.floor(angle * _ONE_BY_PI) + _HALF)
+    return turned_sine(angle_of(x), 1)
 
 
 def exponential_of(x: F32) -> F32:
