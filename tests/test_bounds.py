@@ -140,6 +140,27 @@ def test_uncut_solids_have_tight_bounds(rng: np.random.Generator) -> None:
     assert 0.999 <= np.median(extents) <= 1.03
 
 
+def test_a_formula_in_a_ball_has_the_bounds_of_the_ball(rng: np.random.Generator) -> None:
+    """A cut one has those of what is left of the box around it."""
+    formula = {"kind": "implicit", "formula": "sin(3*x) + cos(4*y) - z", "bounds": {"radius": 0.7}}
+    polynomial = formula | {"formula": "x^3 + y^3 - z^3 - 0.1"}
+    ball, cut = {"kind": "sphere", "radius": 0.7}, {"cut": [(0, 0, 1, 0.1)]}
+    for _ in range(20):
+        place = {"axis": rng.normal(size=3).tolist(), "origin": rng.normal(size=3).tolist()}
+        place["color"] = (1, 0, 0)
+        camera = {"center": (0, -9, rng.normal()), "look_at": (0, 0, 0)}
+        solids = [one | place for one in (ball, formula, polynomial, formula | cut)]
+        scene = Scene.from_dict({"format": 1, "camera": camera, "solid": solids})
+        geometry, eye, constants = _constants(scene)
+        box = bounds(geometry, eye)
+        for index in (1, 2):
+            np.testing.assert_allclose(box.depth[:, index], box.depth[:, 0], rtol=1e-13)
+            np.testing.assert_allclose(box.tangent[..., index], box.tangent[..., 0], atol=1e-13)
+        assert len(set(constants.level[:3].tolist())) == 1
+        assert geometry.hulls.point_ix.tolist() == [3]
+        assert geometry.is_ellipsoid.tolist() == [True, False, False, False]
+
+
 def test_a_needle_seen_in_its_middle_is_drawn_right() -> None:
     """An ellipsoid 1.2 long and 6e-5 thick, of which the volume and the picture leave 2e-4."""
     scene = Scene.from_dict(

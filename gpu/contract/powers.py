@@ -22,7 +22,7 @@ BOUNDS = 8
 # A ray begins with the cell of 2^-MADE of the interval in which it starts: hardly any larger one
 # can be judged, and even fewer where F is a formula.
 MADE = 2
-MADE_OF_FORMULA = 5
+MADE_OF_FORMULA = 4
 # Halvings of what is left of a ray to a light, down to its least cells.
 CAST_STEPS = 20
 # In integers, the weights of Bernstein's polynomials have so many bits behind the point, so that

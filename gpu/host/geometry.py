@@ -174,7 +174,7 @@ def build(scene: Scene) -> Geometry:
         has_quadric=has_quadric,
         quadric=_solids_last(quadric),
         is_patch=is_patch,
-        is_ellipsoid=(form == Form.ELLIPSOID) & (plane_count == 0),
+        is_ellipsoid=(form == Form.ELLIPSOID) & has_quadric & (plane_count == 0),
         is_empty=form == Form.EMPTY,
         is_bounded=form >= Form.ELLIPSOID,
         is_loose=is_loose,
@@ -260,8 +260,7 @@ def _faces(solid: Solid, slab: Slab | None) -> Faces:
     """A solid's half-spaces as the file has them; a quadric that is a slab gives the first."""
     rows = solid.half_spaces()
     # A ball that bounds a formula has the first number.
-    before = isinstance(solid, Algebraic) and solid.is_in_ball()
-    number = np.arange(1, len(rows) + 1) + before
+    number = np.arange(1, len(rows) + 1) + _is_in_ball(solid)
     blur = np.zeros(len(rows))
     if slab is not None and slab.rows:
         rows = np.concatenate([slab.rows, rows])
@@ -269,6 +268,11 @@ def _faces(solid: Solid, slab: Slab | None) -> Faces:
     faces = alone(rows, number, blur)
     faces.two_sided[:1] = solid.is_patch
     return faces
+
+
+def _is_in_ball(solid: Solid) -> bool:
+    """Whether a ball about the origin bounds a formula."""
+    return isinstance(solid, Algebraic) and solid.is_in_ball()
 
 
 def _is_cut(solid: Solid, faces: Faces) -> bool:
@@ -302,6 +306,10 @@ def _hulls(
     known = [solids[ix].is_ellipsoid for ix in curved.tolist()]
     form[curved], center, axes = _ellipsoids(quadric[curved], np.array(known, np.bool_))
     of_curved = form[curved] == Form.ELLIPSOID
+    # A ball about a formula that nothing else bounds is the hull.
+    balls = [ix for ix, solid in enumerate(solids) if _is_in_ball(solid) and not len(rows[ix])]
+    form[balls] = Form.ELLIPSOID
+    radius = np.sqrt(-quadric[balls, 3, 3])
 
     disc_ix, disc_z = _cut_across(form, solids)
     bulging = [solids[ix].bulges for ix in disc_ix.tolist()]
@@ -315,9 +323,11 @@ def _hulls(
     form[hollow & (form == Form.POINTS)] = Form.EMPTY
     first = np.flatnonzero(np.diff(point_ix, prepend=-1))
     return form, Hulls(
-        ellipsoid_ix=curved[of_curved],
-        ellipsoid_center=_solids_last(center[of_curved]),
-        ellipsoid_axes=_solids_last(axes[of_curved]),
+        ellipsoid_ix=np.append(curved[of_curved], balls).astype(np.int64),
+        ellipsoid_center=_solids_last(np.append(center[of_curved], np.zeros((len(balls), 3)), 0)),
+        ellipsoid_axes=_solids_last(
+            np.append(axes[of_curved], radius[:, None, None] * np.eye(3), 0)
+        ),
         disc_ix=disc_ix,
         disc_z=_solids_last(disc_z),
         disc_radius=_solids_last(_disc_radius(quadric[disc_ix], disc_z)),
