@@ -157,10 +157,7 @@ fn clocked(
 // The cell with the first root of F between `start` and `stop`.
 fn walked(curve: Curve, start: f4, stop: f4, begun: Cell, steps: u32, last_step: f32) -> Cell {
   var cell = begun;
-  for (var clock = 0u; clock < CLOCKS; clock++) {
-    if !any(cell.going) {
-      break;
-    }
+  for (var clock = 0u; clock < select(0u, CLOCKS, any(cell.going)); clock++) {
     cell = clocked(curve, start, stop, cell, steps, last_step);
   }
   cell.sure = cell.sure & !cell.going;

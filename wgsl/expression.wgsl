@@ -73,10 +73,7 @@ fn walked_formula(
   last_step: f32,
 ) -> Cell {
   var cell = begun;
-  for (var clock = 0u; clock < CLOCKS; clock++) {
-    if !any(cell.going) {
-      break;
-    }
+  for (var clock = 0u; clock < select(0u, CLOCKS, any(cell.going)); clock++) {
     let span = span_of(cell, start, stop, last_step);
     let jet = expression_jet(form, trace, turned, span.middle, span.half);
     cell = next_cell(cell, span, judged_jet(jet), stop, steps);
@@ -98,15 +95,29 @@ fn expression_near(form: Expression, trace: Trace, turned: b4, m: f4, h: f4) -> 
   return opposite_jet(turned, jet);
 }
 
+// Where the cell begins that halvings of a cap's form lead to; it stays where none is seen.
+fn cap_begun(cap: Cap, capped: b4, begun: f4, steps: u32) -> f4 {
+  var left = begun;
+  var half = 1.0;
+  for (var k = 0u; k < select(0u, steps, any(capped)); k++) {
+    let u = left + half;
+    let value = (cap.a * u + cap.b) * u + cap.c;
+    let before = (u < cap.start) | (value > f4(0.0));
+    left = select(left, u, capped & (u < cap.stop) & before);
+    half = half * 0.5;
+  }
+  return left;
+}
+
 // The position of the root in a cell, or of the root of a cap's form where that is seen. The sign
 // of F in the middle of a cell decides. A jet tells it for halves of the cell, too, as long as it
-// is larger than its error. The form of a cap is a jet without errors.
+// is larger than its error.
 fn finished_formula(
   form: Expression,
   trace: Trace,
   turned: b4,
-  start: f4,
-  stop: f4,
+  low: f4,
+  high: f4,
   found: Cell,
   cap: Cap,
   steps: u32,
@@ -114,24 +125,27 @@ fn finished_formula(
 ) -> i4 {
   let cell = begun_cell(found, cap.seen, steps);
   let capped = cap.seen & !found.met;
-  let low = select(start, cap.start, capped);
-  let high = select(stop, cap.stop, capped);
-  var left = begin_of(cell, last_step);
-  var half = half_width(cell, last_step);
-  var middle = f4(0.0);
-  var unit = f4(1.0);
-  var level = cap.c;
-  var slope = cap.b;
-  var bend = cap.a;
-  var rough = f4(0.0);
-  var rest = select(f4(UNBOUNDED), f4(-1.0), capped);
-  // First the caps; then each round begins with another jet.
-  loop {
+  var left = cap_begun(cap, capped, begin_of(cell, last_step), steps);
+  var half = select(half_width(cell, last_step), f4(last_step), capped);
+  // Each round begins with another jet.
+  for (var k = 0u; k < select(0u, steps, any(half > f4(last_step))); k++) {
+    let wide = half > f4(last_step);
+    let middle = left + half;
+    let unit = 1.0 / half;
+    let near = expression_near(form, trace, turned, middle, half);
+    let known = (near.state & u4(STEEP | UNDEFINED)) == u4(0u);
+    let sizes = (abs(near.value) + abs(near.slope)) + abs(near.bend);
+    let rest = ROOM * (near.value_error + near.slope_error) + (8.0 * EPSILON) * sizes;
+    let least = select(f4(UNBOUNDED), rest, known);
+    let rough = ROOM * near.bend_error;
+    let far = wide & (middle < high) & ((middle < low) | (near.value > f4(0.0)));
+    left = select(left, middle, far);
+    half = select(half, half * 0.5, wide);
     loop {
       let u = left + half;
       let s = (u - middle) * unit;
-      let value = (bend * s + slope) * s + level;
-      let told = abs(value) > rest + rough * (s * s);
+      let value = (near.bend * s + near.slope) * s + near.value;
+      let told = abs(value) > least + rough * (s * s);
       let some = (half > f4(last_step)) & (told | (u < low) | (u >= high));
       left = select(left, u, some & (u < high) & ((u < low) | (value > f4(0.0))));
       half = select(half, half * 0.5, some);
@@ -139,24 +153,6 @@ fn finished_formula(
         break;
       }
     }
-    let wide = half > f4(last_step);
-    if !any(wide) {
-      break;
-    }
-    middle = left + half;
-    unit = 1.0 / half;
-    let near = expression_near(form, trace, turned, middle, half);
-    let known = (near.state & u4(STEEP | UNDEFINED)) == u4(0u);
-    let sizes = (abs(near.value) + abs(near.slope)) + abs(near.bend);
-    level = near.value;
-    slope = near.slope;
-    bend = near.bend;
-    rough = ROOM * near.bend_error;
-    rest = ROOM * (near.value_error + near.slope_error) + (8.0 * EPSILON) * sizes;
-    rest = select(f4(UNBOUNDED), rest, known);
-    let far = wide & (middle < high) & ((middle < low) | (level > f4(0.0)));
-    left = select(left, middle, far);
-    half = select(half, half * 0.5, wide);
   }
   return position_in(leaf_begun(left, steps), steps);
 }

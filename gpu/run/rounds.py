@@ -57,11 +57,11 @@ def rounds_of_solids(needs: Needs, packed: Packed) -> Ints:
             asked += 2 * (SLOPE_HALVINGS + 1)
         rounds[of_polynomial] += asked[of_polynomial]
     # A formula takes a round for each side of an error bound, for each end of the interval and for
-    # each axis. Each halving may take a jet, and a look whether the jet tells the next one. If
-    # there are several programs, each of these rounds asks every program.
+    # each axis. Each halving may take a jet, and a look whether the jet tells the next one; those
+    # of caps come before. If there are several programs, each of these rounds asks every program.
     if Class.FORMULA in needs.classes:
         of_formula = packed.classes == Class.FORMULA
-        asked = walks * (CLOCKS + 3 + 3 * steps) + 2 * tried + 8
+        asked = walks * (CLOCKS + 4 + 4 * steps) + 2 * tried + 8
         rounds[of_formula] += (asked * (1 + 2 * len(needs.programs)))[of_formula]
     # One round comes to the solid in the tile's list, and one more if places of points are needed.
     return np.asarray(rounds + 1 + ("places" in needs.facts))

@@ -54,6 +54,7 @@ from halfstep.twin.trace import Trace, Track
 
 # The widest cell that is tried about a u at which F must have one sign: the whole interval.
 WIDEST = np.float32(2)
+_HALF = np.float32(0.5)
 
 # The values of operations, of values of operands and of the number that some take.
 VALUES: dict[str, Callable[..., Any]] = {
@@ -189,12 +190,24 @@ def expression_near(formula: Formula, trace: Trace, turned: Bools, m: F32, h: F3
     return opposite_jet(turned, jet_of_value(value))
 
 
+def cap_begun(cap: Cap, capped: Bools, begun: F32, steps: int) -> F32:
+    """Where the cell begins that halvings of a cap's form lead to; it stays where none is seen."""
+    left, half = begun, np.float32(1)
+    for _ in range(steps if capped.any() else 0):
+        u = left + half
+        value = (cap.a * u + cap.b) * u + cap.c
+        before = (u < cap.start) | (value > 0)
+        left = np.where(capped & (u < cap.stop) & before, u, left)
+        half = half * _HALF
+    return left
+
+
 def finished_formula(
     formula: Formula,
     trace: Trace,
     turned: Bools,
-    start: F32,
-    stop: F32,
+    low: F32,
+    high: F32,
     found: Cell,
     cap: Cap,
     steps: int,
@@ -203,41 +216,32 @@ def finished_formula(
     """The position of the root in a cell, or of the root of a cap's form where that is seen.
 
     The sign of F in the middle of a cell decides. A jet tells it for halves of the cell, too, as
-    long as it is larger than its error. The form of a cap is a jet without errors.
+    long as it is larger than its error.
     """
     cell = begun_cell(found, cap.seen, steps)
     capped = cap.seen & ~found.met
-    low, high = np.where(capped, cap.start, start), np.where(capped, cap.stop, stop)
-    left, half = begin_of(cell, last_step), half_width(cell, last_step)
-    middle, unit = np.zeros_like(low), np.ones_like(low)
-    level, slope, bend = cap.c + middle, cap.b + middle, cap.a + middle
-    rough = np.zeros_like(low)
-    rest = np.where(capped, np.float32(-1), UNBOUNDED)
-    # First the caps; then each round begins with another jet.
-    for _ in range(steps + 1):
-        for _ in range(steps + 1):
-            u = left + half
-            s = (u - middle) * unit
-            value = (bend * s + slope) * s + level
-            told = np.abs(value) > rest + rough * (s * s)
-            some = (half > last_step) & (told | (u < low) | (u >= high))
-            left = np.where(some & (u < high) & ((u < low) | (value > 0)), u, left)
-            half = np.where(some, half * np.float32(0.5), half)
-            if not some.any():
-                break
-        wide = half > last_step
-        if not wide.any():
-            break
+    left = cap_begun(cap, capped, begin_of(cell, last_step), steps)
+    half = np.where(capped, last_step, half_width(cell, last_step))
+    # Each round begins with another jet.
+    while (wide := half > last_step).any():
         middle, unit = left + half, np.float32(1) / half
         near = expression_near(formula, trace, turned, middle, half)
         known = (near.state & (STEEP | UNDEFINED)) == 0
         sizes = (np.abs(near.value) + np.abs(near.slope)) + np.abs(near.bend)
-        level, slope, bend, rough = near.value, near.slope, near.bend, ROOM * near.bend_error
-        rest = ROOM * (near.value_error + near.slope_error)
-        rest = np.where(known, rest + (np.float32(8) * EPSILON) * sizes, UNBOUNDED)
-        far = wide & (middle < high) & ((middle < low) | (level > 0))
+        rest = ROOM * (near.value_error + near.slope_error) + (np.float32(8) * EPSILON) * sizes
+        least, rough = np.where(known, rest, UNBOUNDED), ROOM * near.bend_error
+        far = wide & (middle < high) & ((middle < low) | (near.value > 0))
         left = np.where(far, middle, left)
-        half = np.where(wide, half * np.float32(0.5), half)
+        half = np.where(wide, half * _HALF, half)
+        some = wide
+        while some.any():
+            u = left + half
+            s = (u - middle) * unit
+            value = (near.bend * s + near.slope) * s + near.value
+            told = np.abs(value) > least + rough * (s * s)
+            some = (half > last_step) & (told | (u < low) | (u >= high))
+            left = np.where(some & (u < high) & ((u < low) | (value > 0)), u, left)
+            half = np.where(some, half * _HALF, half)
     return position_in(leaf_begun(left, steps), steps)
 
 
