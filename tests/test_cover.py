@@ -159,6 +159,31 @@ def test_tiles_have_short_stretches_and_some_are_left_out() -> None:
     assert (last - first + 1).mean() < 0.6 * PIECES
 
 
+@pytest.mark.parametrize("parallel", [False, True])
+def test_tiles_beside_a_ball_are_left_out(parallel: bool, rng: np.random.Generator) -> None:
+    kept, size = np.zeros(2, int), np.array(SIZE)
+    for _ in range(20):
+        place = rng.uniform(-1, 1, 3)
+        scene = seen({**solid_of("gyroid", ball=True), "origin": place.tolist()}, (2.1, -3.2, 1.5))
+        looks = {"orthographic_height": 5.0} if parallel else {"fov_degrees": 55.0}
+        packed = prepare(with_overrides(scene, camera=looks))
+        (boxes,), view = packed.setup.covered, packed.setup.view
+        assert boxes.disc is not None
+        i, j = np.meshgrid(*map(np.arange, size))
+        away, along = view.eye + view.starts(i, j) - place, view.directions(i, j)
+        off = np.linalg.norm(np.cross(away, along), axis=-1) / np.linalg.norm(along, axis=-1)
+        radius = scene.solids[0].box()[1][0]
+        nearest = off.reshape(SIZE[1] // TILE, TILE, SIZE[0] // TILE, TILE).min(axis=(1, 3))
+        found = boxes.disc.touched(0, nearest.shape)
+        assert found[nearest <= radius].all()
+        # Corners of tiles may be nearer, and there is room for a pixel.
+        near = np.linalg.norm(view.eye - place) if not parallel else 1.0
+        assert (nearest[found] <= radius + 9 * view.pixel * near).all()
+        np.testing.assert_array_equal(boxes.disc.touched(TILE, (2, 10)), found[1:3])
+        kept += found.sum(), found.size
+    assert 0.1 < kept[0] / kept[1] < 0.7
+
+
 def test_a_box_that_is_lost_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """The comparison of frames finds a fault of the boxes."""
     scene = seen(TORUS)

@@ -19,6 +19,7 @@ from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.contract.expressions import Program
 from halfstep.contract.layout import TILE
 from halfstep.contract.stretches import NOWHERE, PIECES
+from halfstep.host.discs import Disc
 from halfstep.host.forms import Sight
 from halfstep.scene import Algebraic, Solid
 from halfstep.scene.programs import compiled
@@ -58,11 +59,12 @@ class Covered(NamedTuple):
     first: Ints  # (B,), first piece of the interval
     last: Ints  # (B,), last piece
     crossed: Bools  # (B,)
+    disc: Disc | None  # the ball that bounds the solid, if one does
 
     def at(self, some: Bools) -> Covered:
         """Those of the boxes that are in ``some`` (B,)."""
         pieces = self.first[some], self.last[some]
-        return Covered(self.row, self.edges[:, some], *pieces, self.crossed[some])
+        return Covered(self.row, self.edges[:, some], *pieces, self.crossed[some], self.disc)
 
 
 class Tiles(NamedTuple):
@@ -91,15 +93,20 @@ class Covers:
     def __contains__(self, ix: int) -> bool:
         return ix in self._solids
 
+    def radius(self, ix: int) -> float | None:
+        """The radius of the ball about the origin that bounds a solid; None if none does."""
+        solid = self._solids[ix]
+        return float(solid.box()[1][0]) if solid.is_in_ball() else None
+
     def of(self, ix: int, pixels: int) -> Cover:
         """The finest cover that pays for a solid whose rectangle has so many pixels."""
         if ix not in self._made:
             solid = self._solids[ix]
             low, high = solid.box()
-            radius = float(high[0]) if solid.is_in_ball() else None
             formula = compiled(solid.expression())
             planes = tuple(map(tuple, solid.half_spaces().tolist()))
-            self._made[ix] = _covers(*formula, (tuple(low), tuple(high)), radius, planes)
+            box = tuple(low), tuple(high)
+            self._made[ix] = _covers(*formula, box, self.radius(ix), planes)
         fine_first = self._made[ix]
         pays = [one for one in fine_first if len(one.crossed) * LEAST_SHARE <= pixels]
         return pays[0] if pays else fine_first[-1]
@@ -287,6 +294,7 @@ def covered(
     return tuple(
         _on_screen(
             known.of(int(solid[row]), int(pixels[row])),
+            known.radius(int(solid[row])),
             row,
             sight,
             rectangle[:, row],
@@ -296,7 +304,9 @@ def covered(
     )
 
 
-def _on_screen(cover: Cover, row: int, sight: Sight, rectangle: Ints, center: Ints) -> Covered:
+def _on_screen(
+    cover: Cover, radius: float | None, row: int, sight: Sight, rectangle: Ints, center: Ints
+) -> Covered:
     eye, *directions = sight.rays[..., row]
     # Depth, and x and y times depth for rays from an eye, are affine in the point.
     inverse = np.linalg.inv(np.stack(directions, axis=1))
@@ -325,7 +335,8 @@ def _on_screen(cover: Cover, row: int, sight: Sight, rectangle: Ints, center: In
     ends = (ends - (sight.middle[row] - sight.half[row])) * (PIECES / 2 / sight.half[row])
     ends += np.array([[-ROOM], [ROOM]])
     first, last = np.clip(ends, 0, PIECES - 1).astype(np.int64)
-    found = Covered(row, edges.astype(np.int64), first, last, cover.crossed)
+    disc = None if radius is None else Disc.of(sight, row, radius, center)
+    found = Covered(row, edges.astype(np.int64), first, last, cover.crossed, disc)
     some = np.asarray((edges[:2] <= edges[2:]).all(axis=0))
     return found if some.all() else found.at(some)
 
@@ -348,6 +359,8 @@ def tiles_of(boxes: Covered, first_row: int, shape: tuple[int, int]) -> Tiles:
     tile, count = _counted(rows, np.repeat(wide, high), 1), wide * high
     seen, first, last = (np.full(shape[0] * shape[1], k) for k in (False, *NOWHERE))
     seen[tile] = True
+    if boxes.disc is not None:
+        seen &= boxes.disc.touched(first_row, shape).ravel()
     if not boxes.crossed.all():
         tile, count = tile[np.repeat(boxes.crossed, count)], count[boxes.crossed]
         boxes = boxes.at(boxes.crossed)
