@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from typing import Any
 
 import numpy as np
 import pytest
 
 import halfstep
-from halfstep.host import occluders
-from halfstep.host.flush import flush_sides
+from halfstep.host import light as host_light
 from halfstep.host.prepare import prepare
 from halfstep.scene import Scene, with_overrides
 
@@ -117,13 +117,46 @@ def test_what_faces_a_light_is_lit(
     counts = [dark_and_lit(scene, **options) for scene in scenes]
     assert sum(dark for dark, _ in counts) == 0
     assert sum(lit for _, lit in counts) > 1500
-    monkeypatch.setattr(occluders, "flush_sides", nothing_shared)
+    monkeypatch.setattr(host_light, "shared_sides", nothing_shared)
     assert sum(dark_and_lit(scene, **options)[0] for scene in scenes) > 20
 
 
-def nothing_shared(geometry: Any, world: Any, lights: Any) -> Any:
-    """What `flush_sides` finds where no surfaces are shared."""
-    return 0 * flush_sides(geometry, world, lights)
+def nothing_shared(*_: Any) -> None:
+    """What `shared_sides` finds where no surfaces are shared."""
+
+
+def seen_in_mirrors(scene: Scene) -> tuple[int, int]:
+    """How many pixels of mirrors show a solid, and how many the background."""
+    frame = halfstep.render(scene, size=SIZE, outputs=("color",), backend="numpy", steps=14)
+    shown = frame.solid >= 0
+    background = np.isclose(frame.color, [0, 0.75, 0]).all(axis=-1) & shown
+    return int((shown & ~background).sum()), int(background.sum())
+
+
+@pytest.mark.parametrize("name", FLUSH)
+def test_mirrors_show_what_is_before_them(
+    name: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No ray from a convex solid meets it. Were surfaces not shared, some would."""
+    scenes = [mirroring(random_flush(rng, name, lamp=False)) for _ in range(3)]
+    counts = [seen_in_mirrors(scene) for scene in scenes]
+    assert sum(solid for solid, _ in counts) == 0
+    assert sum(background for _, background in counts) > 1000
+    monkeypatch.setattr(host_light, "shared_sides", nothing_shared)
+    assert sum(seen_in_mirrors(scene)[0] for scene in scenes) > 20
+
+
+def mirroring(scene: Scene) -> Scene:
+    """Black mirrors under a green sky."""
+    tables = tomllib.loads(scene.to_toml())
+    for solid in tables["solid"]:
+        del solid["color"]
+        solid["material"] = "mirror"
+    tables["material"] = [{"name": "mirror", "color": [0, 0, 0], "specular": 0, "reflection": 0.75}]
+    tables["image"] = {"background": [0, 1, 0]}
+    for each in tables["light"]:
+        del each["shadows"]
+    return Scene.from_dict(tables)
 
 
 @pytest.mark.parametrize("number_format", ["float32", "fixed32"])
@@ -132,6 +165,8 @@ def test_device_and_twin_are_equal(number_format: str) -> None:
     """In one scene with a far light and a lamp inside a room whose floor a label lies on."""
     label = {**LABEL, "color": [0.2, 0.4, 0.7]}
     label["bounds"] = {"min": [1.7, -0.8, -1], "max": [2.7, 0.8, 1]}
+    # Mirrors are drawn in float32 alone.
+    share = 0.5 if number_format == "float32" else 0.0
     room = {"kind": "box", "size": [9, 9, 9], "origin": [0, 0, 4.5], "color": [0.7] * 3}
     tables = {
         "format": 1,
@@ -140,10 +175,11 @@ def test_device_and_twin_are_equal(number_format: str) -> None:
             {"position": [0.5, 0.4, 3], "shadows": True},
             {"direction": [0.3, 0.2, 1], "shadows": True},
         ],
+        "material": [{"name": "mirror", "color": [0.3] * 3, "reflection": share}],
         "solid": [
             room,
             label,
-            *({"color": [0.7] * 3, **one} for one in FLUSH["drums"] + FLUSH["boxes"]),
+            *({"material": "mirror", **one} for one in FLUSH["drums"] + FLUSH["boxes"]),
         ],
     }
     scene = Scene.from_dict(tables)

@@ -103,6 +103,8 @@ fn try_body(number: u32, body: Body) {
   let glance_0 = glance_at(body, point_0, ray_0);
   // each quad
   var piece_0 = piece_of(glance_0);
+  // each quad
+  var is_behind_0 = b4(false);  //? flush
   for (var k = 0u; k < body.face_count; k++) {
     let face = face_at(body.face_start + k);
     // each quad
@@ -113,6 +115,12 @@ fn try_body(number: u32, body: Body) {
       let beyond = Line(select(line.c, f4(-1.0), on), select(line.b, f4(0.0), on));
       piece_0 = clip(piece_0, beyond, i32(k) + 1);
     }
+    {  //? flush
+      // A solid behind the surface that mirrors a ray is not met.
+      let side = side_of(body.surface + k + 1u);
+      // each quad
+      is_behind_0 = is_behind_0 | is_same_side(seen_0, side);
+    }
   }
   // each quad
   var meeting_0 = NO_MEETING;  //? body_polynomials
@@ -120,7 +128,8 @@ fn try_body(number: u32, body: Body) {
     let caster = body_polynomial_at(body.polynomial - 1u);
     // each quad
     {
-      let asked = glance_0.near & (gone_0 != u4(number)) & (weight_0 > f4(0.0));
+      var asked = glance_0.near & (gone_0 != u4(number)) & (weight_0 > f4(0.0));
+      asked = asked & !is_behind_0;  //? flush
       let surface = nearest_0.surface;
       let turned = nearest_0.turned;
       meeting_0 = meeting_of(caster, body, glance_0, piece_0, asked, surface, turned);
@@ -135,7 +144,8 @@ fn try_body(number: u32, body: Body) {
   {
     // If the ray starts on F, the root there is divided out, and a half-space is left.
     let whole = curve_of(body.second, body.slope, body.value, glance_0);
-    let on_curve = nearest_0.surface == u4(body.curve);
+    var on_curve = nearest_0.surface == u4(body.curve);
+    on_curve = on_curve | is_same_side(seen_0, side_of(body.curve));  //? flush
     let rest = clip(piece_0, Line(whole.a * glance_0.start + whole.g, whole.a), last);
     let piece = either_piece(on_curve, rest, piece_0);
     let form = Form(
@@ -149,6 +159,7 @@ fn try_body(number: u32, body: Body) {
       inside, quadric_entry(form, piece, outside), quadric_exit(form, piece, !outside)
     );
     root.hit = root.hit & glance_0.near & (gone_0 != u4(number));
+    root.hit = root.hit & !is_behind_0;  //? flush
     root.surface = select(root.surface, i4(0), root.surface >= i4(last));
     var place = place_of_root(root);
     {  //? body_polynomials
@@ -317,6 +328,7 @@ fn follow_mirrors(j: i32) {
       // Nothing is near enough where there is no ray.
       spotted_0.distance = select(f4(-3e38), f4(3e38), weight_0 > f4(0.0));
     }
+    find_sides();  //? flush
     find_bodies();
     // each quad
     vague_0 = vague_0 | (spotted_0.doubt <= spotted_0.distance);  //? placed & error

@@ -33,16 +33,6 @@ fn turn_away(occluder: Occluder) {
   }
 }
 
-// Whether sides that are seen are those of one surface, or opposite to it.
-fn is_same_surface(seen: u4, side: u32) -> b4 {
-  return (seen > u4(0u)) & ((seen >> u4(1u)) == u4(side >> 1u));
-}
-
-// Whether sides that are seen are those of one surface.
-fn is_same_side(seen: u4, side: u32) -> b4 {
-  return (seen > u4(0u)) & (seen == u4(side));
-}
-
 // Sets the bit of the light where an occluder hides it.
 fn hide(occluder: Occluder) {
   let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
@@ -64,8 +54,8 @@ fn hide(occluder: Occluder) {
     var side = 0u;  //? flush
     var opposite = 0u;  //? flush
     {  //? flush
-      side = side_at(surface + first_number(slab)).flush;
-      opposite = side_at(select(0u, surface + second_number(slab), both)).flush;
+      side = side_of(surface + first_number(slab));
+      opposite = side_of(select(0u, surface + second_number(slab), both));
     }
     // each quad
     {
@@ -122,7 +112,7 @@ fn hide(occluder: Occluder) {
       let rest = rest_of(form, ray_0, at_lamp);
       var on_curve = own & (nearest_0.surface == u4(occluder.curve));
       {  //? flush
-        let curved = is_same_side(seen_0, side_at(occluder.curve).flush);
+        let curved = is_same_side(seen_0, side_of(occluder.curve));
         on_curve = on_curve | curved;
         is_flush_0 = is_flush_0 | curved;
       }

@@ -253,7 +253,12 @@ struct Side {
   back: u32,  // seen from inside
   opened: u32,  // seen from inside, which a base plane opens
   curve: u32,  // number of its solid among occluders, from 1, if it is quadric
-  flush: u32,  // its outer side, if another solid has that too; else 0
+}
+
+// A surface that several solids may share.
+struct Shared {
+  @align(32) side: u32,  // its outer side, if another solid has that too; else 0
+  count: u32,  // how many of these records there are
 }
 
 // Half-spaces of an occluder along rays to a light: where c + b v <= 0, and >= -width t.

@@ -15,8 +15,6 @@ var<private> chosen_count: u32;
 // each quad
 var<private> curve_0: u4;  // the number of the solid whose quadric is shown, or 0
 // each quad
-var<private> seen_0: u4;  // the side that is seen of a surface that several solids share, or 0
-// each quad
 var<private> at_0: Vector;  // the point in the coordinates of boxes of a light
 // each quad
 var<private> behind_0: b4;  // the point is behind a lamp
@@ -272,11 +270,6 @@ fn find_turned() {
     let behind = select(opened, back, nearest_0.turned == u4(1u));
     nearest_0.dark |= select(behind, front, nearest_0.turned == u4(0u));
     curve_0 = u4(x.curve, y.curve, z.curve, w.curve);  //? round
-    {  //? flush
-      let outer = u4(x.flush, y.flush, z.flush, w.flush);
-      let other = outer ^ select(u4(0u), u4(1u), nearest_0.turned > u4(0u));
-      seen_0 = select(outer, other, outer > u4(0u));
-    }
   }
   {  //? round
     let first = next_curve(0u);
@@ -292,6 +285,7 @@ fn find_turned() {
 // Sets the bits of lights that are hidden from the points, or that the points are turned away from.
 fn find_shadows() {
   find_turned();
+  find_sides();  //? flush
   chosen_count = 0u;  //? broadcast & !many_shadows
   for (var ix = 0u; ix < SHADOWS; ix++) {
     let light = light_view_at(ix);

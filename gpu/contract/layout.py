@@ -413,7 +413,15 @@ SIDE = Record(
         Field("back", "u32", 1, "seen from inside"),
         Field("opened", "u32", 1, "seen from inside, which a base plane opens"),
         Field("curve", "u32", 1, "number of its solid among occluders, from 1, if it is quadric"),
-        Field("flush", "u32", 1, "its outer side, if another solid has that too; else 0"),
+    ),
+)
+
+SHARED = Record(
+    "Shared",
+    "A surface that several solids may share.",
+    (
+        Field("side", "u32", 1, "its outer side, if another solid has that too; else 0"),
+        Field("count", "u32", 1, "how many of these records there are"),
     ),
 )
 
@@ -609,6 +617,7 @@ RECORDS = (
     LIGHT_VIEW,
     OCCLUDER,
     SIDE,
+    SHARED,
     SLAB,
     CASTER,
     VEIL_VIEW,

@@ -33,7 +33,6 @@ class PackedShadows:
     curves: bool  # whether an occluder has a quadric
     many: bool  # whether a light has more than MANY occluders
     encloses: bool  # whether a light may be inside an occluder
-    flush: bool  # whether solids share surfaces, see `host.flush`
 
     @property
     def arrays(self) -> tuple[Records, ...]:

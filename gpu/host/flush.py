@@ -1,22 +1,22 @@
 """Surfaces that several solids share: they are flush.
 
-A ray to a light begins on the surface of its point. If another solid ends in the same surface, on
-the same side, it lies behind that surface, as the point's own solid does. Signs of its F at the
-point could not tell so: halvings leave the point a little beside the surface. So coinciding
-surfaces are found here, once for a scene.
+A ray to a light, or from a mirror, begins on the surface of its point. If another solid ends in the
+same surface, on the same side, it lies behind that surface, as the point's own solid does. Signs of
+its F at the point could not tell so: halvings leave the point a little beside the surface. So
+coinciding surfaces are found here, once for a scene.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import U32, Bools, Floats, Ints
+from halfstep.contract import layout
+from halfstep.contract.arrays import Bools, Floats, Ints, Records
 from halfstep.host.geometry import Geometry
 from halfstep.host.world import GRID_BITS, World
-from halfstep.scene import Light
+from halfstep.scene import Light, Scene
 
 # Surfaces coincide if they are within this part of a unit of the world's grid.
 ALIKE = 2.0**-7
@@ -31,36 +31,46 @@ class _Surfaces(NamedTuple):
     rows: Floats  # (N, C), coefficients of F with the half of the grid for a unit; F <= 0 inside
 
 
-def flush_sides(geometry: Geometry, world: World, lights: Sequence[Light]) -> U32:
-    """The outer side of each surface of a solid, by its number (1 + S,).
+def shared_sides(scene: Scene, geometry: Geometry, world: World) -> Records | None:
+    """The records of surfaces of solids by number, (1 + S,); None if solids share none.
 
     Surfaces have the same side if they coincide and their solids lie behind it. The other side of a
     plane has the number with another last bit. A surface has 0 if no solid that touches its own has
-    it, if that matters to none of ``lights``, if it is of an order above two, or if it bounds a
-    patch.
+    it, if no light with shadows and no mirror asks for it, if it is of an order above two, or if it
+    bounds a patch.
     """
-    sides = np.zeros(1 + int(world.surface_count[: geometry.solid_count].sum()), np.uint32)
     flat, curved = _planes(geometry, world), _quadrics(geometry, world)
     # One of two opposite planes has a positive first coefficient, of those that are large. No
     # usual angle has this cosine, beside which rounding would decide.
     large = np.abs(flat.rows[:, :3]) > 0.37
     turned = np.take_along_axis(flat.rows, large.argmax(axis=1)[:, None], axis=1)[:, 0] < 0
     classes = _classes(np.where(turned[:, None], -flat.rows, flat.rows), ALIKE / 2.0**GRID_BITS)
-    lit = np.zeros(len(turned), bool)
-    for light in lights:
-        lit |= flat.rows @ _place_of(light, world) > 0
     keys = 2 * classes + turned
-    some = _shared(world, flat, keys, lit)
-    some |= _shared(world, flat, classes, _around(world, lights, flat))
+    some = _shared(world, flat, keys, _asked(scene, world, flat))
+    some |= _shared(world, flat, classes, _around(scene, world, flat))
     # A patch shows either side with the number of one.
     some |= np.isin(keys ^ 1, keys[some]) & geometry.is_patch[flat.solid]
+    records = np.zeros(
+        1 + int(world.surface_count[: geometry.solid_count].sum()), layout.SHARED.dtype()
+    )
+    records["count"] = len(records)
     kinds, among = np.unique(classes[some], return_inverse=True)
-    sides[flat.number[some]] = 2 * (1 + among) + turned[some]
+    records["side"][flat.number[some]] = 2 * (1 + among) + turned[some]
     classes = _refined(geometry, world, curved, _classes(curved.rows, 2.0**-GRID_BITS))
     some = _shared(world, curved, classes, np.ones(len(classes), bool))
     among = np.unique(classes[some], return_inverse=True)[1]
-    sides[curved.number[some]] = 2 * (1 + len(kinds) + among)
-    return sides
+    records["side"][curved.number[some]] = 2 * (1 + len(kinds) + among)
+    return records if records["side"].any() else None
+
+
+def _asked(scene: Scene, world: World, of: _Surfaces) -> Bools:
+    """Whether a light with shadows is before a plane (N,), or its solid is a mirror."""
+    shares = np.array([scene.material_of(solid).reflection for solid in scene.solids])
+    found = shares[of.solid] > 0 if scene.image.bounces else np.zeros(len(of.solid), bool)
+    for light in scene.lights:
+        if light.shadows:
+            found |= of.rows @ _place_of(light, world) > 0
+    return found
 
 
 def _shared(world: World, of: _Surfaces, keys: Ints, wanted: Bools) -> Bools:
@@ -103,12 +113,12 @@ def _place_of(light: Light, world: World) -> Floats:
     return np.array([*(np.array(light.position) - world.grid.middle) / unit, 1.0])
 
 
-def _around(world: World, lights: Sequence[Light], of: _Surfaces) -> Bools:
-    """Whether a lamp is in the box of each surface's solid (N,)."""
+def _around(scene: Scene, world: World, of: _Surfaces) -> Bools:
+    """Whether a lamp with shadows is in the box of each surface's solid (N,)."""
     low, high = world.boxes[..., of.solid]
     found = np.zeros(len(of.solid), bool)
-    for light in lights:
-        if light.position is not None:
+    for light in scene.lights:
+        if light.shadows and light.position is not None:
             place = np.array(light.position)[:, None]
             found |= ((low <= place) & (place <= high)).all(axis=0)
     return found

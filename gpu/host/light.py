@@ -11,6 +11,7 @@ from halfstep.contract import layout
 from halfstep.contract.arrays import U32, Ints, Records
 from halfstep.contract.formats import Format
 from halfstep.contract.veils import PackedVeils
+from halfstep.host.flush import shared_sides
 from halfstep.host.geometry import Geometry
 from halfstep.host.mirrors import MirrorTables, has_mirrors
 from halfstep.host.occluders import has_shadows, shadows_of
@@ -33,6 +34,7 @@ class Lit:
     shadows: ShadowTables | None  # the occluders, if lights have shadows
     mirrors: MirrorTables | None  # the bodies, if there are mirrors
     veils: PackedVeils | None  # the veils, if copies of groups hide lights
+    shared: Records | None  # sides of surfaces that solids share, if there are some
 
     @functools.cached_property
     def words(self) -> U32:
@@ -64,6 +66,7 @@ class Lit:
             shadows=None if hiding is None else ShadowTables(hiding),
             mirrors=MirrorTables(scene, geometry, world, start) if mirrors else None,
             veils=veils,
+            shared=shared_sides(scene, geometry, world),
         )
 
 

@@ -20,12 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from halfstep.contract.arrays import U32, Bools, Floats, Ints
+from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.host.bounds import bounds
 from halfstep.host.camera import View
 from halfstep.host.casters import Caster, asked_boxes, caster_of
 from halfstep.host.expressions import Expressions
-from halfstep.host.flush import flush_sides
 from halfstep.host.geometry import Geometry
 from halfstep.host.world import Grid, World, planes_of
 from halfstep.scene import Light, Scene
@@ -143,7 +142,6 @@ class Shadows:
     far_lights: int
     occluders: tuple[tuple[Occluder, ...], ...]  # by light, in the same order of solids
     casts: Bools  # (K,), copies of groups last
-    flush: U32  # (1 + S,), see `flush_sides`
     expressions: Expressions | None  # the formulas of the scene that are no polynomials
     solid_count: int  # without copies of groups
 
@@ -175,7 +173,6 @@ def shadows_of(scene: Scene, geometry: Geometry, world: World) -> Shadows:
             [solid.casts_shadow for solid in scene.solids],
             np.ones(geometry.count - geometry.solid_count, np.bool_),
         ).astype(np.bool_),
-        flush=flush_sides(geometry, world, lights),
         expressions=geometry.expressions,
         solid_count=geometry.solid_count,
     )

@@ -121,6 +121,7 @@ class Packed:
     shadows: PackedShadows | None = None  # the occluders, if lights have shadows
     mirrors: PackedMirrors | None = None  # the bodies, if there are mirrors
     veils: PackedVeils | None = None  # the veils, if copies of groups hide lights
+    shared: Records | None = None  # sides of surfaces that solids share, if there are some
 
 
 def surfaces(scene: Scene, geometry: Geometry) -> Surfaces:
@@ -227,6 +228,7 @@ def pack(
         if lit is None or lit.mirrors is None
         else lit.mirrors.packed(setup.view, looks),
         veils=veils,
+        shared=None if lit is None else lit.shared,
     )
 
 

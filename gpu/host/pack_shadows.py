@@ -61,7 +61,6 @@ class ShadowTables:
             curves=any(one.has_quadric for hiding in shadows.occluders for one in hiding),
             many=max(map(len, shadows.occluders)) > MANY,
             encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
-            flush=bool(shadows.flush.any()),
             casters=caster_records(casting),
             formulas=_formulas(casting, shadows.expressions),
         )
@@ -175,7 +174,6 @@ def _sides(shadows: Shadows) -> Records:
     world, solids = shadows.world, shadows.solid_count
     count = 1 + int(world.surface_count[:solids].sum())
     sides = np.zeros(count, layout.SIDE.dtype())
-    sides["flush"] = shadows.flush
     for light, hiding in zip(shadows.lights, shadows.occluders, strict=True):
         bit = np.uint32(1 << light)
         for place, one in enumerate(hiding, start=1):

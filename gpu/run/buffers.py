@@ -25,6 +25,7 @@ from halfstep.shader.source import (
     LOCATIONS,
     MIRROR_BINDINGS,
     SHADOW_BINDINGS,
+    SHARED_BINDING,
     TEXTURE,
     VEIL_BINDINGS,
 )
@@ -67,6 +68,7 @@ _NAMES = {
     35: "formulas of occluders",
     36: "copies in mirrors",
     37: "quadrics of copies in mirrors",
+    38: "sides of surfaces that solids share",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
 Binding = tuple[GpuBuffer, int, int] | object
@@ -223,6 +225,8 @@ def _of_light(packed: Packed) -> dict[int, Array]:
     found: dict[int, Array] = {}
     if packed.locations is not None:
         found[LOCATIONS] = packed.locations
+    if packed.shared is not None:
+        found[SHARED_BINDING] = packed.shared
     if packed.mirrors is not None:
         found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
         if packed.mirrors.polynomials is not None:

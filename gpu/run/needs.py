@@ -73,7 +73,7 @@ def needs_of(
         cast_formulas=bool((casters > 0).any()),
         encloses=(shadows is not None and shadows.encloses)
         or (veils is not None and veils.encloses),
-        flush=shadows is not None and shadows.flush,
+        flush=packed.shared is not None,
         many=shadows is not None and shadows.many,
         veils=veils is not None,
         parallel=packed.setup.view.parallel,

@@ -153,7 +153,9 @@ class Band:
                 beams=beams,
                 facts=self._facts,
             )
-        dark = shadows.find_shadows(hidden, nearest, points, beams, self._facts, of_copies)
+        dark = shadows.find_shadows(
+            hidden, nearest, points, beams, self._facts, self._packed.shared, of_copies
+        )
         if {"casters", "error"} <= self._facts:
             nearest = shadows.doubted_where(dark, nearest)
         return nearest._replace(dark=dark.bits)
@@ -213,6 +215,7 @@ class Band:
                 self._facts,
                 self._darkened,
                 self._cells,
+                self._packed.shared,
             )
             color, nearest = bounce.follow_mirrors(asked, nearest, points, shown.color, i, j)
             shown = shown._replace(color=color)

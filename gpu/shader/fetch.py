@@ -32,6 +32,7 @@ from halfstep.contract.layout import (
     POLYNOMIAL,
     REFLECTED,
     REGION,
+    SHARED,
     SIDE,
     SLAB,
     SOLID,
@@ -85,6 +86,7 @@ OF_CURVED = ("a", "g", "c", "host_error", "eye")
 
 # The arrays for positions of points, for shadows and for mirrors, in the order of their bindings.
 PLACE_RECORDS = {"locations": LOCATION}
+SHARED_RECORDS = {"shared_sides": SHARED}
 SHADOW_RECORDS = {
     "light_views": LIGHT_VIEW,
     "occluders": OCCLUDER,
@@ -122,6 +124,7 @@ def in_textures(needs: Needs) -> tuple[str, ...]:
         *solids,
         *REGION_RECORDS,
         *PLACE_RECORDS,
+        *SHARED_RECORDS,
         *SHADOW_RECORDS,
         *VEIL_RECORDS,
         *MIRROR_RECORDS,
@@ -181,6 +184,7 @@ def fetches(needs: Needs) -> str:
         functions.append(_record_at(needs, record, "cast_formulas", "cast_formula"))
     placed: dict[str, Record] = {}
     placed |= PLACE_RECORDS if "places" in needs.facts else {}
+    placed |= SHARED_RECORDS if "flush" in needs.facts else {}
     placed |= SHADOW_RECORDS if "shadows" in needs.facts else {}
     placed |= VEIL_RECORDS if "veils" in needs.facts else {}
     placed |= MIRROR_RECORDS if "mirrors" in needs.facts else {}
@@ -188,7 +192,7 @@ def fetches(needs: Needs) -> str:
     for array, record in placed.items():
         name = _NAMES.get(array, array.removesuffix("s"))
         functions.append(_record_at(needs, record, array, name))
-        if record in (BOX, SIDE):
+        if record in (BOX, SIDE, SHARED):
             functions.append(_alone(needs, record, array, name))
     if "mirrors" in needs.facts:
         functions.append(_record_at(needs, BODY, "bodies", "tried", OF_TRIED))

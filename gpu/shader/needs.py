@@ -73,7 +73,7 @@ class Needs:
     far_lights: int = 0  # how many of the lights with shadows are far away
     curves: bool = False  # an occluder has a quadric
     encloses: bool = False  # a light may be inside an occluder
-    flush: bool = False  # solids share surfaces that a light reaches
+    flush: bool = False  # solids share surfaces that a light reaches or that mirror
     body_polynomials: bool = False  # a body has a polynomial
     body_cells: bool = False  # a body is a copy of a group of cells
     cast_polynomials: bool = False  # an occluder has a polynomial
@@ -106,7 +106,6 @@ class Needs:
             wanted.add("shadows")
             wanted |= {"lamps"} if self.far_lights < self.shadows else set()
             wanted |= {"encloses"} if self.encloses else set()
-            wanted |= {"flush"} if self.flush else set()
             wanted |= {"curves"} if self.curves else set()
             wanted |= {"round"} if self.curves and self._shows_quadrics else set()
             wanted |= {"casters", "cast_polynomials"} if self.cast_polynomials else set()
@@ -120,7 +119,7 @@ class Needs:
             wanted |= {"placed", "body_polynomials"} if self.body_polynomials else set()
             wanted |= {"placed", "body_cells"} if self.body_cells else set()
         if wanted & {"shadows", "mirrors"}:
-            wanted.add("places")
+            wanted |= {"places", "flush"} if self.flush else {"places"}
         if self.broadcast > 1:
             wanted.add("broadcast")
         if self.has_regions:

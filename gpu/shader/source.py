@@ -54,6 +54,7 @@ from halfstep.shader.fetch import (
     REFLECTED_RECORDS,
     REGION_RECORDS,
     SHADOW_RECORDS,
+    SHARED_RECORDS,
     VEIL_RECORDS,
     fetches,
     in_textures,
@@ -85,6 +86,8 @@ BODY_POLYNOMIALS_BINDING = CASTERS_BINDING + 1
 CAST_FORMULAS_BINDING = CASTERS_BINDING + 2
 # The bindings for cells of bodies.
 BODY_CELLS_BINDINGS = range(CASTERS_BINDING + 3, CASTERS_BINDING + 3 + len(REFLECTED_RECORDS))
+# The binding for sides of surfaces that solids share.
+SHARED_BINDING = BODY_CELLS_BINDINGS.stop
 
 # The type of a binding that is a texture.
 TEXTURE = "texture"
@@ -268,6 +271,7 @@ def _placed(needs: Needs) -> dict[int, tuple[str, Record]]:
     found: list[tuple[int, tuple[str, Record]]] = []
     for fact, first, records in (
         ("places", LOCATIONS, PLACE_RECORDS),
+        ("flush", SHARED_BINDING, SHARED_RECORDS),
         ("shadows", SHADOW_BINDINGS.start, SHADOW_RECORDS),
         ("mirrors", MIRROR_BINDINGS.start, MIRROR_RECORDS),
         ("veils", VEIL_BINDINGS.start, VEIL_RECORDS),

@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from halfstep.contract.arrays import Records
 from halfstep.contract.layout import Shade
 from halfstep.contract.mirrors import MIRROR_STEPS, PackedMirrors
 from halfstep.twin.chosen import Chosen
+from halfstep.twin.flush import Shared, is_same_side, side_of, sides_seen
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools, Form
 from halfstep.twin.meet import bend_at, meeting_of
@@ -131,6 +133,7 @@ class Rays(NamedTuple):
     surface: U32  # number of the surface that mirrors each
     turned: U32  # which side of it does
     met: Met  # the point, if a copy of a group does
+    shared: Shared  # the sides of surfaces that several solids share
     gone: U32  # number of the body that each has left for good
     point: Point  # where they begin
     along: Vector  # unit
@@ -153,14 +156,19 @@ def try_body(
     glance = glance_at(body, rays.point, rays.along)
     count, base = int(body["face_count"]), int(body["surface"])
     piece = piece_of(glance)
+    behind = np.zeros(glance.near.shape, bool)
     for k in range(count):
         face = mirrors.faces[int(body["face_start"]) + k]
+        if "flush" in facts:
+            behind |= is_same_side(rays.shared.seen, side_of(rays.shared, base + k + 1))
         on = rays.surface == np.uint32(base + k + 1)
         line = face_of(face, glance)
         c, b = np.where(on, np.float32(-1), line.c), np.where(on, np.float32(0), line.b)
         piece = clip(piece, Line(c, b), k + 1)
     whole = curve_of(body["second"], body["slope"], body["value"], glance)
     on_curve = rays.surface == body["curve"]
+    if "flush" in facts:
+        on_curve |= is_same_side(rays.shared.seen, side_of(rays.shared, int(body["curve"])))
     within = piece
     rest = clip(piece, Line(whole.a * glance.start + whole.g, whole.a), count + 1)
     piece = Piece(*(np.where(on_curve, a, b) for a, b in zip(rest, piece, strict=True)))
@@ -170,7 +178,8 @@ def try_body(
     inside = (piece.id_in == 0) & ~outside
     root = choose(inside, quadric_entry(form, piece, outside), quadric_exit(form, piece, ~outside))
     face = np.where(root.surface > count, 0, root.surface)
-    asked = glance.near & (rays.gone != number)
+    # A solid behind the surface that mirrors a ray is not met.
+    asked = glance.near & (rays.gone != number) & ~behind
     root = root._replace(hit=root.hit & asked, surface=face)
     place, side = place_of_root(root), np.zeros(root.surface.shape, np.int32)
     if body["copy"]:
@@ -206,6 +215,7 @@ class Asked(NamedTuple):
     facts: Collection[str]
     darkened: Callable[[Nearest, Point], Nearest]  # with the lights that do not reach points
     cells: Cells | None  # of the scene, if it has some
+    shared: Records | None  # sides of surfaces that solids share, if there are some
 
 
 def find_bodies(asked: Asked, rays: Rays) -> Spotted:
@@ -293,7 +303,9 @@ def follow_mirrors(
     for bounce in range(mirrors.bounces):
         back = Vector(*(-part for part in ray))
         ray = mirrored(ray, normalized(or_else(slope, back)))
-        rays = Rays(nearest.surface, nearest.turned, nearest.met, gone, point, ray, weight)
+        shared = sides_seen(asked.shared, nearest.surface, nearest.turned)
+        start = nearest.surface, nearest.turned, nearest.met
+        rays = Rays(*start, shared, gone, point, ray, weight)
         found = find_bodies(asked, rays)
         if "error" in asked.facts:
             unsure = found.doubt <= found.distance

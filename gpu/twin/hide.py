@@ -13,6 +13,7 @@ from halfstep.contract.shadows import PackedShadows
 from halfstep.twin.cast import Cast, Rest, cast_of, rest_of_ray
 from halfstep.twin.cast_formula import cast_formula_of
 from halfstep.twin.expression import formula_of
+from halfstep.twin.flush import Shared, is_same_side, is_same_surface, side_of
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import U32, Bools, Form
 from halfstep.twin.piece import Piece, remains
@@ -67,24 +68,6 @@ def turn_away(occluder: np.void, ray: Ray, nearest: Nearest, facts: Collection[s
     return away & (nearest.surface == occluder["curve"])
 
 
-def flush_of(shadows: PackedShadows, nearest: Nearest) -> U32:
-    """The sides that are seen of surfaces that several solids share; 0 for others."""
-    numbers = np.where(nearest.surface < len(shadows.sides), nearest.surface, np.uint32(0))
-    outer = shadows.sides["flush"][numbers]
-    other = outer ^ np.where(nearest.turned > 0, np.uint32(1), np.uint32(0))
-    return np.where(outer > 0, other, outer)
-
-
-def is_same_surface(seen: U32, side: np.uint32) -> Bools:
-    """Whether sides that are seen are those of one surface, or opposite to it."""
-    return np.asarray((seen > 0) & (seen >> np.uint32(1) == side >> np.uint32(1)))
-
-
-def is_same_side(seen: U32, side: np.uint32) -> Bools:
-    """Whether sides that are seen are those of one surface."""
-    return np.asarray((seen > 0) & (seen == side))
-
-
 class Flush(NamedTuple):
     """What the half-spaces of a slab have in common with surfaces that are seen."""
 
@@ -93,10 +76,11 @@ class Flush(NamedTuple):
     same: Bools  # the side of one of them
 
 
-def flush_of_slab(slab: np.void, surface: int, sides: U32, seen: U32) -> Flush:
-    """What a slab has in common with sides that are ``seen``; ``surface`` is the solid's first."""
-    first = sides[surface + first_number(slab)]
-    second = sides[surface + second_number(slab)] if second_number(slab) else np.uint32(0)
+def flush_of_slab(slab: np.void, surface: int, shared: Shared) -> Flush:
+    """What a slab has in common with sides that are seen; ``surface`` is the solid's first."""
+    seen, number = shared.seen, second_number(slab)
+    first = side_of(shared, surface + int(first_number(slab)))
+    second = side_of(shared, surface + int(number) if number else 0)
     same = is_same_side(seen, first) | is_same_side(seen, second)
     return Flush(is_same_surface(seen, first), is_same_surface(seen, second), same)
 
@@ -114,10 +98,10 @@ def within_slabs(
     shadows: PackedShadows,
     ray: Ray,
     shown: U32,
-    seen: U32,
+    shared: Shared,
     facts: Collection[str],
 ) -> Within:
-    """The parts of rays from points of surfaces ``shown``, whose sides ``seen`` others share."""
+    """The parts of rays from points of surfaces ``shown``, some of which are ``shared``."""
     # The surface of a bounded plane has the number of its first side.
     surface = int(occluder["first"]) - bool(int(occluder["flags"]) & Shade.FLAT)
     along = slab_along if "lamps" in facts else far_slab
@@ -132,7 +116,7 @@ def within_slabs(
         on_first = shown == np.uint32(surface) + first_number(slab)
         on_second = shown == np.uint32(surface) + second_number(slab)
         if "flush" in facts:
-            flush = flush_of_slab(slab, surface, shadows.sides["flush"], seen)
+            flush = flush_of_slab(slab, surface, shared)
             is_flush |= flush.same
             on_first, on_second = on_first | flush.on_first, on_second | flush.on_second
         first = (starts_beyond(line, whole) & ~on_first) | ends_beyond(line, whole)
@@ -147,6 +131,7 @@ def hide(
     shadows: PackedShadows,
     ray: Ray,
     nearest: Nearest,
+    shared: Shared,
     facts: Collection[str],
 ) -> Hidden:
     """The pixels from which one of the occluders hides the light."""
@@ -154,8 +139,7 @@ def hide(
     # The surface of a bounded plane has the number of its first side.
     surface = int(occluder["first"]) - bool(flags & Shade.FLAT)
     casts, encloses = bool(flags & Shade.CASTS), bool(flags & Shade.ENCLOSES)
-    seen = flush_of(shadows, nearest)
-    piece, leaves, is_flush = within_slabs(occluder, shadows, ray, nearest.surface, seen, facts)
+    piece, leaves, is_flush = within_slabs(occluder, shadows, ray, nearest.surface, shared, facts)
     whole = whole_ray(ray)
     own = is_own(nearest.surface, occluder["first"], occluder["count"])
     again = away = np.zeros(own.shape, bool)
@@ -165,7 +149,7 @@ def hide(
         rest = rest_of(form, ray, bool(flags & Shade.AT_LAMP))
         on_curve = own & (nearest.surface == occluder["curve"])
         if "flush" in facts:
-            curved = is_same_side(seen, shadows.sides["flush"][int(occluder["curve"])])
+            curved = is_same_side(shared.seen, side_of(shared, int(occluder["curve"])))
             is_flush, on_curve = is_flush | curved, on_curve | curved
         again = on_curve & bool(flags & Shade.SELF) & is_met_again(rest, piece)
         hidden = is_met(form, piece) & ray.near

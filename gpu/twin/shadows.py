@@ -13,6 +13,7 @@ import numpy as np
 
 from halfstep.contract.arrays import Records
 from halfstep.contract.shadows import PackedShadows
+from halfstep.twin.flush import sides_seen
 from halfstep.twin.hide import hide, rays_to_light, turn_away
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools
@@ -91,6 +92,7 @@ def find_shadows(
     points: Point,
     beams: Any,
     facts: Collection[str],
+    shared: Records | None = None,
     veils: Callable[[int], Bools] | None = None,
 ) -> Dark:
     """The bits of lights that are hidden from the points, or that the points are turned away from.
@@ -101,15 +103,17 @@ def find_shadows(
         points: their positions on the grid.
         beams: the module of rays of the number format.
         facts: the facts of the frame.
+        shared: sides of surfaces that solids share, if there are some.
         veils: the pixels from which copies of groups hide a light, by its number.
     """
     some = nearest.surface > 0
     unsure = np.zeros(some.shape, np.uint32)
     dark = np.where(some, find_turned(shadows, nearest, points, beams, facts), np.uint32(0))
+    sides = sides_seen(shared, nearest.surface, nearest.turned)
     for number, view in enumerate(shadows.views):
         for occluder in shadows.occluders[view["first"] : view["end"]]:
             ray = rays_to_light(occluder, points, beams, facts)
-            hidden = hide(occluder, shadows, ray, nearest, facts)
+            hidden = hide(occluder, shadows, ray, nearest, sides, facts)
             dark = dark | np.where(some & hidden.dark, view["bit"], np.uint32(0))
             unsure = unsure | np.where(some & hidden.unsure, view["bit"], np.uint32(0))
         if veils is not None:

@@ -1,0 +1,44 @@
+"""Twin of ``flush.wgsl``: surfaces that several solids share."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from halfstep.contract.arrays import Records
+from halfstep.twin.lanes import U32, Bools
+
+_ONE = np.uint32(1)
+
+
+class Shared(NamedTuple):
+    """The sides of surfaces that several solids share; 0 for other surfaces."""
+
+    sides: U32  # the outer side, by the number of a surface
+    seen: U32  # the side that is seen, in each pixel
+
+
+def sides_seen(records: Records | None, surface: U32, turned: U32) -> Shared:
+    """The sides of points on surfaces, whose other side is seen if they are ``turned``."""
+    if records is None:
+        return Shared(np.zeros(1, np.uint32), np.zeros(surface.shape, np.uint32))
+    sides = records["side"]
+    outer = sides[np.where(surface < len(sides), surface, np.uint32(0))]
+    other = outer ^ np.where(turned > 0, _ONE, np.uint32(0))
+    return Shared(sides, np.where(outer > 0, other, outer))
+
+
+def side_of(shared: Shared, number: int) -> np.uint32:
+    """The outer side of a surface by its number; 0 for those of copies, which are not shared."""
+    return np.uint32(shared.sides[number] if number < len(shared.sides) else 0)
+
+
+def is_same_surface(seen: U32, side: np.uint32) -> Bools:
+    """Whether sides that are seen are those of one surface, or opposite to it."""
+    return np.asarray((seen > 0) & (seen >> _ONE == side >> _ONE))
+
+
+def is_same_side(seen: U32, side: np.uint32) -> Bools:
+    """Whether sides that are seen are those of one surface."""
+    return np.asarray((seen > 0) & (seen == side))

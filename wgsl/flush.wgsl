@@ -1,0 +1,37 @@
+// Surfaces that several solids share.
+
+// each quad
+var<private> seen_0: u4;  // the side that is seen of such a surface; 0 for other surfaces
+
+// The outer side of a surface by its number; 0 for those of copies, which are not shared.
+fn side_of(number: u32) -> u32 {
+  return shared_side_at(select(0u, number, number < shared_side_at(0u).count)).side;
+}
+
+// Looks up the sides that are seen.
+fn find_sides() {
+  let count = shared_side_at(0u).count;
+  // each quad
+  {
+    let surface = nearest_0.surface;
+    let number = select(u4(0u), surface, surface < u4(count));
+    let outer = u4(
+      shared_side_alone(number.x).side,
+      shared_side_alone(number.y).side,
+      shared_side_alone(number.z).side,
+      shared_side_alone(number.w).side,
+    );
+    let other = outer ^ select(u4(0u), u4(1u), nearest_0.turned > u4(0u));
+    seen_0 = select(outer, other, outer > u4(0u));
+  }
+}
+
+// Whether sides that are seen are those of one surface, or opposite to it.
+fn is_same_surface(seen: u4, side: u32) -> b4 {
+  return (seen > u4(0u)) & ((seen >> u4(1u)) == u4(side >> 1u));
+}
+
+// Whether sides that are seen are those of one surface.
+fn is_same_side(seen: u4, side: u32) -> b4 {
+  return (seen > u4(0u)) & (seen == u4(side));
+}
