@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
@@ -16,9 +15,9 @@ import numpy as np
 
 import halfstep
 from halfstep.contract.layout import TILE
-from halfstep.frames.frame import Frame
 from halfstep.frames.outputs import OUTPUTS
 from halfstep.scene import Scene
+from tests.different import different
 
 STEPS = (4, 12, 24, 30)
 FORMATS = ("float32", "fixed32")
@@ -50,14 +49,6 @@ def spheres(count: int, **accuracy: Any) -> Scene:
         for k in range(count)
     ]
     return one_tile(solids, **accuracy)
-
-
-def different(found: Frame, expected: Frame) -> Iterator[str]:
-    """The arrays of two frames that are not the same bits."""
-    for name in expected.outputs:
-        floats = getattr(expected, name).dtype.kind == "f"
-        if not np.array_equal(getattr(found, name), getattr(expected, name), equal_nan=floats):
-            yield name
 
 
 def main() -> None:

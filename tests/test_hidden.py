@@ -15,6 +15,7 @@ from halfstep.host.hidden import Hiding, Stretch, covering
 from halfstep.host.merging import Program
 from halfstep.host.prepare import Solids, prepare
 from halfstep.scene import Scene, with_overrides
+from tests.different import different
 
 Table = dict[str, Any]
 OUTPUTS = ("image", "solid", "cell", "place", "depth")
@@ -137,10 +138,7 @@ def same(scene: Scene, backend: str = "gpu") -> bool:
     with pytest.MonkeyPatch.context() as patch:
         nothing_hidden(patch)
         every = halfstep.render(scene, backend=backend, outputs=OUTPUTS)
-    return all(
-        np.array_equal(getattr(some, name), getattr(every, name), equal_nan=name == "depth")
-        for name in OUTPUTS
-    )
+    return not different(some, every)
 
 
 @pytest.mark.usefixtures("adapter")
@@ -194,9 +192,7 @@ def test_copies_of_which_none_is_asked_hide_no_square(cells: str) -> None:
 def test_a_device_leaves_out_what_the_twin_does(number_format: str) -> None:
     scene = pins("solid", number_format=number_format)
     frames = [halfstep.render(scene, backend=each, outputs=OUTPUTS) for each in ("numpy", "gpu")]
-    for name in OUTPUTS:
-        one, other = (getattr(frame, name) for frame in frames)
-        assert np.array_equal(one, other, equal_nan=True)
+    assert not different(*frames)
 
 
 @pytest.mark.usefixtures("adapter")

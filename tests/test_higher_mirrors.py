@@ -15,6 +15,7 @@ from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
+from tests.different import different
 from tests.higher_shadows import random_lit
 from tests.mirror_sweeps import HIGHER, caught, count, higher, mirroring, reflected
 from tests.shadow_sweeps import Count
@@ -152,11 +153,7 @@ def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[st
         halfstep.render(scene, size=SMALL, outputs=outputs, backend=backend, **options)
         for backend in ("gpu", "numpy")
     ]
-    return [
-        name
-        for name in frames[0].outputs
-        if not np.array_equal(getattr(frames[0], name), getattr(frames[1], name), equal_nan=True)
-    ]
+    return different(*frames)
 
 
 @pytest.mark.usefixtures("adapter")
@@ -164,6 +161,7 @@ def test_the_device_gives_the_bits_of_the_twin(rng: np.random.Generator) -> None
     assert differing(room(), ("color", "shadow", "error")) == []
     assert differing(mirroring(random_lit(rng), 2), ("color", "shadow", "error")) == []
     assert differing(with_overrides(room(), shadows=False), ("image",)) == []
+    assert differing(beside_a_wire(), ("color", "error")) == []
 
 
 @pytest.mark.usefixtures("adapter")
@@ -205,47 +203,30 @@ def test_tiles_that_see_no_mirror() -> None:
             np.testing.assert_array_equal(renderer.render().color, expected.color)
 
 
-# A word of the kernel, and what a slip would make of it.
+# A scene, a word of the kernel, and what a slip would make of it.
 FAULTS = [
-    ("place = select(place, meeting_0.u, has_polynomial);", ""),
-    ("root.surface = select(root.surface, meeting_0.face, has_polynomial);", ""),
-    ("select(inside, meeting_0.inside, has_polynomial)", "inside"),
-    ("slope_0 = either(on_f, bend_at(caster, at_0), slope_0);", ""),
-    ("at_0 = further(glance_0.base, glance_0.along, spotted_0.place);", ""),
-    ("spotted_0.surface == u4(body.curve)", "spotted_0.surface == u4(body.surface)"),
-    ("select(doubt, f4(NO_DOUBT), meeting_0.sure)", "doubt"),
-    ("vague_0 | (spotted_0.doubt <= spotted_0.distance)", "vague_0"),
-    ("nearest_0.doubt = either_key(vague_0, FIRST, old);", ""),
+    (beside_a_wire, "place = select(place, meeting_0.u, has_polynomial);", ""),
+    (room, "root.surface = select(root.surface, meeting_0.face, has_polynomial);", ""),
+    (room, "select(inside, meeting_0.inside, has_polynomial)", "inside"),
+    (beside_a_wire, "slope_0 = either(on_f, bend_at(caster, at_0), slope_0);", ""),
+    (beside_a_wire, "at_0 = further(glance_0.base, glance_0.along, spotted_0.place);", ""),
+    (beside_a_wire, "spotted_0.surface == u4(body.curve)", "spotted_0.surface == u4(body.surface)"),
+    (beside_a_wire, "select(doubt, f4(NO_DOUBT), meeting_0.sure)", "doubt"),
+    (beside_a_wire, "vague_0 | (spotted_0.doubt <= spotted_0.distance)", "vague_0"),
+    (beside_a_wire, "nearest_0.doubt = either_key(vague_0, FIRST, old);", ""),
 ]
 
 
-@pytest.fixture(scope="module")
-def expected() -> list[Any]:
-    """What the twin makes of scenes."""
-    scenes = (room(), beside_a_wire())
-    return [
-        halfstep.render(each, size=SMALL, backend="numpy", outputs=("color", "error"))
-        for each in scenes
-    ]
-
-
-@pytest.mark.parametrize(("old", "new"), [("", ""), *FAULTS])
+@pytest.mark.parametrize(("scene", "old", "new"), FAULTS, ids=[old for _, old, _ in FAULTS])
 def test_a_fault_in_the_kernel_is_seen(
+    scene: Callable[[], Scene],
     old: str,
     new: str,
     adapter: Adapter,
-    expected: list[Any],
     plant: Callable[[str, str], list[str]],
 ) -> None:
     texts = plant(old, new)
-    options: dict[str, Any] = {"backend": "gpu", "adapter": adapter.summary.index}
-    outputs = ("color", "error")
-    is_same = True
-    for scene, other in zip((room(), beside_a_wire()), expected, strict=True):
-        frame = halfstep.render(scene, size=SMALL, outputs=outputs, **options)
-        is_same &= np.array_equal(frame.color, other.color)
-        is_same &= np.array_equal(frame.error, other.error, equal_nan=True)
-    assert is_same == (old == new)
+    assert differing(scene(), ("color", "error"), adapter=adapter.summary.index)
     assert any(old in text for text in texts)
 
 

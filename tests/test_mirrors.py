@@ -17,7 +17,7 @@ from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
-from tests.crowded import different
+from tests.different import different
 from tests.mirror_sweeps import count, crowded, mirroring, reflected
 from tests.scenes_random import KINDS
 from tests.shadow_sweeps import Count, random_lit
@@ -177,7 +177,7 @@ def test_tiles_that_see_no_mirror_have_shaders_without(
     expected = halfstep.render(on_a_dull_floor(), backend="numpy", outputs=outputs)
     with halfstep.Renderer(on_a_dull_floor(), backend="gpu", outputs=outputs) as renderer:
         for _ in range(4):
-            assert not list(different(renderer.render(), expected))
+            assert not different(renderer.render(), expected)
         assert {needs.bounces for needs in composed} == {0, 2}
         assert composed[0].bounces == 2
         # If all tiles went to the shaders without, the mirrors would be dull.
@@ -188,7 +188,7 @@ def test_tiles_that_see_no_mirror_have_shaders_without(
             return [(shaders, arguments[-1])]
 
         monkeypatch.setattr(run_parts, "shared_out", slip)
-        assert list(different(renderer.render(), expected)) == ["color"]
+        assert different(renderer.render(), expected) == ["color"]
 
 
 @pytest.mark.usefixtures("adapter")

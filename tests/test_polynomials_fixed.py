@@ -24,7 +24,17 @@ from halfstep.twin.bernstein import END, weight_at, weights_on_rays
 from tests.algebraic_surfaces import SURFACES, solid_of
 from tests.polynomial_oracle import CLAIMED, Count, PolynomialOracle
 from tests.polynomial_soundness import PLACES, drawn, judged, random_scene
-from tests.test_polynomials import FEW, WAYS, scene_of, torus
+from tests.test_polynomials import (
+    BALL,
+    CUT,
+    FEW,
+    IN_BALL,
+    INSIDE,
+    SHEET,
+    WAYS,
+    scene_of,
+    torus,
+)
 
 OUTPUTS = ("solid", "surface", "t", "depth", "normal", "depth_exit", "error")
 
@@ -152,9 +162,6 @@ def test_the_device_gives_the_bits_of_the_twin(scene: Scene, adapter: Adapter) -
 def test_any_degree_gives_the_bits_of_the_twin(adapter: Adapter) -> None:
     assert adapter is not None
     assert differences(scene_of(solid_of("barth_sextic"), (2, -3, 1.5)), "gpu") == 0
-
-
-CUT, SHEET, INSIDE, BALL, IN_BALL = WAYS
 
 
 # A scene, a word of the visit, and what a slip would make of it.

@@ -22,6 +22,7 @@ from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
 from halfstep.twin.verdict import MEETS, MISSES, UNSURE
 from tests.algebraic_surfaces import solid_of
+from tests.different import different
 from tests.test_polynomials import scene_of
 
 OUTPUTS = ("solid", "surface", "depth", "error")
@@ -63,10 +64,6 @@ def certain(frame: Frame) -> float:
     return float(np.isfinite(frame.error[frame.solid >= 0]).mean())
 
 
-def alike(frame: Frame, other: Frame, names: tuple[str, ...] = OUTPUTS) -> bool:
-    return all(getattr(frame, name).tobytes() == getattr(other, name).tobytes() for name in names)
-
-
 def without(monkeypatch: pytest.MonkeyPatch, scene: Scene) -> Frame:
     """The frame if integers are certain of nothing."""
     with monkeypatch.context() as patch:
@@ -79,7 +76,7 @@ def test_more_is_certain_and_all_else_is_the_same(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before, frame = without(monkeypatch, scene), rendered(scene)
-    assert alike(before, frame, ("solid", "surface", "depth"))
+    assert not different(before, frame, names=("solid", "surface", "depth"))
     sure = np.isfinite(before.error)
     assert (before.error[sure] == frame.error[sure]).all()
     assert certain(before) < 0.95
@@ -110,7 +107,7 @@ def test_the_device_gives_the_bits_of_the_twin(monkeypatch: pytest.MonkeyPatch) 
         frames.append(renderer.render())
         device.largest_binding = 2 * SOLID.dtype().itemsize
         frames.append(renderer.render())
-    assert all(alike(frame, expected) for frame in frames)
+    assert not any(different(frame, expected, names=OUTPUTS) for frame in frames)
 
 
 @pytest.mark.usefixtures("adapter")
@@ -119,14 +116,14 @@ def test_a_driver_that_ends_loops_leaves_pixels_uncertain(monkeypatch: pytest.Mo
         device = renderer._backend
         assert isinstance(device, Device)
         device.loop_rounds = 500
-        assert alike(renderer.render(), without(monkeypatch, HEART))
+        assert not different(renderer.render(), without(monkeypatch, HEART), names=OUTPUTS)
 
 
 @pytest.mark.usefixtures("adapter")
 def test_a_device_without_wide_integers_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     with halfstep.Renderer(HEART, outputs=OUTPUTS, backend="gpu") as renderer:
         monkeypatch.setattr(run_gpu, "INT64", "none")
-        assert alike(renderer.render(), without(monkeypatch, HEART))
+        assert not different(renderer.render(), without(monkeypatch, HEART), names=OUTPUTS)
 
 
 def test_pictures_ask_no_integers(composed: list[Needs], adapter: Adapter) -> None:
@@ -139,7 +136,7 @@ def test_pictures_ask_no_integers(composed: list[Needs], adapter: Adapter) -> No
     assert not any(needs.judges for needs in composed)
     both = halfstep.render(HEART, outputs=(*names, "error"), backend="gpu")
     assert any(needs.judges for needs in composed)
-    assert alike(plain, both, names)
+    assert not different(plain, both, names=names)
 
 
 def test_shadows_of_polynomials_ask_no_integers(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,4 +224,4 @@ def test_a_fault_is_seen(
         return text[:start] + new + text[start + len(old) :]
 
     monkeypatch.setattr("halfstep.run.shaders.compose", faulty)
-    assert not alike(rendered(SEVERAL, "gpu"), rendered(SEVERAL))
+    assert different(rendered(SEVERAL, "gpu"), rendered(SEVERAL), names=OUTPUTS)

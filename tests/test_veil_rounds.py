@@ -15,7 +15,7 @@ from halfstep.run import gpu as run_gpu
 from halfstep.run import rounds
 from halfstep.run import veils as run_veils
 from halfstep.scene import Scene
-from tests.crowded import different
+from tests.different import different
 from tests.test_veils import GRAY, lit_room
 
 SIZE = (32, 24)
@@ -115,7 +115,7 @@ def test_a_low_limit_changes_no_bit(
     monkeypatch.setattr(run_gpu, "loop_limit", lambda _: 3000)
     with halfstep.Renderer(tunnel(8), outputs=outputs, **options) as renderer:
         for _ in range(2):
-            assert not list(different(renderer.render(), whole))
+            assert not different(renderer.render(), whole)
     assert len(parts) >= 2 * 2
 
 
@@ -127,7 +127,7 @@ def test_frames_in_parts_are_those_of_numpy(
     expected = halfstep.render(lit_room(), backend="numpy", **options)
     leave(64, monkeypatch)
     options |= {"backend": "gpu", "adapter": adapter.summary.index}
-    assert not list(different(halfstep.render(lit_room(), **options), expected))
+    assert not different(halfstep.render(lit_room(), **options), expected)
     assert len(parts) > 10
 
 

@@ -18,6 +18,7 @@ from halfstep.host.veils import MOST_VEILED
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
+from tests.different import different
 from tests.shadow_sweeps import Count
 from tests.veil_sweeps import count, random_cells
 
@@ -154,11 +155,7 @@ def differing(scene: Scene, **options: Any) -> list[str]:
         for backend in ("gpu", "numpy")
     ]
     assert all(((frames[1].shadow & bit) > 0).any() for bit in (1, 2, 4))
-    return [
-        name
-        for name in outputs
-        if not np.array_equal(getattr(frames[0], name), getattr(frames[1], name))
-    ]
+    return different(*frames)
 
 
 @pytest.mark.usefixtures("adapter")

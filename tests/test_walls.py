@@ -16,6 +16,7 @@ from halfstep.host.narrowing import Narrowing
 from halfstep.host.prepare import Solids, prepare
 from halfstep.host.walls import Walls
 from halfstep.scene import Scene
+from tests.different import different
 
 Table = dict[str, Any]
 OUTPUTS = ("image", "solid", "cell", "place", "depth")
@@ -114,10 +115,7 @@ def same(scene: Scene, backend: str = "numpy") -> bool:
         nothing_hidden(patch)
         every = halfstep.render(scene, backend=backend, outputs=OUTPUTS)
     assert (every.solid >= 0).sum() > 4000
-    return all(
-        np.array_equal(getattr(some, name), getattr(every, name), equal_nan=name == "depth")
-        for name in OUTPUTS
-    )
+    return not different(some, every)
 
 
 @pytest.mark.usefixtures("adapter")

@@ -1,0 +1,20 @@
+"""Frames compared bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from halfstep.frames.frame import Frame
+
+
+def different(found: Frame, expected: Frame, *, names: Iterable[str] | None = None) -> list[str]:
+    """The arrays of two frames that are not the same bits: of ``names``, or of all outputs."""
+    unlike = []
+    for name in expected.outputs if names is None else names:
+        one, other = (np.ascontiguousarray(getattr(each, name)) for each in (found, expected))
+        assert (one.dtype, one.shape) == (other.dtype, other.shape)
+        if one.tobytes() != other.tobytes():
+            unlike.append(name)
+    return unlike
