@@ -146,15 +146,14 @@ def test_without_64_bit_integers_a_tolerance_gets_16_steps(
         halfstep.render(_two_balls(), steps=17, **options)
 
 
-@pytest.mark.parametrize("method", ["visible", "article"])
 @pytest.mark.filterwarnings("ignore:.*the tolerance needs more than")
 def test_check_gives_numpy_the_steps_of_the_device(
-    method: str, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_gpu, "INT64", "no such feature")
     scene = halfstep.load("edge_eye_on_surface")
     with Checker(adapter.summary.index) as checker:
-        report = checker.check(with_overrides(scene, size=SIZE, method=method))
+        report = checker.check(with_overrides(scene, size=SIZE))
     assert report.agrees
 
 

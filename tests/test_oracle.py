@@ -369,11 +369,11 @@ def test_ties_are_decided_as_400_bits_do(kind: str) -> None:
         # Lines from pixel to pixel whose ends differ are halved until doubles run out.
         i, j = rng.uniform(0, SIZE[0], (2, 40)), rng.uniform(0, SIZE[1], (2, 40))
         ends = [oracle.trace((i[side], j[side])).surface for side in range(2)]
-        i, j = i[:, ends[0] != ends[1]][:, :6], j[:, ends[0] != ends[1]][:, :6]
+        chosen = np.flatnonzero(ends[0] != ends[1])[:6]
+        i, j, first = i[:, chosen], j[:, chosen], ends[0][chosen]
         for _ in range(54):
             middle = i.mean(axis=0), j.mean(axis=0)
-            surface = oracle.trace(middle).surface
-            same = surface == oracle.trace((i[0], j[0])).surface
+            same = oracle.trace(middle).surface == first
             i = np.where([same, ~same], middle[0], i)
             j = np.where([same, ~same], middle[1], j)
         pixels = i.ravel(), j.ravel()

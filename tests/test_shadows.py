@@ -350,7 +350,7 @@ def test_files_hold_shadows(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("adapter")
 def test_check_and_tune_take_shadows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "scene.toml"
-    path.write_text(in_a_lamp().to_toml())
+    path.write_text(many(20).to_toml())
     assert main(["check", str(path), "--size", "32x24"]) == 0
     assert "stages agree" in capsys.readouterr().out
     arguments = ["--size", "32x24", "--backend", "numpy", "--steps", "12:16:4"]
