@@ -114,6 +114,31 @@ def test_random_cells(rng: np.random.Generator) -> None:
     assert total.hits > 100
 
 
+def test_copies_that_touch() -> None:
+    """Boxes of a lattice share their walls, which balls pierce: rays go from copy to copy."""
+    group = {
+        "name": "g",
+        "part": [
+            {"name": "box", "kind": "box", "size": [1, 1, 1]},
+            {"name": "ball", "kind": "sphere", "radius": 0.58},
+            {"name": "core", "kind": "sphere", "radius": 0.3},
+        ],
+        "cell": [{"region": "box - ball", **GRAY}, {"region": "core", **GRAY}],
+    }
+    scene = Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [2, -6, 4], "look_at": [0, 0, 0], "fov_degrees": 26},
+            "group": [group],
+            "lattice": [{"kind": "rectangular", "pitch": [1, 1], "shape": [2, 2], "group": "g"}],
+        }
+    )
+    total = counted([mirroring(scene, 4)], (48, 36))
+    assert total.wrong == 0
+    assert total.ties + total.unsure <= 2
+    assert total.hits > 100
+
+
 @pytest.mark.parametrize("distance", [3.0, 1e4])
 def test_cells_in_a_mirror_at_any_distance(distance: float, rng: np.random.Generator) -> None:
     total = counted([far_away(rng, distance) for _ in range(4)], (40, 30))

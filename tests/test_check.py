@@ -30,6 +30,7 @@ from halfstep.shader.needs import Needs
 from halfstep.testing import frames
 from halfstep.testing.module import Module
 from halfstep.twin import halve, piece
+from tests.cell_mirrors import mirroring
 from tests.test_rounds import barrels
 
 SIZE = (96, 72)
@@ -276,6 +277,18 @@ def test_the_calls_of_the_twin_are_noted_and_nothing_is_left() -> None:
     assert (halve.halved, piece.clip) == before
     assert sum(calls["piece", "clip"].rows) > 0
     assert not calls["article", "article_patch"].rows
+
+
+def test_shadows_and_mirrors_of_cells_are_noted() -> None:
+    """Veils are tried on the pixels of a bundle alone, which are no picture."""
+    scene = mirroring(halfstep.load("die"))
+    lights = tuple(light.model_copy(update={"shadows": True}) for light in scene.lights)
+    scene = with_overrides(scene.model_copy(update={"lights": lights}), size=(32, 24))
+    with noted() as calls:
+        halfstep.render(scene, backend="numpy", outputs=("color", "error"))
+    for file, name in (("veil", "curve_crossed"), ("reflect", "encounter")):
+        assert sum(calls[file, name].rows) > 0
+    assert ("veils", "draw_veil") not in calls
 
 
 def test_pixels_are_noted_in_groups_of_four() -> None:

@@ -22,10 +22,17 @@ import numpy as np
 import halfstep.twin as twin
 from halfstep.contract.arrays import Array
 from halfstep.contract.layout import LANES
+from halfstep.contract.stages import STAGES, Kind
 from halfstep.testing.types import Array as ArrayType
 from halfstep.testing.types import Pointer, Scalar, Struct, Type, Vector
 
 _PREFIX = f"{twin.__name__}."
+_ON_BLOCKS = {
+    f"{_PREFIX}{name}"
+    for stage in STAGES
+    if stage.kind is Kind.BLOCK
+    for name in (stage.file, *stage.others)
+}
 # The most groups of pixels that are recorded of one call, and of all calls of a function.
 CALL_ROWS = 256
 ROWS = 4096
@@ -75,13 +82,15 @@ class Calls:
 def noted() -> Iterator[dict[tuple[str, str], Calls]]:
     """Record all calls of the twin's functions in this context, by file and name.
 
+    Functions of stages that work on blocks are left out: the shader's cannot run alone.
+
     In every module of the twin, a recording function replaces each function, for all threads of
     this process.
     """
     calls: dict[tuple[str, str], Calls] = {}
     noting: dict[Callable[..., Any], Callable[..., Any]] = {}
     modules = [import_module(info.name) for info in pkgutil.iter_modules(twin.__path__, _PREFIX)]
-    for function in _functions(modules):
+    for function in _functions(each for each in modules if each.__name__ not in _ON_BLOCKS):
         key = function.__module__.removeprefix(_PREFIX), function.__name__
         noting[function] = _noting(function, calls.setdefault(key, Calls()))
     replaced = [

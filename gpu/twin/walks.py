@@ -30,7 +30,6 @@ from halfstep.twin.walk import (
     Look,
     Path,
     Place,
-    either_held,
     later,
     literal_at,
 )
@@ -73,7 +72,8 @@ def look(crossings: Sequence[Crossing], path: Path, q: I32, only: I32) -> Look:
             # The second greatest of all e tells where two cells hold.
             both = np.maximum(twice, np.minimum(total.until, inner.until))
             twice = np.where(counts, both, twice)
-            total = either_held(counts, later(total, inner), total)
+            chosen = later(total, inner)
+            total = Held(*(np.where(counts, *pair) for pair in zip(chosen, total, strict=True)))
             inner = nothing
             number += np.int32(1)
     return Look(total._replace(until=twice) if path.twice else total, cell)
