@@ -10,10 +10,12 @@ import pytest
 
 import halfstep
 from halfstep.contract.arrays import U64, Bools, Floats, Ints
+from halfstep.contract.regions import PackedRegions
 from halfstep.host.excerpts import lists_of
 from halfstep.host.hidden import Hiding, Stretch, covering
 from halfstep.host.merging import Program
 from halfstep.host.prepare import Solids, prepare
+from halfstep.host.written import Written
 from halfstep.scene import Scene, with_overrides
 from tests.different import different
 
@@ -195,6 +197,20 @@ def test_a_device_leaves_out_what_the_twin_does(number_format: str) -> None:
     assert not different(*frames)
 
 
+def test_copies_tried_whole_tell_in_each_tile_how_near_they_are() -> None:
+    packed = prepare(pins("hollow"))
+    regions = lists_of(packed, 0, packed.setup.view.height, IMAGE).regions
+    assert regions is not None
+    nears = dict[int, set[int]]()
+    for record in regions.records:
+        near = int(record["near_high"]) << 32 | int(record["near_low"])
+        nears.setdefault(int(record["solid"]), set()).add(near)
+    starts = {(int(each["solid"]), int(each["first"])) for each in regions.records}
+    # Rays start alike, so that surfaces have the same names in all tiles.
+    assert len(starts) == len(nears)
+    assert sum(len(each) > 1 for each in nears.values()) > 40
+
+
 @pytest.mark.usefixtures("adapter")
 @pytest.mark.parametrize("slip", ["unasked", "nearer", "shorter"])
 def test_slips_are_seen(slip: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,6 +223,20 @@ def test_slips_are_seen(slip: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if slip == "shorter":
         monkeypatch.setattr("halfstep.host.hidden.ROOM", -0.3)
     assert not same(pins("solid"))
+
+
+@pytest.mark.usefixtures("adapter")
+def test_copies_that_tell_to_be_farther_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = halfstep.render(pins("solid"), backend="gpu", outputs=("solid",))
+    written = Written.regions
+
+    def slipped(self: Written, distinct: Ints) -> tuple[PackedRegions, U64]:
+        *others, near = distinct
+        return written(self, np.stack([*others, near + distinct[0] % 2 * distinct[3]]))
+
+    monkeypatch.setattr(Written, "regions", slipped)
+    wrong = halfstep.render(pins("solid"), backend="gpu", outputs=("solid",))
+    assert (wrong.solid != right.solid).sum() > 100
 
 
 def nearer(point: Ints, hides: Bools) -> tuple[Ints, Bools]:

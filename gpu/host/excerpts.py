@@ -98,7 +98,8 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
 
     places, record = tried.places, tried.which
     lengths, is_known = written.lengths[tried.columns[1]], tried.columns[1] == written.known_row
-    known = _known(copies.regions.commonest)
+    number = copies.regions.commonest
+    known = None if number is None else _known(copies.regions.programs[number])
     classes, slots = _short(
         packed,
         outputs,
@@ -142,7 +143,7 @@ class _Tried(NamedTuple):
 
     places: Ints  # (P,), of the tiles and copies that were given
     which: Ints  # (P,), the record of each
-    columns: Ints  # (4, E), copy, excerpt, first and last grid point of the records
+    columns: Ints  # (5, E), what `Written.regions` takes for the records
 
 
 def _tried(
@@ -193,7 +194,7 @@ def _tried(
     if front is not None:
         some = whole
         whole = some[front.sees(tile[places[some]], blocks.copy[some], blocks.first[some])]
-    found.append(_whole(packed, copies, blocks.copy, whole, written))
+    found.append(_whole(packed, copies, blocks, whole, is_stretched, written))
     counts = np.cumsum([0, *(columns.shape[1] for _, _, columns in found)])
     tried = np.concatenate([own for own, _, _ in found])
     which = np.concatenate([of + first for (_, of, _), first in zip(found, counts, strict=False)])
@@ -201,21 +202,28 @@ def _tried(
 
 
 def _whole(
-    packed: Packed, copies: Copies, copy: Ints, own: Ints, written: Written
+    packed: Packed, copies: Copies, blocks: Blocks, own: Ints, is_stretched: Bools, written: Written
 ) -> tuple[Ints, Ints, Ints]:
     """The tiles ``own`` of copies that are tried whole, the record of each, and these.
 
-    A copy has one record. It gives the same names of surfaces in all tiles if its rays start alike.
+    A stretched copy has a record for each tile, which tells how near it may be there. Any other
+    copy has one record. Rays start alike in all tiles, so that surfaces get the same names.
     """
     assert packed.regions is not None
-    copy = copy[own]
-    shared = np.flatnonzero(np.bincount(copy, minlength=len(copies.copy)))
-    row = np.empty(len(shared), np.int64)
-    for number, places in _by_number(copies.program[shared]):
+    blocks = blocks.take(own)
+    alone = is_stretched[blocks.copy]
+    _, places = np.unique(blocks.copy[~alone], return_index=True)
+    shared = np.flatnonzero(~alone)[places]
+    record = np.searchsorted(blocks.copy[shared], blocks.copy)
+    record[alone] = len(shared) + np.arange(np.count_nonzero(alone))
+    own_place = np.concatenate([shared, np.flatnonzero(alone)])
+    copy = blocks.copy[own_place]
+    row = np.empty(len(copy), np.int64)
+    for number, places in _by_number(copies.regions.alike[copies.program[copy]]):
         row[places] = written.add_whole(number)
     records = packed.regions.records
-    first, last = (records[name].astype(np.int64)[shared] for name in ("first", "last"))
-    return own, np.searchsorted(shared, copy), np.stack([shared, row, first, last])
+    first, last = (records[name].astype(np.int64)[copy] for name in ("first", "last"))
+    return own, record, np.stack([copy, row, first, last, blocks.first[own_place]])
 
 
 def _narrowed(
@@ -233,8 +241,14 @@ def _narrowed(
         for number, each in _by_number(copies.regions.alike[copies.program[blocks.copy[some]]])
     ]
     if front is not None:
-        # Large copies are more likely to fill tiles.
-        programs.sort(key=lambda each: np.count_nonzero(np.bincount(blocks.copy[each[1]])))
+        keys = front.keys(blocks.copy, blocks.first)
+        # Large copies are more likely to fill tiles, and near ones hide more.
+        programs.sort(
+            key=lambda each: (
+                np.count_nonzero(np.bincount(blocks.copy[each[1]])),
+                keys[each[1]].min(),
+            )
+        )
     for number, part in programs:
         if front is not None:
             part = part[front.sees(tile[part], blocks.copy[part], blocks.first[part])]
@@ -246,7 +260,7 @@ def _narrowed(
             front.hide(tile[by], *blocks.take(by)[:3], filled.point)
         own = part[left.tile]
         row = written.add_all(number, left)
-        columns = np.stack([blocks.copy[own], row, left.first, left.last])
+        columns = np.stack([blocks.copy[own], row, left.first, left.last, left.first])
         yield own, np.arange(len(own)), columns
 
 
@@ -306,9 +320,9 @@ def _crowded(tile: Ints, covers: Bools) -> Bools:
     return np.asarray(((counts > MOST_TRIED) & may_hide)[tile])
 
 
-def _known(program: Program | None) -> Known | None:
+def _known(program: Program) -> Known | None:
     """A program as a shader may know it; None if it is not short, or has what short ones lack."""
-    if program is None or program.higher or program.formula.hidden.any():
+    if program.higher or program.formula.hidden.any():
         return None
     whole = program.formula.whole
     if whole_length(program) > max(SHORT.values()):

@@ -79,11 +79,11 @@ class Regions:
         return len(self.of)
 
     @functools.cached_property
-    def commonest(self) -> Program | None:
-        """The program that most copies have, if these are many."""
-        counts = np.bincount(self.of)
+    def commonest(self) -> int | None:
+        """The first of the programs that are alike and that most copies have, if these are many."""
+        counts = np.bincount(self.alike[self.of])
         number = int(counts.argmax())
-        return self.programs[number] if counts[number] >= MANY else None
+        return number if counts[number] >= MANY else None
 
     @functools.cached_property
     def alike(self) -> Ints:

@@ -60,7 +60,7 @@ class Written:
         self._packed, self._copies = packed, copies
         self._parts: list[Excerpts] = []
         self._count = 0
-        # The row of the commonest program as a whole, -1 where no tile tries that.
+        # The row of the commonest programs as a whole, -1 where no tile tries that.
         self.known_row = -1
 
     def add_all(self, number: int, left: Left) -> Ints:
@@ -75,15 +75,19 @@ class Written:
         return self._add(found) + which
 
     def add_whole(self, number: int) -> int:
-        """The row of the whole program as an excerpt, which is kept from frame to frame."""
+        """The row of a whole program as an excerpt, which is kept from frame to frame.
+
+        Programs that are alike have the same excerpt.
+        """
         looks = self._packed.surfaces.appearances
         assert looks is not None
-        program = self._copies.regions.programs[number]
+        regions = self._copies.regions
+        program = regions.programs[number]
         known = number, self._lists_higher
         if known not in looks.written:
             looks.written[known] = _of_whole(program, lists_higher=self._lists_higher)
         row = self._add(looks.written[known])
-        if program is self._copies.regions.commonest:
+        if number == regions.commonest:
             self.known_row = row
         return row
 
@@ -114,9 +118,11 @@ class Written:
         return self._all.lengths
 
     def regions(self, distinct: Ints) -> tuple[PackedRegions, U64]:
-        """The regions, with a record for each copy, excerpt, first and last grid point (4, E).
+        """The regions with E records, and the depth keys (E,) from which each may be seen.
 
-        Also the depth key (E,) where the rays of each start.
+        Args:
+            distinct: (5, E), the copy of each, its excerpt, the grid points where its rays start
+                and end, and the one from which it may be seen.
         """
         regions, order = self._packed.regions, self._packed.order
         assert regions is not None
@@ -127,7 +133,7 @@ class Written:
                 f"one tile of the picture sees {most:,} surfaces of one group, more than "
                 f"{MOST_CROSSED}"
             )
-        copy, row, first, last = distinct
+        copy, row, first, last, near = distinct
         rows = np.empty(self._packed.setup.count, np.int64)
         rows[order] = np.arange(len(order))
         solid = rows[self._copies.row[copy]]
@@ -136,7 +142,7 @@ class Written:
         high, low, shift = (
             self._packed.solids[name].take(solid) for name in ("key_high", "key_low", "key_shift")
         )
-        key = joined_key(high, low) + (2 * first.astype(np.uint64) << shift.astype(np.uint64))
+        key = joined_key(high, low) + (2 * near.astype(np.uint64) << shift.astype(np.uint64))
         sizes = excerpts.sizes
         # The words that do not depend on the frame come first.
         first_group = (len(regions.words) + np.cumsum(sizes) - sizes) // GROUP
