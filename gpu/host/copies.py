@@ -37,7 +37,7 @@ from halfstep.host.sharing import Places, at_places, evenly
 CHUNK = 8000
 # The forms of so many surfaces are kept. Those of more are made again when they are asked for,
 # which takes no longer than to read them from memory.
-MOST_KEPT = 1 << 14
+MOST_KEPT = 1 << 16
 
 
 class Piece(NamedTuple):

@@ -28,7 +28,7 @@ from halfstep.host.written import Written, whole_length
 
 # A copy has excerpts if its surfaces times its tiles reach this number. Below it, excerpts cost the
 # host more than they save the device.
-LEAST_TESTS = 64
+LEAST_TESTS = 16
 # The same for programs so short that shaders hold all their words at once.
 LEAST_TESTS_SHORT = 1024
 # Tiles with more copies than this leave out hidden ones. With fewer, finding them costs the host
