@@ -327,7 +327,7 @@ def test_a_fault_in_the_kernel_is_seen(
 # ---------------------------------------------------------------------- a group of many copies
 
 
-def forest(side: int = 9) -> Scene:
+def forest(side: int = 9, center: tuple[float, float, float] = (7.0, -9.0, 8.0)) -> Scene:
     """Copies of a group of two planes, a sphere and two cylinders, in two cells."""
     surfaces = [
         {"id": 1, "kind": "cylinder", "radius": 0.3},
@@ -344,7 +344,7 @@ def forest(side: int = 9) -> Scene:
     return Scene.from_dict(
         {
             "format": 1,
-            "camera": {"center": [7, -9, 8], "look_at": [0, 0, 0], "fov_degrees": 45},
+            "camera": {"center": center, "look_at": [0, 0, 0], "fov_degrees": 45},
             "accuracy": {"steps": 12},
             "light": [LIGHT],
             "material": [{"name": "brass", "color": [0.8, 0.6, 0.2], "specular": 0.3}],
@@ -390,6 +390,46 @@ def test_a_fault_in_a_known_program_is_seen(
 ) -> None:
     texts = plant(old, new)
     assert differing(forest(), ("image",), adapter=adapter.summary.index)
+    assert any(old in text for text in texts)
+
+
+def far_forest() -> Scene:
+    """So many small copies that some tiles see more than are looked at together."""
+    return forest(24, (19.0, -24.0, 21.0))
+
+
+@pytest.mark.usefixtures("adapter")
+@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+def test_invocations_that_try_copies_of_their_own_give_the_bits_of_the_twin(
+    number_format: str, composed: list[Needs]
+) -> None:
+    assert differing(far_forest(), SEEN, number_format=number_format) == []
+    assert any("apart" in needs.facts for needs in composed) == any(
+        needs.broadcast > 1 for needs in composed
+    )
+
+
+def test_far_forest_has_more_copies_in_tiles_than_are_looked_at_together() -> None:
+    lists = excerpts.lists_of(
+        prepare(with_overrides(far_forest(), size=SIZE)), 0, SIZE[1], frozenset({"image"})
+    )
+    counts = np.diff(lists.starts)[lists.classes.index(Class.REGION_KNOWN) :: len(lists.classes)]
+    assert np.count_nonzero(counts > 64) >= 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("window += WINDOW;", "window += WINDOW + 4u;"),
+        ("late = 32u + ", "late = 33u + "),
+        ("sight_0.hit & b4(any(wanted != NONE_WANTED))", "sight_0.hit & b4(wanted.x != 0u)"),
+    ],
+)
+def test_a_fault_in_the_search_of_each_invocation_is_seen(
+    old: str, new: str, adapter: Adapter, plant: Callable[[str, str], list[str]]
+) -> None:
+    texts = plant(old, new)
+    assert differing(far_forest(), ("image",), adapter=adapter.summary.index)
     assert any(old in text for text in texts)
 
 

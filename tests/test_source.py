@@ -308,8 +308,8 @@ def combinations() -> Iterator[Needs]:
         if len(need.outputs) <= 2 and "image" not in need.outputs:
             continue
         for broadcast, uniform in ((4, True), (8, False)):
-            crowded = not uniform
-            yield replace(need, broadcast=broadcast, uniform=uniform, crowded=crowded)
+            need = replace(need, broadcast=broadcast, uniform=uniform)
+            yield replace(need, crowded=not uniform, dense=not uniform)
 
 
 def _combinations() -> Iterator[Needs]:
@@ -372,7 +372,7 @@ WIDE = {
     "store_bytes_four": frozenset({"image", "tag"}),
 }
 # Files that need another file in place of the usual one.
-WITH = {"near_key_short": {"keys_short"}}
+WITH = {"near_key_short": {"keys_short"}, "render": {"store_words_wide"}}
 INTEGER = {"bernstein"}
 EXACT = {"polynomial_exact", "forms_exact", "halve_incremental"}
 
@@ -391,7 +391,7 @@ def as_it_lies(name: str) -> str:
         need = replace(need, veils=False, body_polynomials=False, body_cells=False, **NO_CASTERS)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)
-    if name == "search_together":
+    if name in ("search_together", "search_apart", "render"):
         need = replace(need, broadcast=4, crowded=True)
     method = "article" if name == "visit_article" else "visible"
     texts = [constants(need), formulas(need), fetches(need), stores(need)]

@@ -222,7 +222,35 @@ fn render(
       entry = next_entry(entry + 1u, end, j) - 1u;
     }
   }
-  {  //? list_region_known
+  {  //? apart
+    let end = tile.starts[LIST_REGION_KNOWN + 1u];
+    var window = tile.starts[LIST_REGION_KNOWN];
+    loop {
+      var wanted = wanted_in(window, end, j);
+      loop {
+        // The body runs even if no entry is wanted. It then takes an existing one, which must not
+        // win where another is as near.
+        let number = entry_at(first_wanted(wanted, window), end);
+        let region = region_at(number);
+        let solid = placed_at(region.solid);
+        // each quad
+        x_0 = i_0 - i4(solid.center_x);
+        visit_region_known(number, region, solid, j - solid.center_y);
+        // each quad
+        sight_0.hit = sight_0.hit & b4(any(wanted != NONE_WANTED));
+        keep_block(solid);
+        wanted = left_of(wanted, window, end);
+        if !anywhere(b4(any(wanted != NONE_WANTED))) {
+          break;
+        }
+      }
+      window += WINDOW;
+      if window >= end || !anywhere(ahead_of(entry_at(window, end))) {
+        break;
+      }
+    }
+  }
+  {  //? list_region_known & !apart
     let end = tile.starts[LIST_REGION_KNOWN + 1u];
     let first = next_entry(tile.starts[LIST_REGION_KNOWN], end, j);
     for (var entry = first; entry < end; entry++) {

@@ -105,6 +105,7 @@ STAGES = (
     Stage(Kind.DEVICE, "store_bytes", ("store_bytes_two", "store_bytes_four")),
     Stage(Kind.DEVICE, "near_key", ("near_key_short",)),
     Stage(Kind.DEVICE, "search", ("search_together",)),
+    Stage(Kind.DEVICE, "search_apart"),
     Stage(Kind.DEVICE, "render", ("recheck",)),
 )
 
@@ -187,6 +188,7 @@ FACTS = {
     "formula": "the solid has a formula that is not a polynomial",
     "stretches": "tiles may see a solid that has a polynomial or a formula",
     "regions": "tiles may see a copy of a group of cells",
+    "apart": "each invocation tries copies of its own, because tiles see very many",
     "known": "the shader knows the program of the copy",
     "opened": "rays may start inside the solid",
     "higher": "a copy of a group has a surface of an order above two",

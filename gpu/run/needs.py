@@ -10,6 +10,9 @@ from halfstep.host.pack import Packed
 from halfstep.host.regions import MANY
 from halfstep.shader.needs import UNIFORM_BYTES, Needs
 
+# If tiles see as many copies as this, on average, each invocation tries copies of its own.
+LEAST_DENSE = 32
+
 
 def needs_of(
     packed: Packed,
@@ -59,6 +62,7 @@ def needs_of(
         or (veils is not None and veils.has_hidden),
         known=lists.known,
         crowded=copies is not None and copies.regions.count >= MANY,
+        dense=_is_dense(lists),
         pairs=0 if regions is None else regions.pairs,
         higher_polynomials=bool((is_formula == 0).any()),
         higher_formulas=bool((is_formula == 1).any()),
@@ -114,6 +118,14 @@ def needs_of_judge(packed: Packed, *, broadcast: int = 1, uniform: bool = False)
         planes=packed.most_half_spaces > 0,
         judges=True,
     )
+
+
+def _is_dense(lists: Lists) -> bool:
+    """Whether tiles that see the known program alone see very many copies."""
+    if lists.known is None:
+        return False
+    counts = np.diff(lists.starts)[lists.classes.index(Class.REGION_KNOWN) :: len(lists.classes)]
+    return bool(counts.sum() >= LEAST_DENSE * np.count_nonzero(counts) > 0)
 
 
 def _enough(count: int) -> int:

@@ -6,7 +6,7 @@ them to the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection
 
 import numpy as np
 
@@ -150,20 +150,7 @@ def fetches(needs: Needs) -> str:
         _tile_at(needs),
     ]
     if "regions" in needs.facts:
-        of_placed = (*OF_PLACED, "polynomial") if "higher" in needs.facts else OF_PLACED
-        functions += [
-            _record_at(needs, REGION, "regions", "region"),
-            _record_at(needs, REGION, "regions", "outline", OF_OUTLINE),
-            _record_at(needs, SOLID, "solids", "placed", of_placed),
-            _record_at(needs, FLAT, "flats", "flat"),
-            _record_at(needs, CURVED, "curves", "curved", OF_CURVED),
-            _record_at(needs, CURVED, "curves", "bent", ("gradient",)),
-            _record_at(needs, APPEARANCE, "appearances", "appearance"),
-        ]
-        functions += [_words_at(needs), _known_words(needs)]
-        if needs.broadcast > 1:
-            functions.append(_alone(needs, REGION, "regions", "outline", OF_OUTLINE))
-            functions += [_of_all(needs), _invocations_where()]
+        functions += _of_regions(needs)
     functions += [_anywhere(needs), _least_number(needs), _least_of_all(needs)]
     if "higher" in needs.facts:
         functions.append(_record_at(needs, HIGHER, "highers", "higher"))
@@ -193,36 +180,56 @@ def fetches(needs: Needs) -> str:
         name = _NAMES.get(array, array.removesuffix("s"))
         functions.append(_record_at(needs, record, array, name))
         if record in (BOX, SIDE, SHARED):
-            functions.append(_alone(needs, record, array, name))
+            functions.append(_alone(needs, record, array, f"{name}_alone"))
     if "mirrors" in needs.facts:
         functions.append(_record_at(needs, BODY, "bodies", "tried", OF_TRIED))
     return "\n".join(functions)
 
 
+def _of_regions(needs: Needs) -> list[str]:
+    """The functions that fetch what regions have, for all invocations or for each one alone."""
+    functions: list[str] = []
+    of_placed = (*OF_PLACED, "polynomial") if "higher" in needs.facts else OF_PLACED
+    fetched: list[tuple[Record, str, str, Collection[str]]] = [
+        (REGION, "regions", "region", ()),
+        (REGION, "regions", "outline", OF_OUTLINE),
+        (SOLID, "solids", "placed", of_placed),
+        (FLAT, "flats", "flat", ()),
+        (CURVED, "curves", "curved", OF_CURVED),
+        (CURVED, "curves", "bent", ("gradient",)),
+        (APPEARANCE, "appearances", "appearance", ()),
+    ]
+    for record, array, name, members in fetched:
+        if "apart" in needs.facts:
+            functions.append(_alone(needs, record, array, f"{name}_at", members))
+        else:
+            functions.append(_record_at(needs, record, array, name, members))
+    functions += [_words_at(needs), _known_words(needs)]
+    if needs.broadcast > 1:
+        functions.append(_alone(needs, REGION, "regions", "outline_alone", OF_OUTLINE))
+        functions += [_of_all(needs), _invocations_where()]
+    return functions
+
+
 def _alone(
     needs: Needs, record: Record, array: str, name: str, members: Collection[str] = ()
 ) -> str:
-    """The function by which one invocation alone fetches the first members of a record.
+    """The function by which one invocation alone fetches some members of a record, or all.
 
-    Where others fetch together, the record is in a texture. Members behind ``members`` are zeros.
-
-    Where others fetch together, the record is in a texture. Members behind these words are zeros.
+    Where others fetch together, the record is in a texture. Other members are zeros.
     """
     body = f"  return {array}[number];\n"
     if needs.broadcast > 1:
-        wanted = [one for one in record.fields if not members or one.name in members]
-        loaded, words = _texels_alone(array, record.dtype(needs.format).itemsize, wanted)
-        values = ""
-        for field in record.fields:
-            if field not in wanted:
-                values += _zero(field)
-                continue
-            taken = [_cast(field.type, next(words)) for _ in range(int(field.count))]
-            whole = f"array<{field.type}, {field.count}>({', '.join(taken)})"
-            values += f"    {taken[0] if field.count == 1 else whole},\n"
-        body = f"{loaded}  return {record.name}(\n{values}  );\n"
+        wanted = members or [field.name for field in record.fields]
+        begin, end = _span(needs, record, wanted)
+        start, size = begin // TEXEL, record.dtype(needs.format).itemsize // TEXEL
+        body = ""
+        for k in range(start, -(-end // TEXEL)):
+            body += f"  let at_{k} = {size}u * number + {k}u;\n"
+            body += _load_texel(array, k)
+        body += _members(needs, record, wanted, lambda k: f"texel_{k // 4}.{'xyzw'[k % 4]}")
     head = f"// A record of `{array}`, which each invocation fetches for itself.\n"
-    return f"{head}fn {name}_alone(number: u32) -> {record.name} {{\n{body}}}\n"
+    return f"{head}fn {name}(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
 def _cast(type_: str, word: str) -> str:
@@ -235,18 +242,6 @@ def _zero(field: Field) -> str:
     zeros = {"f32": "0.0", "i32": "0i", "u32": "0u"}
     zero = zeros.get(field.type, f"{field.type}()")
     return f"    {zero if field.count == 1 else f'array<{field.type}, {field.count}>()'},\n"
-
-
-def _texels_alone(
-    array: str, record_bytes: int, fields: Sequence[Field]
-) -> tuple[str, Iterator[str]]:
-    """Statements by which an invocation alone loads the first fields of a record, and the words."""
-    used = -(-sum(int(field.count) for field in fields) * 4 // TEXEL)
-    text = ""
-    for k in range(used):
-        text += f"  let at_{k} = {record_bytes // TEXEL}u * number + {k}u;\n"
-        text += _load_texel(array, k)
-    return text, (f"texel_{k}.{axis}" for k in range(used) for axis in "xyzw")
 
 
 def _tile_at(needs: Needs) -> str:
@@ -352,7 +347,7 @@ def _least(needs: Needs, name: str) -> str:
 
     lavapipe of Mesa 22.3 takes much longer for subgroupMin.
     """
-    if needs.broadcast == 1:
+    if needs.broadcast == 1 or "apart" in needs.facts:
         return name
     values = [f"subgroupBroadcast({name}, {lane}u)" for lane in range(needs.broadcast)]
     while len(values) > 1:
@@ -403,21 +398,28 @@ def _record_at(
     body = f"  return {array}[number];\n"
     if needs.broadcast > 1:
         wanted = members or [field.name for field in record.fields]
-        body = _shared(needs, record, array, wanted)
+        begin, end = _span(needs, record, wanted)
+        is_texture = array in in_textures(needs)
+        size = record.dtype(needs.format).itemsize
+        load = _texels if is_texture else _pieces
+        text, word = load(needs.broadcast, array, begin, end, size)
+        body = text + _members(needs, record, wanted, word)
     what = "Some of a record" if members else "A record"
     return f"// {what} of `{array}`.\nfn {name}_at(number: u32) -> {record.name} {{\n{body}}}\n"
 
 
-def _shared(needs: Needs, record: Record, array: str, wanted: Collection[str]) -> str:
-    """Statements by which invocations fetch members of a record together and return them."""
-    dtype = record.dtype(needs.format)
-    places = dict(dtype.fields or {})
+def _span(needs: Needs, record: Record, wanted: Collection[str]) -> tuple[int, int]:
+    """The bytes of a record where the wanted members begin and end."""
+    places = dict(record.dtype(needs.format).fields or {})
     ends = [(places[name][1], places[name][1] + places[name][0].itemsize) for name in wanted]
-    begin, end = min(a for a, _ in ends), max(b for _, b in ends)
-    is_texture = array in in_textures(needs)
-    text, word = (_texels if is_texture else _pieces)(
-        needs.broadcast, array, begin, end, dtype.itemsize
-    )
+    return min(begin for begin, _ in ends), max(end for _, end in ends)
+
+
+def _members(
+    needs: Needs, record: Record, wanted: Collection[str], word: Callable[[int], str]
+) -> str:
+    """The statement that returns a record, from the text of each of its words by number."""
+    places = dict(record.dtype(needs.format).fields or {})
 
     def scalar(type_: str, k: int) -> str:
         if type_ == "i64":
@@ -440,7 +442,7 @@ def _shared(needs: Needs, record: Record, array: str, wanted: Collection[str]) -
         else:
             elements = "".join(f"      {value},\n" for value in values)
             members += f"    array<{field.type}, {field.count}>(\n{elements}    ),\n"
-    return text + f"  return {record.name}(\n{members}  );\n"
+    return f"  return {record.name}(\n{members}  );\n"
 
 
 def _texels(

@@ -57,6 +57,8 @@ class Needs:
     levels: int = 0  # the most levels that a region's program opens at once
     known: Known | None = None  # the program that a shader of the class REGION_KNOWN knows
     crowded: bool = False  # there are so many copies that it pays to look at several at once
+    # Tiles see so many copies of the known program that each invocation tries copies of its own.
+    dense: bool = False
     hidden: bool = False  # programs have cells that are not shown
     degree: int = 0  # the highest degree of a polynomial in the scene
     pairs: int = 0  # the most pairs of ends of a surface of a region of an order above two
@@ -131,6 +133,8 @@ class Needs:
             wanted |= {f"levels_{k}" for k in range(2, min(self.levels, FEW_LEVELS) + 1)}
         if "places" in wanted or wanted >= {"regions", "normal"}:
             wanted.add("position")
+        if self.broadcast > 1 and self.dense and self.classes == (Class.REGION_KNOWN,):
+            wanted |= {"apart"} if "places" not in wanted else set()
         wanted |= {"ball"} if self.balls else set()
         wanted |= {"planes"} if self.planes else set()
         if not STRETCHED.isdisjoint(self.classes):
