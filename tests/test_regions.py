@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import pickle
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -15,7 +16,7 @@ import halfstep
 from halfstep.contract.classes import Class
 from halfstep.device.adapters import Adapter
 from halfstep.frames.outputs import OUTPUTS
-from halfstep.host import excerpts, narrowing
+from halfstep.host import excerpts, narrowing, pack_regions
 from halfstep.host.boxes import box_of
 from halfstep.host.formulas import normal_form
 from halfstep.host.numbers import numbers_of
@@ -391,6 +392,28 @@ def test_a_fault_in_a_known_program_is_seen(
     texts = plant(old, new)
     assert differing(forest(), ("image",), adapter=adapter.summary.index)
     assert any(old in text for text in texts)
+
+
+def test_planes_and_quadrics_that_other_threads_write_are_whole_once_they_are_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = with_overrides(forest(), size=SIZE)
+    at_once = prepare(scene).regions
+    assert at_once is not None
+    write = pack_regions._write
+
+    def slow(*arguments: Any) -> None:
+        time.sleep(0.02)
+        write(*arguments)
+
+    monkeypatch.setattr(pack_regions, "_write", slow)
+    monkeypatch.setattr(pack_regions, "MOST_KEPT", 0)
+    monkeypatch.setattr("halfstep.host.copies.CHUNK", 20)
+    later = prepare(scene).regions
+    assert later is not None
+    for one, other in ((at_once.flat, later.flat), (at_once.curved, later.curved)):
+        assert (one["host_error"] > 0).all()
+        assert one.tobytes() == other.tobytes()
 
 
 def far_forest() -> Scene:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
-from halfstep.host.sharing import evenly, in_parts, shared_out
+from halfstep.host.sharing import Begun, evenly, in_parts, shared_out
 
 
 @pytest.fixture(autouse=True, params=[1, 2, 4])
@@ -40,6 +43,33 @@ def test_a_fault_of_any_item_is_told(bad: int) -> None:
 
     with pytest.raises(KeyError):
         shared_out(work, range(100))
+
+
+def test_each_thread_that_asks_for_begun_work_waits_for_all_of_it() -> None:
+    done: list[int] = []
+
+    def work(item: int) -> None:
+        time.sleep(0.01)
+        done.append(item)
+
+    begun = Begun(work, range(20))
+
+    def finished(_: int) -> list[int]:
+        begun.finish()
+        return sorted(done)
+
+    with ThreadPoolExecutor(3) as pool:
+        assert list(pool.map(finished, range(3))) == [[*range(20)]] * 3
+
+
+def test_a_fault_of_begun_work_is_told_whenever_it_is_asked_for() -> None:
+    def work(item: int) -> None:
+        raise KeyError(item)
+
+    begun = Begun(work, range(3))
+    for _ in range(2):
+        with pytest.raises(KeyError):
+            begun.finish()
 
 
 @pytest.mark.parametrize("places", [[], [3], [2, 5, 8], [2, 5, 7], [4, 3, 2], [1, 1, 1]])

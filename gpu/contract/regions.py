@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from halfstep.contract.arrays import U32, Records
@@ -14,8 +15,8 @@ class PackedRegions:
     """Visible copies of groups, or their excerpts: the parts that single tiles see."""
 
     records: Records  # of R copies, in the order of ``Setup.copies``, or of their excerpts
-    flat: Records
-    curved: Records
+    # Planes and quadrics. Other threads may still write them, and the call waits for these.
+    surfaces: Callable[[], tuple[Records, Records]]
     appearances: Records
     words: U32  # the lists of excerpts, and their programs
     most_surfaces: int  # the most surfaces of an excerpt
@@ -25,6 +26,16 @@ class PackedRegions:
     polynomials: PackedPolynomials | None = None  # of these surfaces, and of solids
     expressions: PackedExpressions | None = None  # other formulas of both
     pairs: int = 0  # the most pairs of ends that one such surface has
+
+    @property
+    def flat(self) -> Records:
+        """The planes of the copies."""
+        return self.surfaces()[0]
+
+    @property
+    def curved(self) -> Records:
+        """The quadrics of the copies."""
+        return self.surfaces()[1]
 
     @property
     def arrays(self) -> tuple[Records | U32, ...]:

@@ -185,6 +185,11 @@ def pack(
     # Numbers of 16 bits or less are sorted in linear time.
     order = np.argsort(classes.astype(np.uint8), kind="stable")
     number_format = format_for(scene.accuracy, int(count.max(initial=0)))
+    veils = None if lit is None else lit.veils
+    words = np.zeros(0, np.uint32) if lit is None else lit.words
+    regions = None
+    if tables.appearances is not None:
+        regions = pack_regions(setup, tables.appearances, count, number_format, words)
     keys = _keys(setup, count)
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
@@ -193,8 +198,6 @@ def pack(
     expressions = pack_expressions(setup, half_spaces)
     if (np.diff(order) != 1).any():
         solids = solids.take(order)  # a fancy index copies member by member
-    veils = None if lit is None else lit.veils
-    words = np.zeros(0, np.uint32) if lit is None else lit.words
     looks = np.zeros(0, np.int64) if tables.appearances is None else tables.appearances.start
     return Packed(
         setup=setup,
@@ -213,9 +216,9 @@ def pack(
         solid_count=len(tables.numbers.first),
         surface_count=tables.numbers.count,
         regions=None
-        if tables.appearances is None
+        if regions is None
         else _with_higher(
-            pack_regions(setup, tables.appearances, count, number_format, words),
+            regions,
             pack_higher(setup, count),
             polynomials,
             expressions,

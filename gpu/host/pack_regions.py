@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +18,7 @@ from halfstep.host.forms import FAINT, Linear, fixed_point_scale, length
 from halfstep.host.memory import Memory
 from halfstep.host.regions import NO_MATERIAL, Regions
 from halfstep.host.setup import BASE_PLANE_SLACK, Setup
-from halfstep.host.sharing import fill, shared_out
+from halfstep.host.sharing import Begun, fill
 from halfstep.host.words import Excerpts
 from halfstep.scene import Material, Scene
 from halfstep.scene.hues import colors_of
@@ -105,6 +106,8 @@ def pack_regions(
     """
     copies = setup.copies
     assert copies is not None
+    # They take the longest, so other threads begin with them.
+    surfaces = _surfaces(copies, setup, number_format, looks.memory)
     regions = copies.regions
     program = copies.program
     records = np.zeros(len(copies.row), layout.REGION.dtype(number_format))
@@ -139,11 +142,9 @@ def pack_regions(
             "looks_start": looks.start[copies.copy],
         },
     )
-    flat, curved = _surfaces(copies, setup, number_format, looks.memory)
     return PackedRegions(
         records=records,
-        flat=flat,
-        curved=curved,
+        surfaces=surfaces,
         words=words,
         appearances=looks.records,
         most_surfaces=0,
@@ -154,8 +155,11 @@ def pack_regions(
 
 def _surfaces(
     copies: Copies, setup: Setup, number_format: Format, memory: Memory
-) -> tuple[Records, Records]:
-    """Records of planes and of quadrics, in the order of the copies."""
+) -> Callable[[], tuple[Records, Records]]:
+    """Records of planes and of quadrics, in the order of the copies.
+
+    If there are many, other threads write them until they are asked for.
+    """
     count = int(copies.planes.sum())
     flat = memory.records("planes", count, layout.FLAT.dtype(number_format))
     curved = memory.records("quadrics", copies.count - count, layout.CURVED.dtype(number_format))
@@ -165,12 +169,17 @@ def _surfaces(
             records = flat if isinstance(batch.forms, Linear) else curved
             _write(records, batch, copies, setup, number_format)
 
-    if copies.count > MOST_KEPT:
-        shared_out(write, copies.pieces)
-    else:
+    if copies.count <= MOST_KEPT:
         for piece in copies.pieces:
             write(piece)
-    return flat, curved
+        return lambda: (flat, curved)
+    begun = Begun(write, copies.pieces)
+
+    def finished() -> tuple[Records, Records]:
+        begun.finish()
+        return flat, curved
+
+    return finished
 
 
 def _write(

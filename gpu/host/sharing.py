@@ -6,9 +6,11 @@ do not depend on the number of threads.
 
 from __future__ import annotations
 
+import functools
 import os
+import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 import numpy as np
@@ -30,16 +32,40 @@ def in_parts(work: Callable[[slice], None], count: int, size: int) -> None:
 
 def shared_out(work: Callable[[Item], None], items: Sequence[Item]) -> None:
     """Call ``work`` with each of the items, in several threads if there are several cores."""
-    threads = min(_cores(), MOST_THREADS, len(items))
-    left = iter(items)
-    if threads < 2:
-        _all_of(work, left)
-        return
-    with ThreadPoolExecutor(threads - 1) as pool:
-        others = [pool.submit(_all_of, work, left) for _ in range(threads - 1)]
-        _all_of(work, left)
-        for other in others:
-            other.result()
+    Begun(work, items).finish()
+
+
+class Begun:
+    """Work on items that other threads have begun."""
+
+    def __init__(self, work: Callable[[Item], None], items: Sequence[Item]) -> None:
+        """Let other threads call ``work`` with items, if there are several cores."""
+        others = min(_cores(), MOST_THREADS, len(items)) - 1
+        self._rest = functools.partial(_all_of, work, iter(items))
+        self._lock = threading.Lock()
+        self._done: Future[None] | None = None  # what was left for the thread that asked first
+        self._others: list[Future[None]] = []
+        if others > 0:
+            pool = ThreadPoolExecutor(others)
+            self._others = [pool.submit(self._rest) for _ in range(others)]
+            pool.shutdown(wait=False)
+
+    def finish(self) -> None:
+        """Call ``work`` with the items that are left, and wait for the other threads.
+
+        It may be called again, and raises what ``work`` raised in any thread.
+        """
+        with self._lock:
+            if self._done is None:
+                self._done = Future()
+                try:
+                    self._rest()
+                except BaseException as fault:
+                    self._done.set_exception(fault)
+                else:
+                    self._done.set_result(None)
+            for each in (self._done, *self._others):
+                each.result()
 
 
 def fill(records: Records, columns: Mapping[str, Array]) -> None:
