@@ -48,6 +48,8 @@ class Blocks(NamedTuple):
         """The blocks of a higher level that contain these, and the index of each one's block."""
         x, y = self.x >> level, self.y >> level
         key = (self.copy << 40) | (y << 20) | x
+        if (np.diff(key) > 0).all():  # each block is alone, and they are in order
+            return self._replace(x=x, y=y), np.arange(len(key))
         _, place, which = np.unique(key, return_index=True, return_inverse=True)
         first, last = self.first[place], self.last[place]
         np.minimum.at(first, which, self.first)
@@ -119,7 +121,9 @@ class Narrowing:
                 rays = rays.narrowed(first, last)
         assert known is not None  # there is a level at least
         filled = self._filled(formula.filled(truth), blocks, rays, of)
-        parts = self._cut(program, blocks.take(of), truth.at(of), known.at(of), rays.at(of))
+        if not np.array_equal(of, np.arange(len(blocks.copy))):
+            blocks, truth, known, rays = blocks.take(of), truth.at(of), known.at(of), rays.at(of)
+        parts = self._cut(program, blocks, truth, known, rays)
         left = Left(*(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)))
         return left, filled
 
@@ -165,12 +169,11 @@ class Narrowing:
             crowded &= rays.are_long & ~self._opened[tiles.copy]
             crowded &= known.last - known.first >= FRONT
             if np.count_nonzero(crowded) < LEAST_CUT:
-                crowded[:] = False
+                yield _left(formula, known, rays, tile)
+                return
             own = np.flatnonzero(~crowded)
             yield _left(formula, known.at(own), rays.at(own), tile[own])
             own = np.flatnonzero(crowded)
-            if not len(own):
-                return
             first, last = known.first[own], known.last[own]
             tile, tiles, truth, rays = tile[own], tiles.take(own), truth.at(own), rays.at(own)
             behind = formula.on_pieces(truth, first + FRONT, last)

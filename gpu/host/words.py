@@ -103,6 +103,7 @@ class _Part(NamedTuple):
     place: Ints  # index in ``Depth``
     parent: Ints  # index among the nodes of excerpts at the depth above
     excerpt: Ints
+    before: Ints  # for each literal, the crossings before those of its surface
 
 
 class _Leaves(NamedTuple):
@@ -237,10 +238,18 @@ def _parts(tree: Tree, marks: _Marks) -> list[_Part]:
         depth_of[own], place_of[own] = number, np.flatnonzero(depth.is_literal)
     # Of each depth, from the deepest one on, numbers of nodes: excerpts, and places within each.
     left: list[Ints] = []
+    before: list[Ints] = []
     for number in reversed(range(len(tree.depths))):
         size = len(tree.depths[number].node)
         own = np.flatnonzero(depth_of[marks.literal] == number)
-        keys = marks.excerpt[own] * size + place_of[marks.literal[own]]
+        keys, crossings = (
+            marks.excerpt[own] * size + place_of[marks.literal[own]],
+            marks.before[own],
+        )
+        if (np.diff(keys) < 0).any():
+            order = np.argsort(keys)
+            keys, crossings = keys[order], crossings[order]
+        before.append(crossings)
         if left:
             below = tree.depths[number + 1]
             excerpt, place = np.divmod(left[-1], len(below.node))
@@ -250,7 +259,7 @@ def _parts(tree: Tree, marks: _Marks) -> list[_Part]:
             keys = np.sort(np.concatenate([keys, parents]), kind="stable")
         left.append(keys)
     parts: list[_Part] = []
-    for depth, keys in zip(tree.depths, reversed(left), strict=True):
+    for depth, keys, crossings in zip(tree.depths, reversed(left), reversed(before), strict=True):
         excerpt, place = np.divmod(keys, len(depth.node))
         parent = np.zeros(len(place), np.int64)
         if parts:
@@ -259,16 +268,13 @@ def _parts(tree: Tree, marks: _Marks) -> list[_Part]:
             key = excerpt * len(tree.depths[len(parts) - 1].node) + depth.parent[place]
             inner = np.flatnonzero(~tree.depths[len(parts) - 1].is_literal[above.place])
             parent = inner[np.cumsum(np.diff(key, prepend=-1) != 0) - 1]
-        parts.append(_Part(place, parent, excerpt))
+        parts.append(_Part(place, parent, excerpt, crossings))
     return parts
 
 
 def _leaves(tree: Tree, marks: _Marks, holds: Bools) -> _Leaves:
     """What words are made of, of literals and of cells (C, E) that hold."""
     parts = _parts(tree, marks)
-    # The crossings before each literal, by its number and excerpt.
-    spots = np.empty(holds.shape[1] * len(tree.surface), np.int64)
-    spots[marks.excerpt * len(tree.surface) + marks.literal] = marks.before
     excerpt, cell = places_in(np.ascontiguousarray(holds.T))
     ones = np.ones(len(cell), np.int64)
     # The complement of nothing.
@@ -290,7 +296,7 @@ def _leaves(tree: Tree, marks: _Marks, holds: Bools) -> _Leaves:
         own = np.flatnonzero(depth.is_literal[part.place])
         literal, of = depth.literal[part.place[own]], part.excerpt[own]
         surface, positive = tree.surface[literal], tree.positive[literal]
-        place = spots[of * len(tree.surface) + literal] + tree.crossing[literal]
+        place = part.before + tree.crossing[literal]
         word = LEAF | place | surface << NUMBER
         word |= np.where(positive, POSITIVE, 0) | np.where(positive != is_and[own], TURN, 0)
         state = (opens[own], closes[own], level[own], ends[own], cell[own])
