@@ -85,15 +85,15 @@ def functions_of(solid: Any) -> list[tuple[int, dict[tuple[int, int, int], Any] 
     if isinstance(solid, QuadricSolid):
         found.append((0, _quadric(solid.quadric())))
     if isinstance(solid, Algebraic):
-        found.append((0, _polynomial(solid) if solid.has_polynomial else None))
+        found.append((0, wide_polynomial(solid.polynomial()) if solid.has_polynomial else None))
         if solid.is_in_ball():
             found = [(k + 1 if k else 0, each) for k, each in found]
             found.append((1, _quadric(solid.quadric())))
     return found
 
 
-def _polynomial(solid: Algebraic) -> dict[tuple[int, int, int], Any]:
-    exact = solid.polynomial()
+def wide_polynomial(exact: Any) -> dict[tuple[int, int, int], Any]:
+    """An exact polynomial, scaled, in extended precision."""
     largest = max(map(abs, exact.values()))
     return {powers: _wide(value / largest) for powers, value in exact.items()}
 
@@ -148,11 +148,17 @@ def roots_of(terms: Wide) -> Wide:
     """Real parts (degree, N) of the roots, and some more numbers."""
     degree = len(terms) - 1
     if degree < 1 or not terms.shape[1]:
-        return np.zeros((0, terms.shape[1]), LD)
+        return np.zeros((max(degree, 0), terms.shape[1]), LD)
     size = np.abs(terms).max(axis=0)
     scaled = (terms / np.where(size > 0, size, 1)).astype(np.float64)
-    # Reversed: the roots are one over the eigenvalues, so a leading 0 gives a root at infinity.
-    lead = np.where(np.abs(scaled[-1]) > 1e-14, scaled[-1], 1e-14)
+    lower = np.abs(scaled[-1]) <= 1e-14
+    if lower.any():
+        # Where the first coefficient is 0, a root fewer is sought: one at infinity spoils others.
+        roots = np.zeros((degree, terms.shape[1]), LD)
+        roots[:-1, lower] = roots_of(terms[:-1, lower])
+        roots[:, ~lower] = roots_of(terms[:, ~lower])
+        return roots
+    lead = scaled[-1]
     matrix = np.zeros((terms.shape[1], degree, degree))
     matrix[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
     matrix[:, :, -1] = -(scaled[:-1] / lead).T

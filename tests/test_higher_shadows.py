@@ -224,6 +224,31 @@ def test_doubt_is_told() -> None:
     assert judged([beneath_a_wire()]).wrong == 0
 
 
+def grazed(above: float) -> Scene:
+    """A slab, turned, whose upper side the light passes: ``above`` is about its cosine."""
+    slab: dict[str, Any] = {"kind": "implicit", "formula": "z", "rotation_degrees": [30, 20, 50]}
+    slab["bounds"] = {"min": [-1, -1, -0.5], "max": [1, 1, 0.5]}
+    turn = scene_of([slab], [{"direction": [0, 0, 1]}], [0, -4, 4], 40.0).solids[0]
+    toward = turn.world_from_local() @ np.array([0.8, 0.6, above])
+    return scene_of([slab], [{"direction": toward.tolist()}], [0, -3, 4], 40.0)
+
+
+def test_a_side_that_light_grazes_is_uncertain() -> None:
+    """If the light passes along a side, rounding tells whether it faces the light."""
+    shares = []
+    for above in (0.0, 1e-3, -1e-3):
+        frame = halfstep.render(
+            grazed(above), size=TINY, backend="numpy", outputs=("shadow", "surface", "error")
+        )
+        upper = frame.surface == 0
+        assert upper.sum() > 60
+        shares.append(float(np.isinf(frame.error[upper]).mean()))
+        if above:
+            assert ((frame.shadow[upper] > 0) == (above < 0)).mean() > 0.95
+    assert shares[0] == 1
+    assert max(shares[1:]) < 0.05
+
+
 # ------------------------------------------------------------------------------ device and twin
 
 
@@ -252,6 +277,7 @@ FAULTS = [
     (TUBE, "select(p[0u], p[0u + 1u], some)", "p[0u]"),
     (TUBE, "(turned > u4(0u))", "(turned == u4(0u))"),
     (TUBE, "inside | cell.met | rest.beside", "inside | cell.met"),
+    (grazed(0.0), "on_f & !cast_0.faced", "on_f & cast_0.faced"),
     (SHEET, "select(of_other, of_own, on_curve)", "of_other"),
     (WIRE, "unsure_0 | (!cast_0.sure", "unsure_0 & (!cast_0.sure"),
     (WIRE, "by_v - shrink * across", "by_v + shrink * across"),

@@ -20,6 +20,9 @@ from halfstep.run.recheck import Answers, Asked
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
+from halfstep.twin import shadows as twin_shadows
+from halfstep.twin.keep import Nearest
+from halfstep.twin.shadows import Dark
 from halfstep.twin.verdict import MEETS, MISSES, UNSURE
 from tests.algebraic_surfaces import solid_of
 from tests.different import different
@@ -64,11 +67,13 @@ def certain(frame: Frame) -> float:
     return float(np.isfinite(frame.error[frame.solid >= 0]).mean())
 
 
-def without(monkeypatch: pytest.MonkeyPatch, scene: Scene) -> Frame:
+def without(
+    monkeypatch: pytest.MonkeyPatch, scene: Scene, outputs: tuple[str, ...] = OUTPUTS
+) -> Frame:
     """The frame if integers are certain of nothing."""
     with monkeypatch.context() as patch:
         patch.setattr(run_twin, "judged", lambda _first, _packed, asked: recheck.no_answers(asked))
-        return rendered(scene)
+        return halfstep.render(scene, outputs=outputs, backend="numpy")
 
 
 @pytest.mark.parametrize("scene", [HEART, SEVERAL], ids=["one", "several"])
@@ -139,7 +144,8 @@ def test_pictures_ask_no_integers(composed: list[Needs], adapter: Adapter) -> No
     assert not different(plain, both, names=names)
 
 
-def test_shadows_of_polynomials_ask_no_integers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shadows_of_polynomials_ask_integers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fewer pixels are uncertain then, but none of which the shadow is not certain."""
     lit = with_overrides(halfstep.load("heart"), shadows=True, size=(64, 48))
     asked: list[int] = []
     judged = run_twin.judged
@@ -149,11 +155,22 @@ def test_shadows_of_polynomials_ask_no_integers(monkeypatch: pytest.MonkeyPatch)
         return judged(first_row, packed, own)
 
     monkeypatch.setattr(run_twin, "judged", counted)
-    for names in (("error", "shadow"), ("error", "image")):
-        halfstep.render(lit, outputs=names, backend="numpy")
-        assert not asked
-    halfstep.render(lit, outputs=("error", "depth"), backend="numpy")
+    unsure: list[np.ndarray[Any, Any]] = []
+    doubted_where = twin_shadows.doubted_where
+
+    def doubted(dark: Dark, nearest: Nearest) -> Nearest:
+        unsure.append(dark.unsure > 0)
+        return doubted_where(dark, nearest)
+
+    monkeypatch.setattr(twin_shadows, "doubted_where", doubted)
+    frame = halfstep.render(lit, outputs=("error", "shadow"), backend="numpy")
     assert asked
+    doubts = np.concatenate(unsure) & (frame.solid >= 0)
+    assert doubts.sum() > 4
+    assert np.isinf(frame.error)[doubts].all()
+    before = without(monkeypatch, lit, ("error", "shadow"))
+    assert np.isinf(frame.error).sum() < 0.5 * np.isinf(before.error).sum()
+    np.testing.assert_array_equal(frame.shadow, before.shadow)
 
 
 # What integers might say wrongly or of another point than the pixel shows.

@@ -125,6 +125,7 @@ SHADOWED = replace(
     body_polynomials=True,
     body_cells=True,
     veils=True,
+    veil_pairs=2,
 )
 
 
@@ -332,10 +333,11 @@ def _combinations() -> Iterator[Needs]:
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
         bounces = int(form is not FIXED32)  # which cannot draw mirrors
         lit = replace(SHADOWED, format=form, bounces=bounces, veils=False, **NO_CASTERS)
-        lit = replace(lit, body_polynomials=False, body_cells=False)
+        lit = replace(lit, veil_pairs=0, body_polynomials=False, body_cells=False)
         yield replace(lit, far_lights=far, encloses=encloses)
         if form is not FIXED32:  # which cannot draw shadows of cells and polynomials
             yield replace(lit, far_lights=far, encloses=encloses, veils=True)
+            yield replace(lit, far_lights=far, encloses=encloses, veils=True, veil_pairs=2)
             higher = replace(lit, cast_polynomials=True, body_polynomials=True)
             yield replace(higher, far_lights=far, encloses=encloses)
             yield replace(lit, far_lights=far, encloses=encloses, cast_formulas=True)
@@ -388,7 +390,8 @@ def as_it_lies(name: str) -> str:
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
     if form is FIXED32:  # cannot draw shadows of cells and polynomials
-        need = replace(need, veils=False, body_polynomials=False, body_cells=False, **NO_CASTERS)
+        need = replace(need, veils=False, veil_pairs=0, body_polynomials=False, body_cells=False)
+        need = replace(need, **NO_CASTERS)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)
     if name in ("search_together", "search_apart", "render"):

@@ -162,7 +162,7 @@ var<private> lights: array<Light, LIGHTS>;
     # Short keys are never kept together with what needs long ones.
     alone -= {"keep", "finish"} if chosen else set()
     # Mirrors and shadows of cells and polynomials are for float32.
-    of_floats = {"mirror", "meet", "reflect", "veil", "trace", "cast"}
+    of_floats = {"mirror", "meet", "reflect", "veil", "trace", "cast", "veil_higher"}
     alone -= of_floats if number_format is FIXED32 else set()
     files = [name for name in files_of(number_format, {"lines", *chosen}) if name in alone]
     return Module("the stages", "\n".join([shared, TABLE, *map(stage, files)]))
@@ -458,6 +458,19 @@ FAULTS = [
     ("veil.points_to_surface", "v4(MOST_BESIDE)", "v4(1)"),
     ("veil.value_at_start", "+ form.c", "- form.c"),
     ("veil.is_faced", "-rest.b, back", "rest.b, back"),
+    ("veil_higher.course_of", "way.begin, start, on_curve", "start, way.begin, on_curve"),
+    ("veil_higher.points_size", "trace.y.level_size", "trace.x.level_size"),
+    ("veil_higher.curve_ahead", "f32(DEGREE) * off", "off"),
+    ("veil_higher.curve_ahead", "powers[0], curve", "powers[1], curve"),
+    ("veil_higher.faced_side", "slope, -slope", "-slope, slope"),
+    ("veil_higher.knows_side", "abs(curve.powers[0])", "curve.powers[0]"),
+    ("veil_higher.place_on", "VEIL_LAST_STEP + VEIL_LAST_STEP", "VEIL_LAST_STEP"),
+    ("veil_higher.first_on", "- i4(1)", ""),
+    ("veil_higher.found_on", "f4(end) - 0.5", "f4(end)"),
+    ("veil_higher.before_on", "f4(end) - 1.0", "f4(end)"),
+    ("veil_higher.behind_on", "ceil", "floor"),
+    ("veil_higher.found_ends", "ends.points[k]", "ends.points[0]"),
+    ("veil_higher.unsure_ends", "before_on(first", "behind_on(first"),
     ("shadow.is_away", "turned != u4(0u)", "turned == u4(0u)"),
     ("shadow.is_hidden", "turned == u4(1u)", "turned == u4(2u)"),
     ("region.is_within", "y <= region.bottom", "y < region.bottom"),
@@ -636,6 +649,7 @@ FAULTS = [
     ("cast.powers_along", "line[0] * z.level + term", "line[0] + term"),
     ("cast.powers_along", "plane[b - 1u - i] * y.along", "plane[b - 1u - i] * y.level"),
     ("cast.sizes_along", "abs(k[term])", "k[term]"),
+    ("cast.slope_size", "bend * trace.y.level_size", "trace.y.level_size"),
     ("cast.rest_of_powers", "f4(0.0), some", "p[0], some"),
     ("cast.shaded", "(powers[0] < -error)", "(powers[0] > error)"),
     ("cast.rest_of_ray", "on_curve | encloses", "on_curve"),
@@ -844,7 +858,7 @@ class Draw:
             case "a" | "g" | "c" if self._function.file == "cast" and place[:9] == "occluder.":
                 # Rays meet the ball where float32 holds the square of the place.
                 return rng.choice([-1, 1], shape) * rng.uniform(0.1, 1, shape)
-            case "t" if self._function.file in ("trace", "cast"):
+            case "t" if self._function.file in ("trace", "cast", "veil_higher"):
                 # Ways to lamps are no shorter than a part of the way to the solid.
                 value = self._usual(name, leaf)
                 return np.where(value > 0, np.maximum(value, 2.0**-4), value)

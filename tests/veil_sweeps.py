@@ -5,7 +5,8 @@
 The oracle looks at each pixel that differs, and at four points 0.02 pixel away. It looks at the
 pixel twice more, with all surfaces moved outward and inward by TOUCH of the scene's size: a ray
 through a line where surfaces touch crosses both at once, although no edge is near. If the oracle
-sees the same each time, the pixel is *wrong*; otherwise it is a *tie*.
+sees the same each time, the pixel is *wrong*; otherwise it is a *tie*. In scenes of tori and
+polynomials it is *unsure* if `error` is infinite, and *open* are all pixels where it is.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import halfstep
 from halfstep.errors import SceneError
 from halfstep.host.prepare import Solids
 from halfstep.scene import Scene, with_overrides
+from tests.higher_shadows import implicit, placed, torus
 from tests.scenes_random import random_solid
 from tests.shadow_sweeps import DELTA, Count
 from tests.veil_oracle import VeilOracle
@@ -38,7 +40,11 @@ def count(scene: Scene, total: Count, size: tuple[int, int] = SIZE, **options: A
     oracle = VeilOracle(scene, size)
     j, i = (part.ravel().astype(np.float64) for part in np.mgrid[: size[1], : size[0]])
     truth = oracle.at(i, j)
-    frame = halfstep.render(scene, outputs=("depth", "shadow", "solid"), **options)
+    # Of surfaces of an order above two, `error` tells what is not certain.
+    bent = any(group.bent for group in oracle.groups)
+    outputs = ("depth", "shadow", "solid", *(["error"] if bent else []))
+    frame = halfstep.render(scene, outputs=outputs, **options)
+    doubted = np.isinf(frame.error.ravel()) if bent else np.zeros(len(i), bool)
     hit = (frame.solid.ravel() >= 0) & (truth.owner >= 0) & ~truth.inside
     with np.errstate(invalid="ignore"):
         off = np.abs(frame.depth.ravel() - truth.depth)
@@ -55,16 +61,19 @@ def count(scene: Scene, total: Count, size: tuple[int, int] = SIZE, **options: A
         stable &= (beside.owner != truth.owner[k]) | (beside.dark == truth.dark[k])
     total.hits += int(same.sum())
     total.dark += int((truth.dark[same] > 0).sum())
+    total.open += int((same & doubted).sum())
     total.ties += int((~stable).sum())
-    total.wrong += int(stable.sum())
+    total.unsure += int((stable & doubted[k]).sum())
+    total.wrong += int((stable & ~doubted[k]).sum())
 
 
-def random_cells(rng: Random, kind: str) -> Scene:
+def random_cells(rng: Random, kind: str, *, bent: bool = False) -> Scene:
     """A region of parts of all kinds over a floor, which is a solid or a cell.
 
     Args:
         rng: random numbers.
         kind: of the lights: ``far``, ``lamp``, or ``amid`` for a lamp that may be in the region.
+        bent: the first part and others are tori, or have polynomials.
     """
     while True:
         kinds = ("sphere", "ellipsoid", "box", "cylinder", "cone", "polyhedron")
@@ -73,6 +82,10 @@ def random_cells(rng: Random, kind: str) -> Scene:
         for name in names:
             chosen = str(rng.choice(kinds))
             part = random_solid(chosen, rng.normal(size=3) * 0.5, 1.0, rng)
+            if bent and (name == names[0] or rng.random() < 0.4):
+                chosen = "bent"
+                made = torus(rng) if rng.random() < 0.6 else implicit(rng) | {"sheet": False}
+                part = placed(rng, made, rng.normal(size=3) * 0.5)
             if chosen in ("cylinder", "cone"):
                 part |= {"z_min": -float(rng.uniform(0.3, 1)), "z_max": float(rng.uniform(0.3, 1))}
             part = {key: value for key, value in part.items() if key not in ("color", "material")}
@@ -143,8 +156,11 @@ def main() -> None:
 
     for name in BUNDLED:
         tell(name, [with_overrides(halfstep.load(name), shadows=True)])
-    for kind in ("far", "lamp", "amid"):
-        tell(kind, [random_cells(rng, kind) for _ in range(arguments.scenes)])
+    tell("tokamak", [with_overrides(halfstep.load("tokamak"), shadows=True)])
+    for bent in (False, True):
+        for kind in ("far", "lamp", "amid"):
+            scenes = [random_cells(rng, kind, bent=bent) for _ in range(arguments.scenes)]
+            tell(f"{kind}, tori and polynomials" if bent else kind, scenes)
     sys.exit(bool(wrong))
 
 

@@ -38,7 +38,7 @@ var<private> nearest_0: Nearest;  // the nearest point of all solids so far
 // each quad
 var<private> point_0: Point;  // the same on the grid of the world  //? places
 // each quad
-var<private> unsure_0: b4;  // it is not certain whether something hides a light  //? casters
+var<private> unsure_0: b4;  // it is uncertain whether something hides a light  //? shadow_doubts
 // each quad
 var<private> ray_0: Vector;  // along which it is seen  //? mirrors
 // each quad

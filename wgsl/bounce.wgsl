@@ -119,7 +119,7 @@ fn try_body(number: u32, body: Body) {
       // A solid behind the surface that mirrors a ray is not met.
       let side = side_of(body.surface + k + 1u);
       // each quad
-      is_behind_0 = is_behind_0 | is_same_side(seen_0, side);
+      is_behind_0 = is_behind_0 | is_same_side(side_0, side);
     }
   }
   // each quad
@@ -145,7 +145,7 @@ fn try_body(number: u32, body: Body) {
     // If the ray starts on F, the root there is divided out, and a half-space is left.
     let whole = curve_of(body.second, body.slope, body.value, glance_0);
     var on_curve = nearest_0.surface == u4(body.curve);
-    on_curve = on_curve | is_same_side(seen_0, side_of(body.curve));  //? flush
+    on_curve = on_curve | is_same_side(side_0, side_of(body.curve));  //? flush
     let rest = clip(piece_0, Line(whole.a * glance_0.start + whole.g, whole.a), last);
     let piece = either_piece(on_curve, rest, piece_0);
     let form = Form(

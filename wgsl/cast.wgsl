@@ -20,8 +20,9 @@ struct Rest {
 // What a solid of an order above two does to a light.
 struct Cast {
   faces: b4,  // F rises towards the light
+  faced: b4,  // that is certain
   met: b4,  // F <= 0 somewhere on the rest of the ray; where that is asked, F >= 0
-  sure: b4,  // that is certain
+  sure: b4,  // the latter is certain
 }
 
 // F with the terms k as a polynomial in u: Horner's rule in z, then y, then x.
@@ -65,6 +66,16 @@ fn sizes_along(k: array<f32, CASTER_TERMS>, x: Track, y: Track, z: Track) -> arr
     sizes[term] = abs(k[term]);
   }
   return powers_along(sizes, size_of_track(x), size_of_track(y), size_of_track(z));
+}
+
+// The error of the slope of F from that of points, where u = 0, over the caster's `rounding`. The
+// slope changes with the way along the ray, and with the place by at most the second derivative.
+fn slope_size(caster: Caster, trace: Trace) -> f4 {
+  let bend = f32(DEGREE - 1u) * longest_change(trace);
+  let x = (trace.x.along_size + bend * trace.x.level_size) * caster.off[0];
+  let y = (trace.y.along_size + bend * trace.y.level_size) * caster.off[1];
+  let z = (trace.z.along_size + bend * trace.z.level_size) * caster.off[2];
+  return (x + y) + z;
 }
 
 // In some pixels the polynomial without its constant, divided by the variable.
@@ -146,6 +157,8 @@ fn cast_of(caster: Caster, rest: Rest, encloses: b4, on_curve: b4, turned: u4) -
   let powers = powers_along(caster.terms, rest.trace.x, rest.trace.y, rest.trace.z);
   let sizes = sizes_along(caster.terms, rest.trace.x, rest.trace.y, rest.trace.z);
   let faces = powers[1] > f4(0.0);
+  let off = slope_size(caster, rest.trace);
+  let faced = abs(powers[1]) > caster.rounding * (sizes[1] + off);
   // What is turned away from the light is dark whatever else stands there.
   let some = rest.some & !(on_curve & (faces == (turned > u4(0u))));
   let of_own = select(turned == u4(1u), turned > u4(0u), is_sheet);
@@ -162,5 +175,6 @@ fn cast_of(caster: Caster, rest: Rest, encloses: b4, on_curve: b4, turned: u4) -
   let inside = some & (curve.powers[0] <= f4(0.0)) & !is_sheet & !on_curve;
   let cell = shaded(curve, some & !inside);
   let clear = abs(curve.powers[0]) > curve_error(curve, f4(0.0));
-  return Cast(faces, inside | cell.met | rest.beside, select(cell.sure, clear, inside) | !some);
+  let met = inside | cell.met | rest.beside;
+  return Cast(faces, faced, met, select(cell.sure, clear, inside) | !some);
 }

@@ -100,6 +100,7 @@ fn cast_formula_of(
   let known = surely_below | (some & (met | passed)) | turned_away;
   return Cast(
     first.slope > f4(0.0),
+    has_slope(first),
     begins_below | cell.met | (some & perhaps) | rest.beside,
     ((farthest <= f4(COUNTED)) & known) | !asked,
   );

@@ -1,7 +1,7 @@
 // Surfaces that several solids share.
 
 // each quad
-var<private> seen_0: u4;  // the side that is seen of such a surface; 0 for other surfaces
+var<private> side_0: u4;  // the side that is seen of such a surface; 0 for other surfaces
 
 // The outer side of a surface by its number; 0 for those of copies, which are not shared.
 fn side_of(number: u32) -> u32 {
@@ -22,7 +22,7 @@ fn find_sides() {
       shared_side_alone(number.w).side,
     );
     let other = outer ^ select(u4(0u), u4(1u), nearest_0.turned > u4(0u));
-    seen_0 = select(outer, other, outer > u4(0u));
+    side_0 = select(outer, other, outer > u4(0u));
   }
 }
 

@@ -65,8 +65,8 @@ fn hide(occluder: Occluder) {
       {  //? encloses
         var on_first = nearest_0.surface == u4(surface + first_number(slab));
         var on_second = nearest_0.surface == u4(surface + second_number(slab));
-        on_first = on_first | is_same_surface(seen_0, side);  //? flush
-        on_second = on_second | is_same_surface(seen_0, opposite);  //? flush
+        on_first = on_first | is_same_surface(side_0, side);  //? flush
+        on_second = on_second | is_same_surface(side_0, opposite);  //? flush
         let whole = whole_ray(ray_0);
         let first = (starts_beyond(line, whole) & !on_first) | ends_beyond(line, whole);
         let second = (starts_beyond(other, whole) & !on_second) | ends_beyond(other, whole);
@@ -74,14 +74,14 @@ fn hide(occluder: Occluder) {
       }
       piece_0 = between(piece_0, line, other, both);
       // A solid behind the surface of the point does not hide the light before it.
-      is_flush_0 = is_flush_0 | is_same_side(seen_0, side);  //? flush
-      is_flush_0 = is_flush_0 | is_same_side(seen_0, opposite);  //? flush
+      is_flush_0 = is_flush_0 | is_same_side(side_0, side);  //? flush
+      is_flush_0 = is_flush_0 | is_same_side(side_0, opposite);  //? flush
     }
   }
   // each quad
   var sheet_0 = b4(false);  //? casters
   // each quad
-  var cast_0 = Cast(b4(false), b4(false), b4(true));  //? casters
+  var cast_0 = Cast(b4(false), b4(true), b4(false), b4(true));  //? casters
   for (var one = 0u; one < min(occluder.caster, 1u); one++) {  //? casters
     let caster = caster_at(occluder.caster - 1u);
     // each quad
@@ -112,7 +112,7 @@ fn hide(occluder: Occluder) {
       let rest = rest_of(form, ray_0, at_lamp);
       var on_curve = own & (nearest_0.surface == u4(occluder.curve));
       {  //? flush
-        let curved = is_same_side(seen_0, side_of(occluder.curve));
+        let curved = is_same_side(side_0, side_of(occluder.curve));
         on_curve = on_curve | curved;
         is_flush_0 = is_flush_0 | curved;
       }
@@ -130,7 +130,7 @@ fn hide(occluder: Occluder) {
       again = select(again, cast_0.met, on_f);
       hidden = select(hidden, cast_0.met, is_caster);
       leaves_0 = leaves_0 | cast_0.met;  //? encloses
-      unsure_0 = unsure_0 | (!cast_0.sure & b4(casts));  //? error
+      unsure_0 = unsure_0 | (!cast_0.sure & b4(casts)) | (on_f & !cast_0.faced);  //? error
       enclosed = select(enclosed, again, sheet_0);
     }
     hidden = select(hidden, again, is_flush_0);  //? flush

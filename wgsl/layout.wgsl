@@ -282,6 +282,8 @@ struct Caster {
   formula: u32,  // row of its formula, from 1; 0 if it is a polynomial
   center: array<f32, 3>,  // middle of the box in its own coordinates, of a formula
   size: array<f32, 3>,  // half the box, likewise
+  pairs: u32,  // of a surface of a copy: the most stretches in which F <= 0
+  off: array<f32, 3>,  // error of F from the terms of each coordinate, over `rounding`
   terms: array<f32, CASTER_TERMS>,  // as gpu/contract/powers.py orders them
 }
 
@@ -301,11 +303,14 @@ struct Veil {
   flat_start: u32,  // the first plane of the copy along rays to the light
   curved_start: u32,  // its first quadric
   planes: u32,  // planes of its group
-  list_start: u32,  // its list: numbers of planes, of quadrics
+  list_start: u32,  // its list: numbers of planes, of quadrics, of others
   flat_count: u32,  // planes in the list
   curved_count: u32,  // quadrics in the list
   first_group: u32,  // where its program begins, in groups of words
   end_group: u32,  // where it ends
+  higher_start: u32,  // the first form of the copy's surfaces of a higher order
+  lower: u32,  // surfaces of its group before these
+  higher_count: u32,  // surfaces of a higher order in the list
 }
 
 // A plane of a copy along rays to a light: F = c + b v.

@@ -289,7 +289,7 @@ fn render(
     // each quad
     {
       nearest_0 = seen_0;
-      nearest_0.doubt = either_key(unsure_0, FIRST, seen_0.doubt);  //? casters & error
+      nearest_0.doubt = either_key(unsure_0, FIRST, seen_0.doubt);  //? shadow_doubts
       let old = nearest_0.doubt;  //? placed & error
       nearest_0.doubt = either_key(vague_0, FIRST, old);  //? placed & error
     }

@@ -330,7 +330,7 @@ fn find_shadows() {
   }
   try_chosen();  //? broadcast & !many_shadows
   // each quad
-  nearest_0.doubt = either_key(unsure_0, FIRST, nearest_0.doubt);  //? casters & error
+  nearest_0.doubt = either_key(unsure_0, FIRST, nearest_0.doubt);  //? shadow_doubts
   // each quad
   nearest_0.dark = select(u4(0u), nearest_0.dark, nearest_0.surface > u4(0u));
 }

@@ -30,6 +30,51 @@ fn holds_ahead(path: Path, want: bool, begin: i4, last: i32) -> b4 {
   return found;
 }
 
+// Walks that tell whether an answer is certain: does the region hold ahead, perhaps and surely;
+// does it not hold, perhaps and surely.
+const PERHAPS_MEETS: u32 = 0u;
+const SURELY_MEETS: u32 = 1u;
+const PERHAPS_LEAVES: u32 = 2u;
+const SURELY_LEAVES: u32 = 3u;
+
+// The input of such a walk.
+fn doubting(path: Path, which: u32) -> Path {
+  let over_cells = which == PERHAPS_MEETS || which == PERHAPS_LEAVES;
+  let is_wide = which == PERHAPS_MEETS || which == SURELY_LEAVES;
+  var own = path;
+  own.negative = select(SURELY, PERHAPS, is_wide);
+  own.positive = select(PERHAPS, SURELY, is_wide);
+  own.never = path.never - select(0, 1, over_cells);
+  own.over_cells = over_cells;
+  own.wider = which == PERHAPS_MEETS;
+  return own;
+}
+
+// What a search along a course asks of a surface.
+fn sought(caster: Caster) -> Higher {
+  var higher: Higher;
+  higher.pairs = caster.pairs;
+  higher.eye = EYE_UNKNOWN;
+  higher.start = -1.0;
+  higher.stop = 1.0;
+  return higher;
+}
+
+// Keeps a crossing that is taken for certain.
+fn keep_sure_crossing(place: u32, crossing: Crossing) {
+  keep_crossing(place, crossing);
+  keep_crossing(SURELY + place, crossing);  //? veil_higher & error
+  keep_crossing(PERHAPS + place, crossing);  //? veil_higher & error
+}
+
+// The pixels from which a copy hides a light, if its region holds somewhere ahead (`met`) and does
+// not hold somewhere (`leaves`). If a ray begins on the copy, on a surface that was `found`, it
+// leaves the region there if the surface `faces` the light.
+fn dark_by(found: b4, faces: b4, turned: u4, met: b4, leaves: b4, casts: bool) -> b4 {
+  let own = is_away(faces, turned) | (is_hidden(turned, met, leaves) & b4(casts));
+  return select(met & leaves & b4(casts), own, found);
+}
+
 // Tries a veil of a copy. The pixels of all invocations that fetch together are behind this veil,
 // or behind none of the copy.
 fn draw_veil(veil: Veil, bit: u32) {
@@ -75,7 +120,7 @@ fn draw_veil(veil: Veil, bit: u32) {
       faces_0 = faces_0 | (on_line & faced);
       let further = points_to_surface(line.b * ray_0.c_in + line.c, line.b);
       begin_0 = begin_0 + select(i4(0), further, on_line);
-      keep_crossing(k, flat_crossed(ahead));
+      keep_sure_crossing(k, flat_crossed(ahead));
     }
   }
   for (var k = 0u; k < veil.curved_count; k++) {
@@ -93,8 +138,40 @@ fn draw_veil(veil: Veil, bit: u32) {
       let further = points_to_surface(value_at_start(form, ray_0), slope);
       begin_0 = begin_0 + select(i4(0), further, on_curve);
       let ahead = form_ahead(form, rest, on_curve);
-      keep_crossing(veil.flat_count + k, curve_crossed(ahead));
+      keep_sure_crossing(veil.flat_count + k, curve_crossed(ahead));
     }
+  }
+  // each quad
+  var known_0 = b4(true);  //? veil_higher & error
+  {  //? veil_higher
+    var place = veil.flat_count + veil.curved_count;
+    for (var k = 0u; k < veil.higher_count; k++) {
+      let number = programs[veil.list_start + veil.flat_count + veil.curved_count + k];
+      let caster = veil_higher_at(veil.higher_start + (number - veil.lower));
+      // each quad
+      {
+        let on_curve = own_0 & shows_surface(nearest_0.met, number);
+        let course = course_of(caster, ray_0, behind_0, on_curve, at_lamp);
+        let ahead = curve_ahead(caster, course, on_curve);
+        found_0 = found_0 | on_curve;
+        faces_0 = faces_0 | (on_curve & faced_side(ahead.curve, nearest_0.met.side));
+        known_0 = known_0 & (!on_curve | knows_side(ahead.curve));  //? error
+        let further = points_to_surface(ahead.value * course.half, ahead.curve.powers[0]);
+        begin_0 = begin_0 + select(i4(0), further, on_curve);
+        let higher = sought(caster);
+        let trail = all_crossed(ahead.curve, higher, course.some, VEIL_STEPS, VEIL_LAST_STEP);
+        let pairs = caster.pairs;
+        keep_ends(place, found_ends(trail.found, course), pairs, VEIL_STEPS, true);
+        {  //? error
+          let surely = unsure_ends(trail.surely, course, false);
+          keep_ends(SURELY + place, surely, pairs, VEIL_STEPS, false);
+          let perhaps = unsure_ends(trail.perhaps, course, true);
+          keep_ends(PERHAPS + place, perhaps, pairs, VEIL_STEPS, true);
+        }
+      }
+      place += caster.pairs;
+    }
+    rounds_left -= i32(veil.higher_count * HIGHER_ROUNDS);  //? counted
   }
   let path = Path(
     veil.first_group,
@@ -114,10 +191,29 @@ fn draw_veil(veil: Veil, bit: u32) {
     let met = holds_ahead(path, true, begin_0, veil.last);
     var leaves = b4(true);
     leaves = !encloses | holds_ahead(path, false, begin_0, veil.last);  //? encloses
-    let hidden = is_hidden(nearest_0.turned, met, leaves) & b4(casts);
-    let own = is_away(faces_0, nearest_0.turned) | hidden;
-    let dark = select(met & leaves & b4(casts), own, found_0) & behind_0;
+    let dark = dark_by(found_0, faces_0, nearest_0.turned, met, leaves, casts) & behind_0;
     nearest_0.dark |= select(u4(0u), u4(bit), dark);
+    for (var once = 0u; once < min(veil.higher_count, 1u); once++) {  //? veil_higher & error
+      var may_meet = met;
+      var meets = met;
+      var may_leave = leaves;
+      var leaves_surely = leaves;
+      var last_walk = SURELY_MEETS;
+      last_walk = select(SURELY_MEETS, SURELY_LEAVES, encloses.x);  //? encloses
+      // One loop for all walks: compiled once.
+      for (var which = 0u; which < last_walk + 1u; which++) {
+        let own = doubting(path, which);
+        let seen = holds_ahead(own, which < PERHAPS_LEAVES, begin_0, veil.last);
+        may_meet = select(may_meet, seen, which == PERHAPS_MEETS);
+        meets = select(meets, seen, which == SURELY_MEETS);
+        may_leave = select(may_leave, seen, which == PERHAPS_LEAVES);
+        leaves_surely = select(leaves_surely, seen, which == SURELY_LEAVES);
+      }
+      let turned = nearest_0.turned;
+      let may_be = dark_by(found_0, faces_0, turned, may_meet, may_leave, casts);
+      let surely = dark_by(found_0, faces_0, turned, meets, leaves_surely, casts);
+      unsure_0 = unsure_0 | (((found_0 & !known_0) | (may_be != surely)) & behind_0);
+    }
   }
 }
 

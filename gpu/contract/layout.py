@@ -453,6 +453,8 @@ CASTER = Record(
         Field("formula", "u32", 1, "row of its formula, from 1; 0 if it is a polynomial"),
         Field("center", "f32", 3, "middle of the box in its own coordinates, of a formula"),
         Field("size", "f32", 3, "half the box, likewise"),
+        Field("pairs", "u32", 1, "of a surface of a copy: the most stretches in which F <= 0"),
+        Field("off", "f32", 3, "error of F from the terms of each coordinate, over `rounding`"),
         Field("terms", "f32", "CASTER_TERMS", "as gpu/contract/powers.py orders them"),
     ),
 )
@@ -478,11 +480,14 @@ VEIL = Record(
         Field("flat_start", "u32", 1, "the first plane of the copy along rays to the light"),
         Field("curved_start", "u32", 1, "its first quadric"),
         Field("planes", "u32", 1, "planes of its group"),
-        Field("list_start", "u32", 1, "its list: numbers of planes, of quadrics"),
+        Field("list_start", "u32", 1, "its list: numbers of planes, of quadrics, of others"),
         Field("flat_count", "u32", 1, "planes in the list"),
         Field("curved_count", "u32", 1, "quadrics in the list"),
         Field("first_group", "u32", 1, "where its program begins, in groups of words"),
         Field("end_group", "u32", 1, "where it ends"),
+        Field("higher_start", "u32", 1, "the first form of the copy's surfaces of a higher order"),
+        Field("lower", "u32", 1, "surfaces of its group before these"),
+        Field("higher_count", "u32", 1, "surfaces of a higher order in the list"),
     ),
 )
 

@@ -8,10 +8,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from halfstep.contract.arrays import U32, Records
+from halfstep.contract.powers import BOUNDS, CLOCKS
 
 # Halvings that locate where a ray to a light crosses a surface. float32 holds these positions
 # exactly.
 VEIL_STEPS = 22
+
+
+def rounds_of_higher(pairs: int) -> int:
+    """The most rounds of loops that crossings take of a surface of an order above two.
+
+    It has ``pairs`` stretches in which F <= 0. Each root, and the rest behind the last one, begins
+    anew, tries cells, is halved and looks for its bounds.
+    """
+    roots = 2 * pairs + 1
+    return CLOCKS * pairs + roots * (VEIL_STEPS + BOUNDS + 6) + 6 * pairs + 4
 
 
 @dataclass(frozen=True)
@@ -24,11 +35,14 @@ class PackedVeils:
     copies: Records  # the copies that hide lights, as occluders without surfaces
     flat: Records  # their planes along rays to lights
     curved: Records  # their quadrics along rays to lights
+    higher: Records | None  # forms of their surfaces of an order above two, if there are some
     words: U32  # the lists of veils, and their programs
-    most_surfaces: int  # the most surfaces of a veil
+    most_crossings: int  # the most crossings of a veil's surfaces
     levels: int  # the most levels that a program opens at once
     encloses: bool  # whether a light may be inside a copy
     has_hidden: bool  # whether some cells hide no light
+    degree: int = 0  # the highest degree of the polynomials of the scene, if some are ``higher``
+    pairs: int = 0  # the most stretches in which one of ``higher`` is <= 0
 
     @property
     def arrays(self) -> tuple[Records, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 from halfstep.contract.arrays import Floats, Ints
 from halfstep.contract.powers import caster_terms, solid_degree, solid_places
 from halfstep.host.geometry import Geometry
+from halfstep.host.higher import Higher
 from halfstep.scene.programs import Compiled
 from halfstep.scene.ranges import Range, range_of
 
@@ -25,6 +26,8 @@ ASIDE = 2.0**-9
 # The error of points on a ray to a light, as a part of what their terms may be: float32 rounds the
 # way from the middle, its coefficients, and sums of them.
 POINT_ERROR = 2.0**-18
+# The error of a coordinate of points in the box as a part of its terms: eight roundings.
+ROUNDED = 2.0**-21
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,17 @@ class Caster:
     formula: Compiled | None  # None if it is a polynomial
     center: Floats  # (3,), middle of the box, local
     size: Floats  # (3,), half of it
+    pairs: int = 0  # of a surface of a copy: the most stretches of a ray in which F <= 0
+
+    @property
+    def off(self) -> Floats:
+        """The error of a polynomial in its box from each coordinate (3,), as a part of its terms.
+
+        It is 0 of what is no polynomial. What is left if a root is divided out of F may be off by
+        this times the degree.
+        """
+        slopes = np.abs(self.terms) * np.array(solid_places(solid_degree(len(self.terms))))
+        return np.asarray(ROUNDED * slopes.sum(axis=1))
 
     @property
     def is_inside(self) -> bool:
@@ -95,6 +109,34 @@ def caster_of(geometry: Geometry, ix: int, to_local: Floats, shrink: float) -> C
         formula=formula,
         center=center,
         size=size,
+    )
+
+
+def caster_of_surface(higher: Higher, degree: int, to_group: Floats, shrink: float) -> Caster:
+    """The caster of a surface of a copy of a group, which has a polynomial.
+
+    Args:
+        higher: the surface.
+        degree: the highest one of the scene.
+        to_group: (4, 4), takes the coordinates of `veils` to those of the group.
+        shrink: as of `caster_of`.
+    """
+    known = higher.polynomial.of_degree(degree)
+    center, size = known.center[:, 0], known.size[:, 0]
+    axes = (higher.own_from_group @ to_group).T
+    axes[3] -= center
+    axes /= size
+    return Caster(
+        axes=axes[[3, 0, 1, 2]],
+        shrink=shrink,
+        degree=int(known.own_degree[0]),
+        is_sheet=False,
+        is_in_ball=False,
+        terms=known.coefficients[solid_places(degree)][:, 0],
+        formula=None,
+        center=center,
+        size=size,
+        pairs=higher.pairs,
     )
 
 

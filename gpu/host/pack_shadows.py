@@ -230,6 +230,8 @@ def caster_records(casters: Sequence[Caster]) -> Records | None:
     records["formula"] = np.where(is_formula, np.cumsum(is_formula), 0)
     records["center"] = [one.center for one in casters]
     records["size"] = [one.size for one in casters]
+    records["pairs"] = [one.pairs for one in casters]
+    records["off"] = np.array([one.off for one in casters]) / records["rounding"][:, None]
     records["terms"] = [np.where(np.abs(one.terms) < FAINT, 0.0, one.terms) for one in casters]
     return records
 

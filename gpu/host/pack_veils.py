@@ -8,15 +8,19 @@ import numpy as np
 
 from halfstep.contract import layout
 from halfstep.contract.arrays import U32, Floats, Ints
+from halfstep.contract.powers import solid_degree
 from halfstep.contract.program import GROUP
 from halfstep.contract.veils import PackedVeils
 from halfstep.host.formulas import Excerpt
 from halfstep.host.occluders import Shadows
-from halfstep.host.pack_shadows import BOX_MARGIN, NOWHERE, SPARE_BOXES, fill
+from halfstep.host.pack_shadows import BOX_MARGIN, NOWHERE, SPARE_BOXES, caster_records, fill
 from halfstep.host.veils import Veiled
 
 # Members of records that tell the position of an excerpt.
-WRITTEN = ("first_group", "end_group", "list_start", "flat_count", "curved_count")
+WRITTEN = (
+    *("first_group", "end_group", "list_start"),
+    *("flat_count", "curved_count", "higher_count"),
+)
 
 
 def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> PackedVeils | None:
@@ -47,7 +51,14 @@ def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> Pack
     records["flat_start"], records["curved_start"] = flat_start[owner], curved_start[owner]
     records["planes"] = np.array([len(one.planes) for one in every])[owner]
     programs = Programs()
-    written = [programs.add(veil.excerpt, len(every[row].planes)) for row, veil in veils]
+    higher = [each for one in every for each in one.higher]
+    before = np.cumsum([0, *(len(one.higher) for one in every)])[:-1]
+    records["higher_start"] = before[owner]
+    lower = [len(one.planes) + len(one.quadrics) for one in every]
+    records["lower"] = np.array(lower)[owner]
+    written = [
+        programs.add(veil.excerpt, len(every[row].planes), lower[row]) for row, veil in veils
+    ]
     for name, column in zip(WRITTEN, np.array(written, np.uint32).T, strict=True):
         records[name] = column
 
@@ -72,11 +83,14 @@ def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> Pack
         copies=copies,
         flat=flats,
         curved=curves,
+        higher=caster_records(higher),
         words=programs.words,
-        most_surfaces=max(len(one.surfaces) for one in excerpts),
+        most_crossings=max(one.crossings for one in excerpts),
         levels=max(one.levels for one in excerpts),
         encloses=any(one.occluder.encloses for one in every),
         has_hidden=any(one.has_hidden for one in every),
+        degree=solid_degree(len(higher[0].terms)) if higher else 0,
+        pairs=max((one.pairs for one in higher), default=0),
     )
 
 
@@ -93,16 +107,19 @@ class Programs:
         """``start``: how many words are before them, a multiple of `GROUP`."""
         self._parts: list[U32] = [np.zeros(0, np.uint32)]
         self._length = start
-        self._known: dict[tuple[bytes, bytes, int], tuple[int, ...]] = {}
+        self._known: dict[tuple[bytes, bytes, int, int], tuple[int, ...]] = {}
 
-    def add(self, excerpt: Excerpt, planes: int) -> tuple[int, ...]:
-        """The members ``WRITTEN`` for an excerpt of a program with ``planes`` planes."""
-        key = excerpt.words.tobytes(), excerpt.surfaces.tobytes(), planes
+    def add(self, excerpt: Excerpt, planes: int, lower: int) -> tuple[int, ...]:
+        """The members ``WRITTEN`` for an excerpt.
+
+        Its program has ``planes`` planes, and ``lower`` surfaces of at most second order.
+        """
+        key = excerpt.words.tobytes(), excerpt.surfaces.tobytes(), planes, lower
         if key not in self._known:
             begin, words = self._length, len(excerpt.words)
             end = -(-(begin + words) // GROUP) * GROUP
-            flat = int(np.searchsorted(excerpt.surfaces, planes))
-            counts = flat, len(excerpt.surfaces) - flat
+            ends = np.searchsorted(excerpt.surfaces, [0, planes, lower]).tolist()
+            counts = np.diff([*ends, len(excerpt.surfaces)]).tolist()
             self._known[key] = begin // GROUP, end // GROUP, end, *counts
             parts = [excerpt.words, np.zeros(end - begin - words, np.uint32)]
             parts.append(excerpt.surfaces.astype(np.uint32))

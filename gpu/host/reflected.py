@@ -37,7 +37,7 @@ class Reflected:
         self._start = 0  # of the next copy's quadrics
         self._programs = Programs(start)
         self._written = [
-            self._programs.add(program.formula.whole, program.planes)
+            self._programs.add(program.formula.whole, program.planes, program.count)
             for program in regions.programs
         ]
 
@@ -63,7 +63,8 @@ class Reflected:
         record["surfaces"], record["planes"] = program.count, program.planes
         record["flat_start"], record["curved_start"] = face_start, self._start
         record["cells"] = len(program.cells)
-        for name, value in zip(WRITTEN, self._written[which], strict=True):
+        *written, _ = self._written[which]  # no surface is of an order above two
+        for name, value in zip(WRITTEN[:-1], written, strict=True):
             record[name] = value
         self._bowls.append(bent / np.abs(bent).max(axis=(0, 1), initial=1e-300))
         self._start += bent.shape[-1]

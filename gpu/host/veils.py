@@ -19,6 +19,7 @@ import numpy as np
 from halfstep.contract.arrays import Bytes, Floats
 from halfstep.contract.veils import VEIL_STEPS
 from halfstep.errors import SceneError
+from halfstep.host.casters import Caster, caster_of_surface
 from halfstep.host.formulas import Excerpt, Formula
 from halfstep.host.geometry import Geometry
 from halfstep.host.merging import COINCIDENT
@@ -76,6 +77,7 @@ class Veiled:
     occluder: Occluder  # without F and half-spaces
     planes: Floats  # (P, 2, 3), c and b of its planes
     quadrics: Floats  # (Q, 3, 6), A, G, C of its quadrics
+    higher: tuple[Caster, ...]  # forms of its surfaces of an order above two
     veils: tuple[Veil, ...]
     has_hidden: bool  # some cells hide no light
 
@@ -108,7 +110,7 @@ def _before_light(
         _before(geometry, regions, formulas[program], world, copy, light, axes)
         for copy, program in enumerate(regions.of.tolist())
     )
-    sizes = [len(veil.excerpt.surfaces) for one in found for veil in one.veils]
+    sizes = [veil.excerpt.crossings for one in found for veil in one.veils]
     most = max(sizes, default=0)
     if most > MOST_CROSSED:
         raise SceneError(
@@ -145,17 +147,23 @@ def _before(
     to_local[:3, 3] = back @ start
     matrices = np.einsum("ai,abs,bj->ijs", to_local, program.matrices, to_local)
     matrices /= np.abs(matrices).max(axis=(0, 1), initial=1e-300)
-    sides, bent = 2 * matrices[3, :, : program.planes].T, matrices[..., program.planes :]
+    sides = 2 * matrices[3, :, : program.planes].T
+    bent = matrices[..., program.planes : program.lower]
     sides[:, 3] /= 2
     sides /= np.abs(sides).max(axis=1, keepdims=True, initial=1e-300)
+    end = 0.0 if approach.reach == 0 else approach.end
+    higher = tuple(
+        caster_of_surface(each, geometry.degree, to_local, end) for each in program.higher
+    )
     encloses = False
     if approach.at_lamp:
         planes, quadrics = linears_at_lamp(sides), quadratics_at_lamp(bent)
-        holds = formula.holds_at(matrices[3, 3, :, None] > 0)
+        outside = matrices[3, 3] > 0
+        outside[program.lower :] = [not each.is_inside for each in higher]
+        holds = formula.holds_at(outside[:, None])
         encloses = bool(holds[~formula.hidden].any())
         veils = _amid(formula)
     else:
-        end = 0.0 if approach.reach == 0 else approach.end
         planes, quadrics = linears(sides, end), quadratics(bent, end)
         most = max(1, int((ENOUGH / regions.count) ** 0.5))
         box = program.box
@@ -184,6 +192,7 @@ def _before(
         ),
         planes=planes,
         quadrics=quadrics.transpose(2, 0, 1),
+        higher=higher,
         veils=veils,
         has_hidden=bool(formula.hidden.any()),
     )

@@ -28,6 +28,7 @@ from halfstep.shader.source import (
     SHARED_BINDING,
     TEXTURE,
     VEIL_BINDINGS,
+    VEIL_HIGHERS_BINDING,
 )
 
 # The content of each binding, named in error messages. 5 and 6 are parts of the frame buffer.
@@ -69,6 +70,7 @@ _NAMES = {
     36: "copies in mirrors",
     37: "quadrics of copies in mirrors",
     38: "sides of surfaces that solids share",
+    39: "surfaces of copies before lights, of an order above two",
 }
 # A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
 Binding = tuple[GpuBuffer, int, int] | object
@@ -235,10 +237,15 @@ def _of_light(packed: Packed) -> dict[int, Array]:
             found |= dict(zip(BODY_CELLS_BINDINGS, packed.mirrors.reflected.arrays, strict=True))
     if packed.shadows is not None:
         found |= dict(zip(SHADOW_BINDINGS, packed.shadows.arrays, strict=True))
-        if packed.shadows.casters is not None:
-            found[CASTERS_BINDING] = packed.shadows.casters
-        if packed.shadows.formulas is not None:
-            found[CAST_FORMULAS_BINDING] = packed.shadows.formulas.records
+        formulas = packed.shadows.formulas
+        found |= _there(CASTERS_BINDING, packed.shadows.casters)
+        found |= _there(CAST_FORMULAS_BINDING, None if formulas is None else formulas.records)
     if packed.veils is not None:
         found |= dict(zip(VEIL_BINDINGS, packed.veils.arrays, strict=True))
+        found |= _there(VEIL_HIGHERS_BINDING, packed.veils.higher)
     return found
+
+
+def _there(number: int, records: Records | None) -> dict[int, Array]:
+    """The content of a binding, if there is one."""
+    return {} if records is None else {number: records}

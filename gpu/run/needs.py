@@ -44,7 +44,10 @@ def needs_of(
     algebraic = [each for each in (packed.polynomials, packed.expressions) if each is not None]
     reflected = None if packed.mirrors is None else packed.mirrors.reflected
     others = [each for each in (veils, reflected) if each is not None]
-    most_surfaces = max((each.most_surfaces for each in others), default=0)
+    most_surfaces = max(
+        0 if veils is None else veils.most_crossings,
+        0 if reflected is None else reflected.most_surfaces,
+    )
     levels = max((each.levels for each in others), default=0)
     return Needs(
         classes=packed.present,
@@ -66,7 +69,10 @@ def needs_of(
         pairs=0 if regions is None else regions.pairs,
         higher_polynomials=bool((is_formula == 0).any()),
         higher_formulas=bool((is_formula == 1).any()),
-        degree=0 if packed.polynomials is None else packed.polynomials.degree,
+        degree=max(
+            0 if packed.polynomials is None else packed.polynomials.degree,
+            0 if veils is None else veils.degree,
+        ),
         shadows=0 if shadows is None else len(shadows.views),
         bounces=0 if packed.mirrors is None else packed.mirrors.bounces,
         far_lights=0 if shadows is None else shadows.far_lights,
@@ -80,6 +86,7 @@ def needs_of(
         flush=packed.shared is not None,
         many=shadows is not None and shadows.many,
         veils=veils is not None,
+        veil_pairs=0 if veils is None else veils.pairs,
         parallel=packed.setup.view.parallel,
         programs=() if packed.expressions is None else packed.expressions.programs,
         numbers=0 if packed.expressions is None else packed.expressions.numbers,

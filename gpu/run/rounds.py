@@ -26,7 +26,7 @@ from halfstep.contract.powers import (
 )
 from halfstep.contract.regions import PackedRegions
 from halfstep.contract.stretches import rows_of
-from halfstep.contract.veils import PackedVeils
+from halfstep.contract.veils import PackedVeils, rounds_of_higher
 from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import Needs
@@ -231,17 +231,24 @@ def _rounds_of_boxes(needs: Needs, veils: PackedVeils) -> int:
 
 def _rounds_of_all(needs: Needs, veils: PackedVeils) -> int:
     """The most rounds for all veils of all lights, as the shader counts them."""
-    records = veils.records
-    flat, curved = records["flat_count"].astype(np.int64), records["curved_count"].astype(np.int64)
-    # As in `rounds_of_regions`.
-    looks = 2 * curved + flat + 2
-    return int((flat + curved + 6 + _walks_of_veils(needs) * looks * _rounds_of_look(veils)).sum())
+    flat, curved, higher = _counts_of_veils(veils)
+    # As in `rounds_of_regions`. A surface of an order above two may be crossed at each of its ends,
+    # and for certificates in other places.
+    looks = 2 * curved + flat + 2 * veils.pairs * higher + 2
+    looks = _walks_of_veils(needs) * looks * _rounds_of_look(veils)
+    return int((flat + curved + 6 + rounds_of_higher(veils.pairs) * higher + looks).sum())
 
 
 def _rounds_beyond(needs: Needs, veils: PackedVeils) -> int:
     """The most rounds that a veil takes after the rounds for veils have run out."""
-    surfaces = veils.records["flat_count"] + veils.records["curved_count"]
+    flat, curved, higher = _counts_of_veils(veils)
+    surfaces = flat + curved + rounds_of_higher(veils.pairs) * higher
     return int((surfaces + 6 + _walks_of_veils(needs) * _rounds_of_look(veils)).max())
+
+
+def _counts_of_veils(veils: PackedVeils) -> list[Ints]:
+    """The planes, quadrics and other surfaces (N,) of each veil."""
+    return [veils.records[f"{of}_count"].astype(np.int64) for of in ("flat", "curved", "higher")]
 
 
 def _rounds_of_look(veils: PackedVeils) -> Ints:
@@ -250,8 +257,12 @@ def _rounds_of_look(veils: PackedVeils) -> Ints:
 
 
 def _walks_of_veils(needs: Needs) -> int:
-    """How many walks there are through a veil: a light inside needs another one."""
-    return needs.quads * (2 if "encloses" in needs.facts else 1)
+    """How many walks there are through a veil: a light inside needs another one.
+
+    Two more tell whether the answer of each is certain.
+    """
+    walks = 2 if "encloses" in needs.facts else 1
+    return needs.quads * walks * (3 if {"veil_higher", "error"} <= needs.facts else 1)
 
 
 def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:

@@ -156,7 +156,7 @@ class Band:
         dark = shadows.find_shadows(
             hidden, nearest, points, beams, self._facts, self._packed.shared, of_copies
         )
-        if {"casters", "error"} <= self._facts:
+        if "shadow_doubts" in self._facts:
             nearest = shadows.doubted_where(dark, nearest)
         return nearest._replace(dark=dark.bits)
 

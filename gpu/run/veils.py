@@ -4,7 +4,7 @@ The shader counts the rounds that it takes for veils. An invocation that has too
 veils, and says so in the output ``unfinished``. Then the frame is rendered again and again, each
 time with some of the veils, and what those before hide stays in the frame buffer. What hides a
 light from a point does so whatever else is tried, so the bits do not depend on the parts. The last
-rendering has all bits, and so it has the colours.
+rendering has all bits, and so it has the colours. Doubts are joined here.
 """
 
 from __future__ import annotations
@@ -51,12 +51,16 @@ def draw_all(
     in_parts = replace(needs, outputs=needs.outputs | {"shadow"}, continued=True)
     times, waiting = [drawn[1]], halves(0, len(packed.veils.records))
     is_first = True
+    doubt = drawn[0].get("doubt")
     while waiting:
         first, end = waiting.pop()
         part = replace(packed, veils=only(packed.veils, first, end))
         drawn = draw(part, in_parts, is_first)
         times.append(drawn[1])
         is_first = False
+        if doubt is not None:
+            # What one part is not certain of is uncertain, whatever the others say.
+            doubt = drawn[0]["doubt"] = np.minimum(doubt, drawn[0]["doubt"])
         if _is_finished(drawn):
             continue
         if end - first == 1:

@@ -93,8 +93,8 @@ def shadow_faults(scene: Fragment, has_shadows: Sequence[bool]) -> list[Fault]:
     faults: list[Fault] = []
     if len(lights) > MAX_SHADOWS:
         faults.append((("light",), f"{len(lights)} with shadows is not <= {MAX_SHADOWS}"))
-    if next(_shapes_of_cells(scene, ()), None) is not None:
-        kind = "cells of tori and formulas"
+    if not all(shape.has_polynomial for _, shape in _shapes_of_cells(scene, ())):
+        kind = "cells of formulas that are no polynomials"
         text = f"true: shadows are not drawn of {kind} yet, and the scene has some"
         faults += [(("light", index, "shadows"), text) for index in lights]
     return [*faults, *_of_parts(scene, ())]

@@ -160,12 +160,14 @@ def fetches(needs: Needs) -> str:
     if needs.has_formulas:
         record = EXPRESSION.counted(NUMBERS=needs.numbers)
         functions.append(_record_at(needs, record, "expressions", "expression"))
-    if "casters" in needs.facts:
-        record = CASTER.counted(CASTER_TERMS=caster_terms(needs.degree))
-        functions.append(_record_at(needs, record, "casters", "caster"))
-    if "body_polynomials" in needs.facts:
-        record = CASTER.counted(CASTER_TERMS=caster_terms(needs.degree))
-        functions.append(_record_at(needs, record, "body_polynomials", "body_polynomial"))
+    for fact, array in (
+        ("casters", "casters"),
+        ("body_polynomials", "body_polynomials"),
+        ("veil_higher", "veil_highers"),
+    ):
+        if fact in needs.facts:
+            record = CASTER.counted(CASTER_TERMS=caster_terms(needs.degree))
+            functions.append(_record_at(needs, record, array, array.removesuffix("s")))
     if "cast_formulas" in needs.facts:
         record = EXPRESSION.counted(NUMBERS=needs.numbers)
         functions.append(_record_at(needs, record, "cast_formulas", "cast_formula"))

@@ -82,6 +82,7 @@ class Needs:
     cast_formulas: bool = False  # an occluder has a formula that is not a polynomial
     many: bool = False  # a light has so many occluders that groups of boxes pay
     veils: bool = False  # a copy of a group of cells may hide a light
+    veil_pairs: int = 0  # the most pairs of ends of a surface of such a copy of an order above two
     veil_rounds: int = 0  # loop rounds after which no more veils are tried; 0: all are tried
     judges: bool = False  # the shader asks integers about listed quads, and draws nothing
     continued: bool = False  # `shadow` in the frame buffer has what other veils hide
@@ -105,17 +106,7 @@ class Needs:
             wanted |= {"gloss"} if self.shininess_bits else set()
             wanted |= {"point_lights"} if self.point_lights else set()
         if self.shadows and self.outputs & {"image", "color", "shadow"}:
-            wanted.add("shadows")
-            wanted |= {"lamps"} if self.far_lights < self.shadows else set()
-            wanted |= {"encloses"} if self.encloses else set()
-            wanted |= {"curves"} if self.curves else set()
-            wanted |= {"round"} if self.curves and self._shows_quadrics else set()
-            wanted |= {"casters", "cast_polynomials"} if self.cast_polynomials else set()
-            wanted |= {"casters", "cast_formulas"} if self.cast_formulas else set()
-            wanted |= {"veils"} if self.veils else set()
-            wanted |= {"counted"} if self.veils and self.veil_rounds else set()
-            wanted |= {"continued"} if self.continued else set()
-            wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
+            wanted |= self._facts_of_shadows
         if self.bounces and self.outputs & {"image", "color"}:
             wanted.add("mirrors")
             wanted |= {"placed", "body_polynomials"} if self.body_polynomials else set()
@@ -140,6 +131,25 @@ class Needs:
         if not STRETCHED.isdisjoint(self.classes):
             wanted.add("stretches")
         return frozenset(wanted)
+
+    @property
+    def _facts_of_shadows(self) -> set[str]:
+        """The facts about lights with shadows, where these are needed."""
+        wanted = {"shadows"}
+        wanted |= {"lamps"} if self.far_lights < self.shadows else set()
+        wanted |= {"encloses"} if self.encloses else set()
+        wanted |= {"curves"} if self.curves else set()
+        wanted |= {"round"} if self.curves and self._shows_quadrics else set()
+        wanted |= {"casters", "cast_polynomials"} if self.cast_polynomials else set()
+        wanted |= {"casters", "cast_formulas"} if self.cast_formulas else set()
+        wanted |= {"veils"} if self.veils else set()
+        wanted |= {"veil_higher"} if self.veil_pairs else set()
+        if "error" in self.outputs and wanted & {"casters", "veil_higher"}:
+            wanted.add("shadow_doubts")
+        wanted |= {"counted"} if self.veils and self.veil_rounds else set()
+        wanted |= {"continued"} if self.continued else set()
+        wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
+        return wanted
 
     @property
     def _shows_quadrics(self) -> bool:

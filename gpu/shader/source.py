@@ -45,7 +45,7 @@ from halfstep.contract.powers import (
 from halfstep.contract.shadows import GROUP
 from halfstep.contract.srgb import SRGB_ENTRIES
 from halfstep.contract.stages import STAGES, VISITS, Kind, files_of
-from halfstep.contract.veils import VEIL_STEPS
+from halfstep.contract.veils import VEIL_STEPS, rounds_of_higher
 from halfstep.shader.expand import expand
 from halfstep.shader.fetch import (
     FETCHED,
@@ -88,6 +88,8 @@ CAST_FORMULAS_BINDING = CASTERS_BINDING + 2
 BODY_CELLS_BINDINGS = range(CASTERS_BINDING + 3, CASTERS_BINDING + 3 + len(REFLECTED_RECORDS))
 # The binding for sides of surfaces that solids share.
 SHARED_BINDING = BODY_CELLS_BINDINGS.stop
+# The binding for forms of surfaces of copies that may hide lights.
+VEIL_HIGHERS_BINDING = SHARED_BINDING + 1
 
 # The type of a binding that is a texture.
 TEXTURE = "texture"
@@ -155,7 +157,8 @@ def _definitions(needs: Needs) -> list[Definition]:
 def _expanded(needs: Needs, name: str) -> str:
     """The expanded text of a stage."""
     terms = caster_terms(needs.degree)
-    bounds = {"DEGREE": needs.degree, "PAIRS": needs.pairs, "CASTER_TERMS": terms}
+    pairs = max(needs.pairs, needs.veil_pairs)
+    bounds = {"DEGREE": needs.degree, "PAIRS": pairs, "CASTER_TERMS": terms}
     bounds["BROADCAST"] = needs.broadcast
     return expand(stage(name), needs.facts, needs.quads, bounds)
 
@@ -195,7 +198,10 @@ def constants(needs: Needs) -> str:
         "DEGREE": (needs.degree, "the highest degree of a polynomial"),
         "TERMS": (term_count(needs.degree), "terms of a polynomial"),
         "CASTER_TERMS": (caster_terms(needs.degree), "terms of a polynomial in x, y and z"),
-        "PAIRS": (needs.pairs, "the most pairs of ends of a surface of an order above two"),
+        "PAIRS": (
+            max(needs.pairs, needs.veil_pairs),
+            "the most pairs of ends of a surface of an order above two",
+        ),
         "NUMBERS": (needs.numbers, "constants that a formula has room for"),
         "CLOCKS": (CLOCKS, "the most cells that a pixel tries"),
         "SEARCH_HALVINGS": (SEARCH_HALVINGS, "the most halvings of a search in integers"),
@@ -213,6 +219,10 @@ def constants(needs: Needs) -> str:
         "MIRROR_STEPS": (MIRROR_STEPS, "halvings for a ray from a mirror"),
         "CAST_STEPS": (CAST_STEPS, "halvings of the rest of a ray to a light"),
         "VEIL_STEPS": (VEIL_STEPS, "halvings for a crossing of a veil"),
+        "HIGHER_ROUNDS": (
+            rounds_of_higher(needs.veil_pairs),
+            "the most rounds that a surface of an order above two takes of a veil",
+        ),
         **{name: (getattr(program, name), "of a word of a program") for name in WORD},
     }
     for slot, klass in enumerate(needs.classes):
@@ -252,12 +262,14 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[HIGHERS_BINDING] = "read-only-storage"
     if needs.programs:  # likewise
         types[EXPRESSIONS_BINDING] = _read_from("expressions" in textures)
-    if "casters" in needs.facts:
-        types[CASTERS_BINDING] = _read_from("casters" in textures)
-    if "body_polynomials" in needs.facts:
-        types[BODY_POLYNOMIALS_BINDING] = _read_from("body_polynomials" in textures)
-    if "cast_formulas" in needs.facts:
-        types[CAST_FORMULAS_BINDING] = _read_from("cast_formulas" in textures)
+    for fact, number, name in (
+        ("casters", CASTERS_BINDING, "casters"),
+        ("body_polynomials", BODY_POLYNOMIALS_BINDING, "body_polynomials"),
+        ("cast_formulas", CAST_FORMULAS_BINDING, "cast_formulas"),
+        ("veil_higher", VEIL_HIGHERS_BINDING, "veil_highers"),
+    ):
+        if fact in needs.facts:
+            types[number] = _read_from(name in textures)
     types |= {number: _read_from(name in textures) for number, (name, _) in _placed(needs).items()}
     return types
 
@@ -330,6 +342,7 @@ def bindings(needs: Needs) -> str:
             "Caster",
         ),
         ("cast_formulas" in needs.facts, CAST_FORMULAS_BINDING, "cast_formulas", "Expression"),
+        ("veil_higher" in needs.facts, VEIL_HIGHERS_BINDING, "veil_highers", "Caster"),
     )
     for is_there, number, name, type_ in special:
         if is_there:

@@ -4,15 +4,17 @@ The rest of a ray is its part in the box of the solid. Let s run along it, from 
 2. F(s) is a polynomial, and the light
 is hidden if F <= 0 somewhere. Cells of s are tried as in ``cells``, but it suffices that F < 0 at
 the end of one. If the ray begins on F, one root is known: F is s times another polynomial, which is
-tried in its place. Its value at 0, the slope of F there, tells whether the surface faces the light.
+tried in its place. Its value at 0, the slope of F there, tells whether the surface faces the light;
+where that is not certain, neither is the shadow.
 The error of the point's position puts it on F = constant, beside its surface. No sign asks for that
 constant.
 
 *Roundings.* Let ε = 2^-24. The size of a polynomial is the sum of the magnitudes of its terms.
 With Horner's rule in z, y and x, a term of F passes at most 3 d + 1 roundings, and in a cell
 3 d + 4 more, as in ``taylor``. So the error of F is at most ε (6 d + 5) times its size. That holds
-for the ray as float32 has it. Its points are off by some ε of the box. The point at which it begins
-is off by more, 2^-16 of its solid's interval: signs that this changes are the edge of a shadow.
+for the ray as float32 has it. Its points are off by some ε of the terms that they are sums of; this
+counts for the slope where the ray begins (`slope_size`). The point at which it begins is off by
+more, 2^-16 of its solid's interval: signs that this changes are the edge of a shadow.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from halfstep.contract.layout import Shade
 from halfstep.contract.powers import CAST_STEPS, CLOCKS, solid_degree
 from halfstep.twin.algebraic import chord_of, line_place
 from halfstep.twin.cells import Cell, cells_from, judged_of, next_cell, span_of
-from halfstep.twin.lanes import U32, Bools
+from halfstep.twin.lanes import F32, U32, Bools
 from halfstep.twin.piece import Piece
 from halfstep.twin.rays import Ray
 from halfstep.twin.shadow import curve_along, whole_ray
@@ -38,6 +40,7 @@ from halfstep.twin.trace import (
     boxed_way,
     far_trace,
     lamp_trace,
+    longest_change,
     moved_trace,
     size_of_track,
 )
@@ -61,8 +64,9 @@ class Cast(NamedTuple):
     """What a solid of an order above two does to a light."""
 
     faces: Bools  # F rises towards the light
+    faced: Bools  # that is certain
     met: Bools  # F <= 0 somewhere on the rest of the ray; where that is asked, F >= 0
-    sure: Bools  # that is certain
+    sure: Bools  # the latter is certain
 
 
 def powers_along(k: NDArray[np.float32], x: Track, y: Track, z: Track) -> Powers:
@@ -90,6 +94,18 @@ def powers_along(k: NDArray[np.float32], x: Track, y: Track, z: Track) -> Powers
 def sizes_along(k: NDArray[np.float32], x: Track, y: Track, z: Track) -> Powers:
     """Sums of the magnitudes of the terms that ``powers_along`` sums."""
     return powers_along(np.abs(k), size_of_track(x), size_of_track(y), size_of_track(z))
+
+
+def slope_size(caster: np.void, trace: Trace) -> F32:
+    """The error of the slope of F from that of points, where u = 0, over ``rounding``.
+
+    The slope changes with the way along the ray, and with the place by at most the second
+    derivative of F.
+    """
+    bend = np.float32(solid_degree(len(caster["terms"])) - 1) * longest_change(trace)
+    sizes = (track.along_size + bend * track.level_size for track in trace)
+    x, y, z = (size * off for size, off in zip(sizes, caster["off"], strict=True))
+    return (x + y) + z
 
 
 def rest_of_powers(p: Powers, some: Bools) -> Powers:
@@ -176,6 +192,8 @@ def cast_of(caster: np.void, rest: Rest, encloses: Bools, on_curve: Bools, turne
     powers = powers_along(caster["terms"], *rest.trace)
     sizes = sizes_along(caster["terms"], *rest.trace)
     faces = powers[1] > 0
+    off = slope_size(caster, rest.trace)
+    faced = np.abs(powers[1]) > caster["rounding"] * (sizes[1] + off)
     # What is turned away from the light is dark whatever else stands there.
     some = rest.some & ~(on_curve & (faces == (turned > 0)))
     of_own = np.where(is_sheet, turned > 0, turned == 1)
@@ -194,6 +212,7 @@ def cast_of(caster: np.void, rest: Rest, encloses: Bools, on_curve: Bools, turne
     clear = np.abs(curve.powers[0]) > curve_error(curve, np.zeros_like(powers[0]))
     return Cast(
         faces=faces,
+        faced=faced,
         met=inside | cell.met | rest.beside,
         sure=np.where(inside, clear, cell.sure) | ~some,
     )

@@ -124,6 +124,7 @@ def cast_formula_of(
     turned_away = asked & ~some & has_slope(first)
     return Cast(
         faces=faces,
+        faced=has_slope(first),
         met=begins_below | found.cell.met | (some & found.perhaps) | rest.beside,
         sure=(fits & (surely_below | (some & (met | passed)) | turned_away)) | ~asked,
     )

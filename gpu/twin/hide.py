@@ -166,7 +166,7 @@ def hide(
         again = on_f & found.met
         hidden = found.met
         leaves |= found.met
-        unsure = ~found.sure & casts
+        unsure = (~found.sure & casts) | (on_f & ~found.faced)
         # Both sides of a sheet are outer sides.
         enclosed = np.where(caster["sheet"] > 0, again, enclosed)
     hidden = np.where(is_flush, again, hidden)

@@ -14,9 +14,9 @@ import numpy as np
 from halfstep.contract.arrays import Records
 from halfstep.contract.shadows import PackedShadows
 from halfstep.twin.flush import sides_seen
-from halfstep.twin.hide import hide, rays_to_light, turn_away
+from halfstep.twin.hide import Hidden, hide, rays_to_light, turn_away
 from halfstep.twin.keep import Nearest
-from halfstep.twin.lanes import F32, I32, U32, Bools
+from halfstep.twin.lanes import F32, I32, U32
 from halfstep.twin.mirror import NO_BODY, is_left
 from halfstep.twin.nearest import FIRST, either_key
 from halfstep.twin.place import NO_POINT, Point, is_own
@@ -93,7 +93,7 @@ def find_shadows(
     beams: Any,
     facts: Collection[str],
     shared: Records | None = None,
-    veils: Callable[[int], Bools] | None = None,
+    veils: Callable[[int], Hidden] | None = None,
 ) -> Dark:
     """The bits of lights that are hidden from the points, or that the points are turned away from.
 
@@ -104,7 +104,8 @@ def find_shadows(
         beams: the module of rays of the number format.
         facts: the facts of the frame.
         shared: sides of surfaces that solids share, if there are some.
-        veils: the pixels from which copies of groups hide a light, by its number.
+        veils: the pixels from which copies of groups hide a light, by its number, and those where
+            that is not certain.
     """
     some = nearest.surface > 0
     unsure = np.zeros(some.shape, np.uint32)
@@ -117,7 +118,9 @@ def find_shadows(
             dark = dark | np.where(some & hidden.dark, view["bit"], np.uint32(0))
             unsure = unsure | np.where(some & hidden.unsure, view["bit"], np.uint32(0))
         if veils is not None:
-            dark = dark | np.where(some & veils(number), view["bit"], np.uint32(0))
+            by_copies = veils(number)
+            dark = dark | np.where(some & by_copies.dark, view["bit"], np.uint32(0))
+            unsure = unsure | np.where(some & by_copies.unsure, view["bit"], np.uint32(0))
     return Dark(dark, unsure)
 
 

@@ -7,18 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from halfstep.contract.arrays import Array
-from halfstep.contract.layout import Shade
+from halfstep.contract.layout import HIGHER, Shade
 from halfstep.contract.program import GROUP
 from halfstep.contract.veils import VEIL_STEPS, PackedVeils
-from halfstep.twin.crossings import Crossing
+from halfstep.twin.cross_higher import kept_ends
+from halfstep.twin.crossings import EYE_UNKNOWN, Crossing
+from halfstep.twin.hide import Hidden
+from halfstep.twin.higher import all_crossed
 from halfstep.twin.keep import Nearest
-from halfstep.twin.lanes import I32, Bools
+from halfstep.twin.lanes import F32, I32, Bools
 from halfstep.twin.place import Point, beam_of, is_own, point_from
 from halfstep.twin.rays import Ray
 from halfstep.twin.region import shows_surface
@@ -38,8 +41,17 @@ from halfstep.twin.veil import (
     veil_curve,
     veil_line,
 )
+from halfstep.twin.veil_higher import (
+    VEIL_LAST_STEP,
+    course_of,
+    curve_ahead,
+    faced_side,
+    found_ends,
+    knows_side,
+    unsure_ends,
+)
 from halfstep.twin.walk import ANY_CELL, Path
-from halfstep.twin.walks import look
+from halfstep.twin.walks import Crossed, look
 
 
 def holds_ahead(
@@ -58,6 +70,106 @@ def holds_ahead(
         q = np.where(goes, np.where(holds, until, ~until), q)
 
 
+def sought(caster: np.void) -> np.void:
+    """What a search along a course asks of a surface."""
+    record = np.zeros(1, HIGHER.dtype())
+    record["pairs"], record["eye"] = caster["pairs"], EYE_UNKNOWN
+    record["start"], record["stop"] = -1.0, 1.0
+    return record[0]
+
+
+class Begun(NamedTuple):
+    """Where rays begin, and what is known of the surface of a copy on which they do."""
+
+    own: Bools  # of the copy
+    found: Bools  # it is among the surfaces
+    faces: Bools  # the ray leaves the region through it
+    known: Bools  # that is certain
+    begin: I32  # the first grid point ahead
+
+
+def _began(old: Begun, on_it: Bools, faced: Bools, value: F32, slope: F32) -> Begun:
+    """With what is known of one more surface, which rays are on in some pixels.
+
+    ``value`` is its F where a ray begins, and ``slope`` the change of it.
+    """
+    further = points_to_surface(value, slope)
+    return old._replace(
+        found=old.found | on_it,
+        faces=old.faces | (on_it & faced),
+        begin=old.begin + np.where(on_it, further, np.int32(0)),
+    )
+
+
+def _lower_crossed(
+    veil: np.void, veils: PackedVeils, listed: Array, ray: Ray, nearest: Nearest, old: Begun
+) -> tuple[list[Crossing], Begun]:
+    """The crossings of the planes and quadrics of a veil."""
+    at_lamp = bool(int(veils.copies[int(veil["copy"])]["flags"]) & Shade.AT_LAMP)
+    whole, side, crossings = whole_ray(ray), nearest.met.side, []
+    flat_count = int(veil["flat_count"])
+    for number in listed[:flat_count].tolist():
+        line = veil_line(veils.flat[int(veil["flat_start"]) + number], ray)
+        on_line = old.own & shows_surface(nearest.met, number)
+        ahead = line_ahead(line, on_line)
+        value = line.b * ray.c_in + line.c
+        old = _began(old, on_line, is_faced(ahead, side, whole), value, line.b)
+        crossings.append(flat_crossed(ahead))
+    for number in listed[flat_count:][: int(veil["curved_count"])].tolist():
+        row = int(veil["curved_start"]) + number - int(veil["planes"])
+        form = veil_curve(veils.curved[row], ray)
+        on_curve = old.own & shows_surface(nearest.met, number)
+        rest = rest_of(form, ray, at_lamp)
+        slope = rest.b * ray.c_in + rest.c
+        value = value_at_start(form, ray)
+        old = _began(old, on_curve, is_faced(rest, side, whole), value, slope)
+        crossings.append(curve_crossed(form_ahead(form, rest, on_curve)))
+    return crossings, old
+
+
+class Crossings(NamedTuple):
+    """Crossings of surfaces of a veil of an order above two, and where they are certain."""
+
+    found: list[Crossing]
+    surely: list[Crossing]
+    perhaps: list[Crossing]
+
+
+def _higher_crossed(
+    veil: np.void,
+    veils: PackedVeils,
+    listed: Array,
+    ray: Ray,
+    nearest: Nearest,
+    old: Begun,
+    facts: Collection[str],
+) -> tuple[Crossings, Begun]:
+    """The crossings of the surfaces of a veil of an order above two."""
+    at_lamp = bool(int(veils.copies[int(veil["copy"])]["flags"]) & Shade.AT_LAMP)
+    all_of = Crossings([], [], [])
+    before = int(veil["flat_count"]) + int(veil["curved_count"])
+    for number in listed[before:][: int(veil["higher_count"])].tolist():
+        assert veils.higher is not None
+        caster = veils.higher[int(veil["higher_start"]) + number - int(veil["lower"])]
+        on_curve = old.own & shows_surface(nearest.met, number)
+        asked = np.ones(on_curve.shape, bool)
+        course = course_of(caster, ray, asked, on_curve, at_lamp)
+        ahead = curve_ahead(caster, course, on_curve)
+        curve, pairs = ahead.curve, int(caster["pairs"])
+        faced = faced_side(curve, nearest.met.side)
+        old = _began(old, on_curve, faced, ahead.value * course.half, curve.powers[0])
+        old = old._replace(known=old.known & (~on_curve | knows_side(curve)))
+        search = sought(caster), course.some, VEIL_STEPS, VEIL_LAST_STEP, 2 * pairs, facts
+        trail = all_crossed(curve, *search)
+        found = found_ends(trail.found, course)
+        surely = unsure_ends(trail.surely, course, perhaps=False)
+        perhaps = unsure_ends(trail.perhaps, course, perhaps=True)
+        all_of.found.extend(kept_ends(found, pairs, VEIL_STEPS, reopens=True))
+        all_of.surely.extend(kept_ends(surely, pairs, VEIL_STEPS, reopens=False))
+        all_of.perhaps.extend(kept_ends(perhaps, pairs, VEIL_STEPS, reopens=True))
+    return all_of, old
+
+
 def draw_veil(
     veil: np.void,
     veils: PackedVeils,
@@ -65,7 +177,8 @@ def draw_veil(
     ray: Ray,
     begin: I32,
     nearest: Nearest,
-) -> Bools:
+    facts: Collection[str],
+) -> Hidden:
     """The pixels from which a copy hides the light, among those behind the veil.
 
     Args:
@@ -75,45 +188,61 @@ def draw_veil(
         ray: the ray from each point to the light.
         begin: the first grid point ahead of each point.
         nearest: the points; ``met`` counts only for points of regions.
+        facts: the facts of the frame.
     """
     copy = veils.copies[int(veil["copy"])]
     flags = int(copy["flags"])
     casts, encloses = bool(flags & Shade.CASTS), bool(flags & Shade.ENCLOSES)
-    at_lamp = bool(flags & Shade.AT_LAMP)
-    listed = words[int(veil["list_start"]) :]
-    flat_count, curved_count = int(veil["flat_count"]), int(veil["curved_count"])
     own = is_own(nearest.surface, copy["first"], copy["count"])
-    found, faces = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
-    whole, side = whole_ray(ray), nearest.met.side
-    crossings = []
-    for number in listed[:flat_count].tolist():
-        line = veil_line(veils.flat[int(veil["flat_start"]) + number], ray)
-        on_line = own & shows_surface(nearest.met, number)
-        ahead = line_ahead(line, on_line)
-        found, faces = found | on_line, faces | (on_line & is_faced(ahead, side, whole))
-        further = points_to_surface(line.b * ray.c_in + line.c, line.b)
-        begin = begin + np.where(on_line, further, np.int32(0))
-        crossings.append(flat_crossed(ahead))
-    for number in listed[flat_count : flat_count + curved_count].tolist():
-        row = int(veil["curved_start"]) + number - int(veil["planes"])
-        form = veil_curve(veils.curved[row], ray)
-        on_curve = own & shows_surface(nearest.met, number)
-        rest = rest_of(form, ray, at_lamp)
-        found, faces = found | on_curve, faces | (on_curve & is_faced(rest, side, whole))
-        slope = rest.b * ray.c_in + rest.c
-        further = points_to_surface(value_at_start(form, ray), slope)
-        begin = begin + np.where(on_curve, further, np.int32(0))
-        bent = form_ahead(form, rest, on_curve)
-        crossings.append(curve_crossed(bent))
+    never, always = np.zeros(own.shape, bool), np.ones(own.shape, bool)
+    listed = words[int(veil["list_start"]) :]
+    start = Begun(own, never, never, always, begin)
+    lower, start = _lower_crossed(veil, veils, listed, ray, nearest, start)
+    higher, start = _higher_crossed(veil, veils, listed, ray, nearest, start, facts)
     program = words[int(veil["first_group"]) * GROUP : int(veil["end_group"]) * GROUP]
-    never = np.int32((1 << VEIL_STEPS) + 1)
-    path = Path(program, 0, 0, never, False, False, False, False)
-    met = holds_ahead(crossings, path, True, begin, veil["last"])
-    leaves = np.ones(own.shape, bool)
+    end = np.int32((1 << VEIL_STEPS) + 1)
+    path = Path(program, 0, 0, end, False, False, False, False)
+
+    def dark_by(met: Bools, leaves: Bools) -> Bools:
+        by_copy = is_hidden(nearest.turned, met, leaves) & casts
+        own_dark = is_away(start.faces, nearest.turned) | by_copy
+        return np.where(start.found, own_dark, met & leaves & casts)
+
+    crossings = [*lower, *higher.found]
+    met = holds_ahead(crossings, path, True, start.begin, veil["last"])
+    leaves = always
     if encloses:
-        leaves = holds_ahead(crossings, path, False, begin, veil["last"])
-    own_dark = is_away(faces, nearest.turned) | (is_hidden(nearest.turned, met, leaves) & casts)
-    return np.where(found, own_dark, met & leaves & casts)
+        leaves = holds_ahead(crossings, path, False, start.begin, veil["last"])
+    dark = dark_by(met, leaves)
+    if not higher.found or "error" not in facts:
+        return Hidden(dark, never)
+    doubts = [*crossings, *lower, *higher.surely, *lower, *higher.perhaps]
+    results = [always] * 4
+    for which in DOUBTS if encloses else DOUBTS[:2]:
+        own_path = doubting(path, which, len(crossings))
+        asked = which < PERHAPS_LEAVES
+        results[which] = holds_ahead(doubts, own_path, asked, start.begin, veil["last"])
+    may_be, surely = (dark_by(results[k], results[k + 2]) for k in (0, 1))
+    return Hidden(dark, (start.found & ~start.known) | (may_be != surely))
+
+
+# Walks that tell whether an answer is certain: does the region hold ahead, perhaps and surely; does
+# it not hold, perhaps and surely.
+PERHAPS_MEETS, SURELY_MEETS, PERHAPS_LEAVES, SURELY_LEAVES = DOUBTS = range(4)
+
+
+def doubting(path: Path, which: int, surfaces: int) -> Path:
+    """The input of such a walk, with so many crossings of each kind."""
+    over_cells = which in (PERHAPS_MEETS, PERHAPS_LEAVES)
+    low, high = Crossed.SURELY * surfaces, Crossed.PERHAPS * surfaces
+    is_wide = which in (PERHAPS_MEETS, SURELY_LEAVES)
+    return path._replace(
+        negative=high if is_wide else low,
+        positive=low if is_wide else high,
+        never=path.never - np.int32(over_cells),
+        over_cells=over_cells,
+        wider=which == PERHAPS_MEETS,
+    )
 
 
 def try_veils(
@@ -124,7 +253,7 @@ def try_veils(
     points: Point,
     beams: Any,
     facts: Collection[str],
-) -> Bools:
+) -> Hidden:
     """The pixels from which copies of groups hide a light.
 
     Args:
@@ -137,7 +266,7 @@ def try_veils(
         facts: the facts of the frame.
     """
     shape = nearest.surface.shape
-    dark = np.zeros(shape, bool)
+    dark, unsure = np.zeros((2, *shape), bool)
     view = veils.views[number]
     records = veils.records[view["first"] : view["end"]]
     for row, of_copy in groupby(records, key=lambda veil: int(veil["copy"])):
@@ -148,8 +277,10 @@ def try_veils(
                 own = Ray(*(part[behind][None] for part in ray))
                 begin = np.maximum(first[behind][None], veil["first"])
                 here = _some(nearest, behind)
-                dark[behind] |= draw_veil(veil, veils, words, own, begin, here)[0]
-    return dark
+                hidden = draw_veil(veil, veils, words, own, begin, here, facts)
+                dark[behind] |= hidden.dark[0]
+                unsure[behind] |= hidden.unsure[0]
+    return Hidden(dark, unsure)
 
 
 def _rays(
