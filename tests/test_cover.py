@@ -161,10 +161,12 @@ def test_tiles_have_short_stretches_and_some_are_left_out() -> None:
 
 @pytest.mark.parametrize("parallel", [False, True])
 def test_tiles_beside_a_ball_are_left_out(parallel: bool, rng: np.random.Generator) -> None:
+    gyroid = solid_of("gyroid", ball=True)
+    radius = gyroid["bounds"]["radius"]
     kept, size = np.zeros(2, int), np.array(SIZE)
     for _ in range(20):
         place = rng.uniform(-1, 1, 3)
-        scene = seen({**solid_of("gyroid", ball=True), "origin": place.tolist()}, (2.1, -3.2, 1.5))
+        scene = seen({**gyroid, "origin": place.tolist()}, (2.1, -3.2, 1.5))
         looks = {"orthographic_height": 5.0} if parallel else {"fov_degrees": 55.0}
         packed = prepare(with_overrides(scene, camera=looks))
         (boxes,), view = packed.setup.covered, packed.setup.view
@@ -172,7 +174,6 @@ def test_tiles_beside_a_ball_are_left_out(parallel: bool, rng: np.random.Generat
         i, j = np.meshgrid(*map(np.arange, size))
         away, along = view.eye + view.starts(i, j) - place, view.directions(i, j)
         off = np.linalg.norm(np.cross(away, along), axis=-1) / np.linalg.norm(along, axis=-1)
-        radius = scene.solids[0].box()[1][0]
         nearest = off.reshape(SIZE[1] // TILE, TILE, SIZE[0] // TILE, TILE).min(axis=(1, 3))
         found = boxes.disc.touched(0, nearest.shape)
         assert found[nearest <= radius].all()
