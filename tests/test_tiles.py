@@ -108,6 +108,9 @@ def test_sets_of_classes_that_many_tiles_see_are_frequent() -> None:
     starts = np.append(0, np.cumsum(seen)).astype(np.uint32)
     patch, both = (Class.PATCH,), (Class.ELLIPSOID, Class.PATCH)
     assert frequent_sets(starts, classes, classes) == [patch, (), both]
+    # What other shaders draw is not looked at, but counts among the tiles.
+    others = np.array([row == (0, 0, 0) for row in seen])
+    assert frequent_sets(starts, classes, classes, others) == [patch, both]
 
 
 def everything(
@@ -170,6 +173,26 @@ def test_what_a_tile_leaves_out_casts_no_doubt(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.usefixtures("adapter")
+def test_tiles_that_see_no_highlight_have_shaders_without(
+    composed: list[Needs], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figure = with_overrides(load("figure"), size=SIZE)
+    expected = halfstep.render(figure, backend="numpy", outputs=("color",)).color
+    with halfstep.Renderer(figure, outputs=("color",), backend="gpu") as renderer:
+        for _ in range(3):
+            np.testing.assert_array_equal(renderer.render().color, expected)
+        assert composed[0].shininess_bits > 0
+        assert {each.shininess_bits > 0 for each in composed} == {False, True}
+        # If all tiles went to the shaders without, nothing would shine.
+        monkeypatch.setattr(
+            parts,
+            "_shines",
+            lambda _, lists: tiles.blank_tiles(lists.starts, lists.classes) & False,
+        )
+        assert (renderer.render().color < expected).any()
+
+
+@pytest.mark.usefixtures("adapter")
 def test_what_stays_blank_is_not_rendered_again(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -212,8 +235,9 @@ def test_what_stays_blank_is_not_rendered_again(
             for name in outputs:
                 found, wanted = getattr(frame, name), getattr(expected[which], name)
                 assert np.array_equal(found, wanted, equal_nan=True), f"{turn}, {which}: {name}"
-    assert tiles_rendered[:2] == [whole, whole]
-    assert 0 < tiles_rendered[2] < whole - 20
+    # From the second frame on, tiles that see a highlight, then those that see none.
+    assert tiles_rendered[0] == sum(tiles_rendered[1:3]) == whole
+    assert 0 < sum(tiles_rendered[3:5]) < whole - 20
     assert sum(count < whole for count in tiles_rendered) > 20
 
 

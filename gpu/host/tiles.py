@@ -156,14 +156,21 @@ def _draws(known: Classes, klass: Class) -> bool:
     return klass in known or (klass in BEHIND_REGION and Class.REGION in known)
 
 
-def frequent_sets(starts: U32, classes: Classes, whole: Classes) -> list[Classes]:
-    """The sets of classes that many tiles see exactly, without the whole, most frequent first."""
-    sets, counts = np.unique(_seen(starts, classes), axis=0, return_counts=True)
+def frequent_sets(
+    starts: U32, classes: Classes, whole: Classes, left_out: NDArray[np.bool_] | None = None
+) -> list[Classes]:
+    """The sets of classes that many tiles see exactly, without the whole, most frequent first.
+
+    Tiles (T,) ``left_out``, by default none, are not looked at.
+    """
+    seen = _seen(starts, classes)
+    kept = seen if left_out is None else seen[~left_out]
+    sets, counts = np.unique(kept, axis=0, return_counts=True)
     often = np.argsort(-counts, kind="stable")[:MOST_SETS]
     found = [
         tuple(klass for klass, present in zip(classes, sets[ix], strict=True) if present)
         for ix in often
-        if counts[ix] * LEAST_SHARE >= counts.sum()
+        if counts[ix] * LEAST_SHARE >= len(seen)
     ]
     return [known for known in found if known != whole]
 

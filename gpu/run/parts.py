@@ -45,7 +45,7 @@ def parts_of(
     parts, pieces, end = [], [np.zeros((0, TILE_WORDS), np.uint32)], 0
     starts, classes = lists.starts, lists.classes
     for own, others in shared_out(shaders, packed, lists, left_out):
-        sets = own.sets(starts, classes)
+        sets = own.sets(starts, classes, others)
         for group in tile_groups(starts, classes, tiles_x, sets, others):
             for begin in range(0, len(group.records), MOST_WORKGROUPS):
                 piece = group.records[begin : begin + MOST_WORKGROUPS]
@@ -59,17 +59,39 @@ def parts_of(
 def shared_out(
     shaders: Shaders, packed: Packed, lists: Lists, left_out: Bools
 ) -> list[tuple[Shaders, Bools]]:
-    """Shaders, and the tiles (T,) that each leaves out: tiles may see no mirror.
+    """Shaders, and the tiles (T,) that each leaves out: tiles may see no mirror and no highlight.
 
-    Code for mirrors takes its time also where nothing reflects.
+    Code for mirrors and highlights takes its time also where nothing reflects or shines.
     """
-    plain = shaders.plain()
-    if plain is None or packed.locations is None:
-        return [(shaders, left_out)]
-    reflects = packed.locations["reflection"][lists.rows] > 0
-    before = np.concatenate([[0], np.cumsum(reflects)])
-    dull = np.diff(before[lists.starts[:: len(lists.classes)]]) == 0
+    shared = [(shaders, left_out)]
     blank = blank_tiles(lists.starts, lists.classes)
-    if np.count_nonzero(dull & ~blank) * LEAST_SHARE < len(dull):
-        return [(shaders, left_out)]
-    return [(shaders, left_out | dull), (plain, left_out | ~dull)]
+    while (plain := shaders.plain()) is not None:
+        lacks_mirrors = "mirrors" in shaders.needs.facts
+        dull = ~(_reflects if lacks_mirrors else _shines)(packed, lists)
+        if np.count_nonzero(dull & ~blank) * LEAST_SHARE < len(dull):
+            break
+        own, others = shared.pop()
+        shared += [(own, others | dull), (plain, others | ~dull)]
+        shaders = plain
+    return shared
+
+
+def _reflects(packed: Packed, lists: Lists) -> Bools:
+    """Whether tiles (T,) may see a mirror."""
+    if packed.locations is None:
+        return np.ones(len(blank_tiles(lists.starts, lists.classes)), bool)
+    return _any_of(packed.locations["reflection"][lists.rows] > 0, lists)
+
+
+def _shines(packed: Packed, lists: Lists) -> Bools:
+    """Whether tiles (T,) may see a highlight."""
+    shines = np.ones(len(lists.members), bool)
+    if lists.regions is None:
+        shines = packed.solids["specular"][lists.rows] > 0
+    return _any_of(shines, lists)
+
+
+def _any_of(members: Bools, lists: Lists) -> Bools:
+    """Whether some of the ``members`` of the lists are in those of each tile, (T,)."""
+    before = np.concatenate([[0], np.cumsum(members)])
+    return np.asarray(np.diff(before[lists.starts[:: len(lists.classes)]]) > 0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from halfstep.contract.arrays import U32
+from halfstep.contract.arrays import U32, Bools
 from halfstep.contract.classes import Class
 from halfstep.device.handles import GpuDevice
 from halfstep.host.tiles import Classes, frequent_sets
@@ -30,10 +30,12 @@ class Shaders:
         self._sets: list[Classes] | None = None
         self._store = store
         self._pipelines: dict[Classes, object] = {}
-        # Shaders without mirrors, for tiles of frames with mirrors that see none.
+        # Shaders without mirrors, or else without highlights, for tiles that see none.
         self._plain: Shaders | None = None
         if store.in_parts and "mirrors" in needs.facts:
             self._plain = store.of(replace(needs, bounces=0))
+        elif self._may_have_parts and "gloss" in needs.facts:
+            self._plain = store.of(replace(needs, shininess_bits=0))
 
     @property
     def compiles_later(self) -> bool:
@@ -42,9 +44,10 @@ class Shaders:
         return may_compile and not self._sets
 
     def plain(self) -> Shaders | None:
-        """The shaders for tiles that see no mirror; None if the same ones draw all tiles.
+        """The shaders for tiles that see no mirror, or if these have no mirrors, no highlight.
 
-        They have some of the bindings. The first frame uses one shader, as `sets` tells.
+        None if the same ones draw all tiles. They have some of the bindings. The first frame uses
+        one shader, as `sets` tells.
         """
         return None if self._plain is None or self._sets is None else self._plain.later()
 
@@ -54,10 +57,11 @@ class Shaders:
             self._sets = []
         return self
 
-    def sets(self, starts: U32, classes: Classes) -> list[Classes]:
+    def sets(self, starts: U32, classes: Classes, left_out: Bools) -> list[Classes]:
         """The classes of each shader of a frame, those of the one that draws all tiles last.
 
-        The lists begin at ``starts`` and are of ``classes``.
+        The lists begin at ``starts`` and are of ``classes``. Other shaders draw the tiles
+        ``left_out``.
 
         The first frame uses one shader, because compiling takes longer than rendering. On a
         software adapter the second frame picks the sets of classes that get their own shader.
@@ -69,7 +73,8 @@ class Shaders:
             self._sets = []
             return self._whole
         if not self._sets:
-            self._sets = [*frequent_sets(starts, classes, self.needs.classes), *self._whole]
+            often = frequent_sets(starts, classes, self.needs.classes, left_out)
+            self._sets = [*often, *self._whole]
         return self._sets
 
     def pipeline(self, classes: Classes) -> object:
