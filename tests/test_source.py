@@ -242,8 +242,7 @@ def test_no_built_in_leaves_the_device_a_choice(combined: set[str]) -> None:
         "round",
         "select",
     }
-    moved = {f"subgroup{name}" for name in ("Ballot", "Broadcast")}
-    moved |= {"textureLoad"}
+    moved = {"subgroupBroadcast", "textureLoad"}
     # Correctly rounded where bits are promised, as the canary sees.
     rounded = {"sqrt"}
     types = {"array", "f32", "i32", "i64", "u32", "u64", "vec2", "vec3", "vec4"}

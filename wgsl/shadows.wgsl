@@ -18,6 +18,12 @@ var<private> curve_0: u4;  // the number of the solid whose quadric is shown, or
 var<private> at_0: Vector;  // the point in the coordinates of boxes of a light
 // each quad
 var<private> behind_0: b4;  // the point is behind a lamp
+// each quad
+var<private> along_0: f4;  // the way along, or 1 seen from a lamp
+// each quad
+var<private> last_0: f4;  // 1, or 1 over the way along from a lamp
+// each quad
+var<private> open_0: b4;  // it is not known yet that the light does not reach the point
 
 // A box around points, in the coordinates of the boxes of a light.
 struct Around {
@@ -27,40 +33,63 @@ struct Around {
 
 const NOWHERE: Around = Around(vec3<f32>(BEYOND), vec3<f32>(-BEYOND));
 
-// What rounding adds to an affine function at most, as a part of the sum of its terms.
-const BY_ROUNDING: f32 = 0x1p-18f;
-
-// The least of four numbers.
-fn least(values: f4) -> f32 {
-  return min(min(values.x, values.y), min(values.z, values.w));
+// The lesser of two numbers, neither of them NaN: `min` takes llvmpipe three times as long.
+fn lesser(one: f32, other: f32) -> f32 {
+  return select(other, one, one < other);
 }
 
-// The box around the old one and some of four more points; points behind a lamp may be anywhere.
-fn joined(old: Around, at: Vector, some: b4, behind: b4) -> Around {
-  let open = some & behind;
+// The least of four numbers and one more.
+fn least(values: f4, more: f32) -> f32 {
+  return lesser(more, lesser(lesser(values.x, values.y), lesser(values.z, values.w)));
+}
+
+// The box around the old one and some of four more points.
+fn joined(old: Around, at: Vector, some: b4) -> Around {
   let none = f4(BEYOND);
-  let x = select(select(none, at.x, some), -none, open);
-  let y = select(select(none, at.y, some), -none, open);
-  let to_x = select(select(none, -at.x, some), -none, open);
-  let to_y = select(select(none, -at.y, some), -none, open);
-  let z = select(none, at.z, some);
-  let to_z = select(none, -at.z, some);
   return Around(
-    min(old.low, vec3<f32>(least(x), least(y), least(z))),
-    max(old.high, -vec3<f32>(least(to_x), least(to_y), least(to_z))),
+    vec3<f32>(
+      least(select(none, at.x, some), old.low.x),
+      least(select(none, at.y, some), old.low.y),
+      least(select(none, at.z, some), old.low.z),
+    ),
+    -vec3<f32>(
+      least(select(none, -at.x, some), -old.high.x),
+      least(select(none, -at.y, some), -old.high.y),
+      least(select(none, -at.z, some), -old.high.z),
+    ),
   );
 }
 
-// The box around the boxes of all invocations that fetch together, and around their rays.
-fn all_around(around: Around, is_far: bool) -> Around {
+// The box around the boxes of all invocations that fetch together, and around their rays. Points
+// behind a lamp may be anywhere.
+fn all_around(around: Around, is_far: bool, astray: bool) -> Around {
   var low = around.low;
   var high = around.high;
   low = least_of_all(low);
   high = -least_of_all(-high);
   // Rays to a lamp end there, also from behind it. Rays to a far light have no end.
   low.z = select(-BEYOND, low.z, is_far);
-  high.z = select(max(high.z, 0.0), BEYOND, is_far);
+  high.z = select(high.z, BEYOND, is_far);
+  low = vec3<f32>(select(low.xy, vec2<f32>(-BEYOND), astray), low.z);  //? lamps
+  high = vec3<f32>(select(high.xy, vec2<f32>(BEYOND), astray), high.z);  //? lamps
   return Around(low, high);
+}
+
+// Points in the coordinates of the boxes of a light. Boxes have room for the rounding.
+fn place_before(point: Point, light: LightView) -> Vector {
+  var from_origin = point;
+  let o = light.origin;  //? lamps
+  from_origin = point_from(point, o[0], o[1], o[2]);  //? lamps
+  let x = f4(from_origin.x);
+  let y = f4(from_origin.y);
+  let z = f4(from_origin.z);
+  let is_x = b4(light.axis == 0u);
+  let is_y = b4(light.axis == 1u);
+  let v = select(select(z, y, is_y), x, is_x) * f32(light.sign);
+  let next = select(select(x, z, is_y), y, is_x);
+  let last = select(select(y, x, is_y), z, is_x);
+  let shear = vec2<f32>(f32(light.shear_x), f32(light.shear_y)) * 0x1p-30f;
+  return Vector(next - shear.x * v, last - shear.y * v, v);
 }
 
 // Whether two boxes have a point in common.
@@ -91,39 +120,33 @@ fn find_points(location: Location, j: i32) {
 
 // The pixels in which a point is outside of a half-space of a solid, as the light is, and so is all
 // of the ray between them. Seen from a lamp, the affine function is the solid's over the way along.
-fn is_beyond(box: Box, at: Vector, is_far: b4) -> b4 {
+// The host makes it less by what rounding may add.
+fn is_beyond(box: Box, at: Vector, along: f4, last: f4) -> b4 {
   let k = box.lit;
-  let across = k[0] * at.x;
-  let down = k[1] * at.y;
-  let along = k[2] * at.z;
-  let terms = (abs(across) + abs(down)) + (abs(along) + abs(k[3]));
-  var beyond = (across + down) + (along + k[3]) > terms * BY_ROUNDING;
-  {  //? lamps
-    let slope = (across + down) + k[2];
-    let sizes = (abs(across) + abs(down)) + abs(k[2]);
-    let lowest = min(slope - sizes * BY_ROUNDING, f4(0.0)) * at.z;
-    beyond = select(lowest + k[3] > f4(abs(k[3]) * BY_ROUNDING), beyond, is_far);
-  }
-  return beyond;
+  return (k[0] * at.x + k[1] * at.y) + (k[2] * along + k[3] * last) > f4(0.0);
 }
 
 // The pixels in which a solid may hide a light: the point is in its box, not on one of its surfaces
 // that it never hides, and not beyond it.
-fn may_hide(box: Box, at: Vector, is_far: b4, behind: b4, surface: u4) -> b4 {
+fn may_hide(box: Box, at: Vector, along: f4, last: f4, behind: b4, surface: u4) -> b4 {
   let x = (at.x >= f4(box.low[0])) & (at.x <= f4(box.high[0]));
   let y = (at.y >= f4(box.low[1])) & (at.y <= f4(box.high[1]));
   var z = at.z <= f4(box.high[2]);
-  z = select(max(at.z, f4(0.0)) >= f4(box.low[2]), z, is_far);  //? lamps
+  z = z & (at.z >= f4(box.low[2]));  //? lamps
   let own = is_own(surface, box.first, box.count);
-  let within = behind | (x & y & !is_beyond(box, at, is_far));
-  return (surface > u4(0u)) & z & within & !own;
+  var within = x & y & !is_beyond(box, at, along, last);
+  within = within | behind;  //? lamps
+  return z & within & !own;
 }
 
 // Whether a solid may hide a light from a point of the invocations that fetch together.
-fn is_wanted(box: Box, is_far: b4) -> bool {
+fn is_wanted(box: Box) -> bool {
   var wanted = b4(false);
   // each quad
-  wanted = wanted | may_hide(box, at_0, is_far, behind_0, nearest_0.surface);
+  {
+    let may = may_hide(box, at_0, along_0, last_0, behind_0, nearest_0.surface);
+    wanted = wanted | (open_0 & may);
+  }
   return anywhere(wanted);
 }
 
@@ -133,13 +156,13 @@ fn touching(number: u32, end: u32, around: Around, other: Around) -> u32 {
   let box = box_alone(number + lane);
   var near = touches(box, around);
   near = near | touches(box, other);  //? many_shadows
-  return subgroupBallot(near & (number + lane < end)).x & ((1u << BROADCAST) - 1u);
+  return invocations_where(near & (number + lane < end));
 }
 
 // Tries the occluders that may hide a light from points, which lie in two boxes.
-fn try_occluders(light: LightView, is_far: b4, around: Around, other: Around) {
+fn try_occluders(light: LightView, around: Around, other: Around) {
   for (var t = light.first; t < light.end; t++) {  //? !broadcast
-    if is_wanted(box_at(t), is_far) {
+    if is_wanted(box_at(t)) {
       hide(occluder_at(t));
     }
   }
@@ -175,7 +198,7 @@ fn try_occluders(light: LightView, is_far: b4, around: Around, other: Around) {
         first_far = select(first_far, next, asked);
         next = select(next, next + GROUPED, asked);
         t = base + countTrailingZeros(found);
-        wanted = (found != 0u) & is_wanted(box_at(t), is_far);
+        wanted = (found != 0u) & is_wanted(box_at(t));
         found &= found - 1u;
         if wanted | ((found | groups | far_groups) == 0u) & (next >= count) {
           break;
@@ -193,7 +216,7 @@ fn try_occluders(light: LightView, is_far: b4, around: Around, other: Around) {
 }
 
 // Keeps which occluders of a light, of at most 64, may hide it from points.
-fn choose_occluders(number: u32, light: LightView, is_far: b4, around: Around) {
+fn choose_occluders(number: u32, light: LightView, around: Around) {
   var first = 0u;
   var second = 0u;
   let count = light.end - light.first;
@@ -211,7 +234,7 @@ fn choose_occluders(number: u32, light: LightView, is_far: b4, around: Around) {
     let found = select(second, first, in_first);
     let bit = found & ~(found - 1u);
     let place = countTrailingZeros(found) + select(32u, 0u, in_first);
-    let kept = select(0u, bit, is_wanted(box_at(light.first + place), is_far));
+    let kept = select(0u, bit, is_wanted(box_at(light.first + place)));
     first &= ~select(0u, bit, in_first);
     second &= ~select(bit, 0u, in_first);
     first_kept |= select(0u, kept, in_first);
@@ -289,43 +312,49 @@ fn find_shadows() {
   chosen_count = 0u;  //? broadcast & !many_shadows
   for (var ix = 0u; ix < SHADOWS; ix++) {
     let light = light_view_at(ix);
-    let o = light.origin;
-    var is_far = b4(true);
-    is_far = b4(ix < FAR_LIGHTS);  //? lamps
+    var is_far = true;
+    is_far = ix < FAR_LIGHTS;  //? lamps
     var around = NOWHERE;
+    var astray = b4(false);
     // each quad
     {
-      let from_origin = point_from(point_0, o[0], o[1], o[2]);
-      let beam = beam_of(from_origin, light.axis, light.sign, light.shear_x, light.shear_y);
-      at_0 = Vector(f4(beam.a), f4(beam.b), f4(beam.v));
+      at_0 = place_before(point_0, light);
+      open_0 = nearest_0.surface > u4(0u);
+      open_0 = open_0 & ((nearest_0.dark & u4(light.bit)) == u4(0u));  //? !casters
       behind_0 = b4(false);
+      along_0 = at_0.z;
+      last_0 = f4(1.0);
       {  //? lamps
-        // In the axes of the lamp: the way across over the way along, if that is ahead.
-        behind_0 = !is_far & (at_0.z < f4(1.0));
-        let depth = select(at_0.z, f4(1.0), is_far | behind_0);
-        at_0 = Vector(at_0.x / depth, at_0.y / depth, at_0.z);
+        // From a lamp: the way across over the way along, if that is ahead.
+        behind_0 = b4(!is_far) & (at_0.z < f4(1.0));
+        last_0 = f4(1.0) / select(at_0.z, f4(1.0), b4(is_far) | behind_0);
+        along_0 = select(f4(1.0), at_0.z, b4(is_far));
+        let ahead = select(max(at_0.z, f4(0.0)), at_0.z, b4(is_far));
+        at_0 = Vector(at_0.x * last_0, at_0.y * last_0, ahead);
+        astray = astray | (open_0 & behind_0);
       }
-      around = joined(around, at_0, nearest_0.surface > u4(0u), behind_0);
+      around = joined(around, at_0, open_0);
     }
+    var is_astray = false;
+    is_astray = anywhere(astray);  //? lamps
     var other = NOWHERE;
     {  //? many_shadows
       // Two boxes, because neighbouring pixels may show points far from each other.
-      let ends = all_around(around, is_far.x);
+      let ends = all_around(around, is_far, is_astray);
       let middle = f4(0.5 * ends.low.x + 0.5 * ends.high.x);
       around = NOWHERE;
       // each quad
       {
-        let some = nearest_0.surface > u4(0u);
         let first = at_0.x < middle;
-        around = joined(around, at_0, some & first, behind_0);
-        other = joined(other, at_0, some & !first, behind_0);
+        around = joined(around, at_0, open_0 & first);
+        other = joined(other, at_0, open_0 & !first);
       }
-      other = all_around(other, is_far.x);
+      other = all_around(other, is_far, is_astray);
     }
-    around = all_around(around, is_far.x);
-    choose_occluders(ix, light, is_far, around);  //? broadcast & !many_shadows
-    try_occluders(light, is_far, around, other);  //? !broadcast
-    try_occluders(light, is_far, around, other);  //? many_shadows
+    around = all_around(around, is_far, is_astray);
+    choose_occluders(ix, light, around);  //? broadcast & !many_shadows
+    try_occluders(light, around, other);  //? !broadcast
+    try_occluders(light, around, other);  //? many_shadows
     try_veils(ix, light.bit, around, other);  //? veils
   }
   try_chosen();  //? broadcast & !many_shadows

@@ -223,7 +223,7 @@ fn touching_veils(number: u32, end: u32, around: Around, other: Around) -> u32 {
   let box = veil_box_alone(number + lane);
   var near = touches(box, around);
   near = near | touches(box, other);  //? many_shadows
-  return subgroupBallot(near & (number + lane < end)).x & ((1u << BROADCAST) - 1u);
+  return invocations_where(near & (number + lane < end));
 }
 
 // Tries the veils of a light that may hide it from points, which lie in two boxes.

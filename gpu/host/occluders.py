@@ -44,8 +44,11 @@ FAR_END = 0.5
 # coefficient. A ray that F curves so little meets it again beyond all solids.
 FLAT = 2.0**-40
 # By how much, and by how many units of the grid, points must be outside of a half-space, whose
-# largest coefficient is 1 in radii.
-BEYOND_ROOM, BEYOND_UNITS = 2.0**-18, 4.0
+# largest coefficient is 1 in radii. Units are for coordinates of 30 bits, in float32 and sheared,
+# and for four products of them.
+BEYOND_ROOM, BEYOND_UNITS = 2.0**-18, 2.0**11
+# What rounding adds to an affine function at most, as a part of the sum of its terms.
+BY_ROUNDING = 2.0**-19
 
 
 @dataclass(frozen=True)
@@ -326,9 +329,10 @@ def _before(
             chosen &= forms.numbers <= 2
         normals = forms.slabs[..., :3] @ np.linalg.inv(axes.basis)
         facing = forms.slabs @ light / np.linalg.norm(normals, axis=-1)
-        beyond = _beyond(
+        affine = _beyond(
             forms.slabs[chosen], facing[chosen], np.asarray(turned * 2.0**-level, np.float64)
         )
+        beyond = _rounded(affine, None if np.isneginf(spans[0, 2]) else spans)
     return Occluder(
         solid=ix,
         is_patch=is_patch,
@@ -367,6 +371,24 @@ def _beyond(rows: Floats, facing: Floats, turned: Floats) -> Floats:
     # Room for the rounding of points, turned once to the light and once to the solid's axes.
     affine[:, 3] -= BEYOND_ROOM + BEYOND_UNITS * np.abs(affine[:, :3]).sum(axis=1)
     return np.asarray(affine[facing.argmax()])
+
+
+def _rounded(affine: Floats, spans: Floats | None) -> Floats:
+    """An affine function (4,) from `_beyond`, made less by what rounding adds on the device.
+
+    ``spans`` (2, 3) is the box of the occluder before a lamp, and None before a far light. Seen
+    from a lamp, the function is that over the way along.
+    """
+    found = affine.copy()
+    if spans is None:
+        found[3] -= BY_ROUNDING * abs(found[3])
+        return found
+    aside = np.append(np.abs(spans[:, :2]).max(axis=0), 1.0)
+    if affine[3] <= 0 or not np.isfinite(aside).all():
+        return np.zeros(4)
+    found[2] -= BY_ROUNDING * float(np.abs(affine[:3]) @ aside)
+    found[3] *= 1 - BY_ROUNDING
+    return found
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ VALUE_BITS, RADIUS_BITS = 29, 28
 # The largest magnitudes, in radii, of hh, ah, bh, aa, ab, bb, and of h, a, b.
 QUADRATIC_REACH = np.array([1.0, 2.0, 2.0, 4.0, 4.0, 4.0])
 LINEAR_REACH = np.array([1.0, 2.0, 2.0])
-# Boxes are wider than solids by so many units, because float32 holds 24 bits of 30.
-BOX_MARGIN = 2.0**8
+# Boxes are wider than solids by so many units, because float32 holds 24 bits of 30, and shears.
+BOX_MARGIN = 2.0**9
 # The coordinates of a box that nothing touches, and of an infinite end.
 NOWHERE = 3e38
 # Half the spacing of floats at 1, and room for the rounding of bounds themselves.

@@ -134,6 +134,8 @@ def in_textures(needs: Needs) -> tuple[str, ...]:
     )
 
 
+# The members of a box that a shader reads to find out whether it touches another one.
+OF_TOUCHED = ("low", "high")
 # The members of a body that a shader reads to find out whether a ray meets it first.
 OF_TRIED = (
     *("second", "slope", "value", "flags", "surface", "face_start", "face_count"),
@@ -182,7 +184,8 @@ def fetches(needs: Needs) -> str:
         name = _NAMES.get(array, array.removesuffix("s"))
         functions.append(_record_at(needs, record, array, name))
         if record in (BOX, SIDE, SHARED):
-            functions.append(_alone(needs, record, array, f"{name}_alone"))
+            members = OF_TOUCHED if record is BOX else ()
+            functions.append(_alone(needs, record, array, f"{name}_alone", members))
     if "mirrors" in needs.facts:
         functions.append(_record_at(needs, BODY, "bodies", "tried", OF_TRIED))
     return "\n".join(functions)
@@ -209,7 +212,7 @@ def _of_regions(needs: Needs) -> list[str]:
     functions += [_words_at(needs), _known_words(needs)]
     if needs.broadcast > 1:
         functions.append(_alone(needs, REGION, "regions", "outline_alone", OF_OUTLINE))
-        functions += [_of_all(needs), _invocations_where()]
+        functions.append(_of_all(needs))
     return functions
 
 
@@ -313,15 +316,24 @@ def _words(needs: Needs, count: int) -> str:
 
 
 def _anywhere(needs: Needs) -> str:
-    """The function that tells whether something holds in any invocation that fetches together.
+    """The functions that tell whether, and where, something holds in what fetches together.
 
     Such invocations must branch together.
     """
-    # A ballot, because lavapipe of Mesa 22.3 takes much longer for subgroupAny.
-    found = "any(holds)" if needs.broadcast == 1 else "subgroupBallot(any(holds)).x != 0u"
+    # Broadcasts, because lavapipe of Mesa 22.3 goes through the invocations of a ballot in a loop.
+    found, where = "any(holds)", "select(0u, 1u, holds)"
+    if needs.broadcast > 1:
+        found = f"({_joined(needs, 'some', '|')}) != 0u"
+        where = _joined(needs, "bit", "|")
     return (
         "// Whether something holds in any pixel of the invocations that fetch together.\n"
-        f"fn anywhere(holds: b4) -> bool {{\n  return {found};\n}}\n"
+        "fn anywhere(holds: b4) -> bool {\n"
+        + ("" if needs.broadcast == 1 else "  let some = select(0u, 1u, any(holds));\n")
+        + f"  return {found};\n}}\n\n"
+        "// A bit for each invocation that fetches together: whether something holds there.\n"
+        "fn invocations_where(holds: bool) -> u32 {\n"
+        + ("" if needs.broadcast == 1 else "  let bit = select(0u, 1u << lane, holds);\n")
+        + f"  return {where};\n}}\n"
     )
 
 
@@ -337,10 +349,20 @@ def _least_number(needs: Needs) -> str:
 
 def _least_of_all(needs: Needs) -> str:
     """The function for the least vector of all invocations that fetch together."""
+    text, names = "", ["values"]
+    if needs.broadcast > 1:
+        names = [f"from_{lane}" for lane in range(needs.broadcast)]
+        for lane, name in enumerate(names):
+            text += f"  let {name} = subgroupBroadcast(values, {lane}u);\n"
+    # Selects, because llvmpipe takes longer for `min`, which must know NaN.
+    while len(names) > 1:
+        pairs = list(zip(names[::2], names[1::2], strict=True))
+        names = [f"{one}_{other.removeprefix('from_')}" for one, other in pairs]
+        for name, (one, other) in zip(names, pairs, strict=True):
+            text += f"  let {name} = select({other}, {one}, {one} < {other});\n"
     return (
         "// The least components of the invocations that fetch together.\n"
-        "fn least_of_all(values: vec3<f32>) -> vec3<f32> {\n"
-        f"  return {_least(needs, 'values')};\n}}\n"
+        f"fn least_of_all(values: vec3<f32>) -> vec3<f32> {{\n{text}  return {names[0]};\n}}\n"
     )
 
 
@@ -351,10 +373,16 @@ def _least(needs: Needs, name: str) -> str:
     """
     if needs.broadcast == 1 or "apart" in needs.facts:
         return name
+    return _joined(needs, name, "min")
+
+
+def _joined(needs: Needs, name: str, how: str) -> str:
+    """What a variable has in all invocations that fetch together, joined in pairs."""
     values = [f"subgroupBroadcast({name}, {lane}u)" for lane in range(needs.broadcast)]
+    joins = "({} | {})" if how == "|" else f"{how}({{}}, {{}})"
     while len(values) > 1:
         pairs = zip(values[::2], values[1::2], strict=True)
-        values = [f"min({first}, {second})" for first, second in pairs]
+        values = [joins.format(*pair) for pair in pairs]
     return values[0]
 
 
@@ -383,14 +411,6 @@ fn keys_of_all(key: NearestKey) -> array<NearestKey, BROADCAST> {{
 {"".join(f"    {key},{chr(10)}" for key in keys)}  );
 }}
 """
-
-
-def _invocations_where() -> str:
-    """The function that tells where something holds, among invocations that fetch together."""
-    return (
-        "// A bit for each invocation that fetches together: whether something holds there.\n"
-        "fn invocations_where(holds: bool) -> u32 {\n  return subgroupBallot(holds).x;\n}\n"
-    )
 
 
 def _record_at(
