@@ -109,10 +109,13 @@ class Drawn(NamedTuple):
         view = setup.view
         j, i = np.mgrid[: view.height, : view.width]
         directions = view.directions(i, j).reshape(-1, 3)
-        rest = directions, setup.near, setup.far
-        given = {"tori": self.tori, "formulas": self.formulas}
+        own, ends = (self.matrices, self.cells), (setup.near, setup.far)
         found = [
-            truth(self.matrices, self.cells, view.eye - origin, *rest, **given)
+            truth(
+                *(*own, view.eye - origin, directions, *ends),
+                tori=self.tori,
+                formulas=self.formulas,
+            )
             for origin in self.origins
         ]
         return functools.reduce(nearer, found)

@@ -108,6 +108,7 @@ def _classes(rows: Floats, alike: float) -> Ints:
 def _place_of(light: Light, world: World) -> Floats:
     """A light in homogeneous coordinates (4,), with the half of the grid for a unit."""
     if light.position is None:
+        assert light.direction is not None
         return np.array([*light.direction, 0.0])
     unit = 2.0**GRID_BITS * world.grid.unit
     return np.array([*(np.array(light.position) - world.grid.middle) / unit, 1.0])
