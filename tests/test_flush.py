@@ -47,8 +47,22 @@ def turn_of(degrees: list[float]) -> Any:
     return found
 
 
-def random_flush(rng: np.random.Generator, name: str, *, lamp: bool, count: int = 2) -> Scene:
-    """The solids, turned and moved together, seen from a random side, with ``count`` lights."""
+def in_copy(solid: Table, number: int) -> tuple[Table, Table]:
+    """A solid as a group of one cell, and the place of the group."""
+    looks: Table = {key: solid.pop(key) for key in ("color", "material") if key in solid}
+    place: Table = {key: solid.pop(key) for key in ("origin", "rotation_degrees") if key in solid}
+    cell: Table = {"region": "it", **looks}
+    group: Table = {"name": f"group{number}", "part": [{"name": "it", **solid}], "cell": [cell]}
+    return group, {"group": group["name"], **place}
+
+
+def random_flush(
+    rng: np.random.Generator, name: str, *, lamp: bool, count: int = 2, copies: int = 0
+) -> Scene:
+    """The solids, turned and moved together, seen from a random side, with ``count`` lights.
+
+    So many of them are ``copies`` of groups.
+    """
     # Bounds of planes are along the axes of the world.
     degrees = [0.0] * 3 if "label" in name else rng.uniform(-180, 180, 3).tolist()
     turn, place = turn_of(degrees), rng.normal(size=3) * 3
@@ -59,6 +73,7 @@ def random_flush(rng: np.random.Generator, name: str, *, lamp: bool, count: int 
         if "bounds" in one:
             solid["bounds"] = {end: list(place + at) for end, at in one["bounds"].items()}
         solids.append(solid)
+    placed = [in_copy(solid, number) for number, solid in enumerate(solids[:copies])]
     eye = rng.normal(size=3)
     eye = place + turn @ [eye[0], eye[1], abs(eye[2]) + 1] * 3
     towards = rng.normal(size=(count, 3)) + turn[:, 2] * 1.5
@@ -71,7 +86,9 @@ def random_flush(rng: np.random.Generator, name: str, *, lamp: bool, count: int 
             "format": 1,
             "camera": {"center": eye.tolist(), "look_at": place.tolist(), "fov_degrees": 30},
             "light": [{**each, "shadows": True} for each in lights],
-            "solid": solids,
+            "solid": solids[copies:],
+            "group": [group for group, _ in placed],
+            "place": [place for _, place in placed],
         }
     )
 
@@ -101,19 +118,26 @@ def dark_and_lit(scene: Scene, **options: Any) -> tuple[int, int]:
     return dark, lit
 
 
-@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+# Cells need float32, and a patch is none.
+SHADOWED = [
+    *((name, 0, number_format) for name in FLUSH for number_format in ("float32", "fixed32")),
+    *((name, copies, "float32") for name in list(FLUSH)[:3] for copies in (1, 2)),
+]
+
+
 @pytest.mark.parametrize("lamp", [False, True])
-@pytest.mark.parametrize("name", FLUSH)
+@pytest.mark.parametrize(("name", "copies", "number_format"), SHADOWED)
 def test_what_faces_a_light_is_lit(
     name: str,
-    lamp: bool,
+    copies: int,
     number_format: str,
+    lamp: bool,
     rng: np.random.Generator,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Solids are convex where they face a light. Were surfaces not shared, they would have dots."""
     options = {"backend": "numpy", "number_format": number_format, "steps": 14}
-    scenes = [random_flush(rng, name, lamp=lamp) for _ in range(3)]
+    scenes = [random_flush(rng, name, lamp=lamp, copies=copies) for _ in range(3)]
     counts = [dark_and_lit(scene, **options) for scene in scenes]
     assert sum(dark for dark, _ in counts) == 0
     assert sum(lit for _, lit in counts) > 1500
@@ -133,12 +157,14 @@ def seen_in_mirrors(scene: Scene) -> tuple[int, int]:
     return int((shown & ~background).sum()), int(background.sum())
 
 
-@pytest.mark.parametrize("name", FLUSH)
+@pytest.mark.parametrize(
+    ("name", "copies"), [case[:2] for case in SHADOWED if case[2] == "float32"]
+)
 def test_mirrors_show_what_is_before_them(
-    name: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+    name: str, copies: int, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No ray from a convex solid meets it. Were surfaces not shared, some would."""
-    scenes = [mirroring(random_flush(rng, name, lamp=False)) for _ in range(3)]
+    scenes = [mirroring(random_flush(rng, name, lamp=False, copies=copies)) for _ in range(3)]
     counts = [seen_in_mirrors(scene) for scene in scenes]
     assert sum(solid for solid, _ in counts) == 0
     assert sum(background for _, background in counts) > 1000
@@ -149,7 +175,8 @@ def test_mirrors_show_what_is_before_them(
 def mirroring(scene: Scene) -> Scene:
     """Black mirrors under a green sky."""
     tables = tomllib.loads(scene.to_toml())
-    for solid in tables["solid"]:
+    cells = (cell for group in tables.get("group", []) for cell in group["cell"])
+    for solid in (*tables.get("solid", []), *cells):
         del solid["color"]
         solid["material"] = "mirror"
     tables["material"] = [{"name": "mirror", "color": [0, 0, 0], "specular": 0, "reflection": 0.75}]
@@ -159,12 +186,14 @@ def mirroring(scene: Scene) -> Scene:
     return Scene.from_dict(tables)
 
 
-@pytest.mark.parametrize("number_format", ["float32", "fixed32"])
+@pytest.mark.parametrize(("number_format", "copies"), [("fixed32", 0), ("float32", 2)])
 @pytest.mark.usefixtures("adapter")
-def test_device_and_twin_are_equal(number_format: str) -> None:
+def test_device_and_twin_are_equal(number_format: str, copies: int) -> None:
     """In one scene with a far light and a lamp inside a room whose floor a label lies on."""
     label = {**LABEL, "color": [0.2, 0.4, 0.7]}
     label["bounds"] = {"min": [1.7, -0.8, -1], "max": [2.7, 0.8, 1]}
+    boxes: list[Table] = [{"material": "mirror", **one} for one in FLUSH["boxes"]]
+    placed = [in_copy(solid, number) for number, solid in enumerate(boxes[:copies])]
     # Mirrors are drawn in float32 alone.
     share = 0.5 if number_format == "float32" else 0.0
     room = {"kind": "box", "size": [9, 9, 9], "origin": [0, 0, 4.5], "color": [0.7] * 3}
@@ -179,8 +208,11 @@ def test_device_and_twin_are_equal(number_format: str) -> None:
         "solid": [
             room,
             label,
-            *({"material": "mirror", **one} for one in FLUSH["drums"] + FLUSH["boxes"]),
+            *({"material": "mirror", **one} for one in FLUSH["drums"]),
+            *boxes[copies:],
         ],
+        "group": [group for group, _ in placed],
+        "place": [place for _, place in placed],
     }
     scene = Scene.from_dict(tables)
     frames = [

@@ -117,7 +117,8 @@ fn try_body(number: u32, body: Body) {
     }
     {  //? flush
       // A solid behind the surface that mirrors a ray is not met.
-      let side = side_of(body.surface + k + 1u);
+      var side = side_of(body.surface + k + 1u);
+      side = select(side, 0u, body.copy > 0u);  //? body_cells
       // each quad
       is_behind_0 = is_behind_0 | is_same_side(side_0, side);
     }

@@ -1,11 +1,11 @@
-// Surfaces that several solids share.
+// Surfaces that several solids or copies of groups share.
 
 // each quad
 var<private> side_0: u4;  // the side that is seen of such a surface; 0 for other surfaces
 
-// The outer side of a surface by its number; 0 for those of copies, which are not shared.
+// The side of a surface with F > 0, by its number.
 fn side_of(number: u32) -> u32 {
-  return shared_side_at(select(0u, number, number < shared_side_at(0u).count)).side;
+  return shared_side_at(number).side;
 }
 
 // Looks up the sides that are seen.
@@ -21,7 +21,9 @@ fn find_sides() {
       shared_side_alone(number.z).side,
       shared_side_alone(number.w).side,
     );
-    let other = outer ^ select(u4(0u), u4(1u), nearest_0.turned > u4(0u));
+    var is_back = nearest_0.turned > u4(0u);
+    is_back = is_back != ((nearest_0.met.side & i4(1)) == i4(1));  //? regions
+    let other = outer ^ select(u4(0u), u4(1u), is_back);
     side_0 = select(outer, other, outer > u4(0u));
   }
 }

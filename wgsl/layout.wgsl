@@ -257,7 +257,7 @@ struct Side {
 
 // A surface that several solids may share.
 struct Shared {
-  @align(32) side: u32,  // its outer side, if another solid has that too; else 0
+  @align(32) side: u32,  // its side with F > 0, if something else has that too; else 0
   count: u32,  // how many of these records there are
 }
 

@@ -26,10 +26,12 @@ fn meet_copy(body: Body) {
     let number = programs[copy.list_start + k];
     let face = face_at(copy.flat_start + number);
     let by = error_of_face(face.beyond);  //? error
+    let side = side_of(body.surface + number);  //? flush
     // each quad
     {
       let line = face_of(face, glance_0);
-      let on_line = own_0 & shows_surface(nearest_0.met, number);
+      var on_line = own_0 & shows_surface(nearest_0.met, number);
+      on_line = on_line | is_same_surface(side_0, side);  //? flush
       let way = points_to_surface(line.b * glance_0.start + line.c, line.b);
       begin_0 += select(i4(0), way, on_line);
       let ahead = line_ahead(line, on_line);
@@ -41,10 +43,12 @@ fn meet_copy(body: Body) {
   for (var k = copy.flat_count; k < count; k++) {
     let number = programs[copy.list_start + k];
     let bowl = bowl_at(copy.curved_start + (number - copy.planes));
+    let side = side_of(body.surface + number);  //? flush
     // each quad
     {
       let form = curve_of(bowl.second, bowl.slope, bowl.value, glance_0);
-      let on_curve = own_0 & shows_surface(nearest_0.met, number);
+      var on_curve = own_0 & shows_surface(nearest_0.met, number);
+      on_curve = on_curve | is_same_surface(side_0, side);  //? flush
       let rest = rest_along(form, glance_0.start);
       let slope = rest.b * glance_0.start + rest.c;
       let way = points_to_surface(value_along(form, glance_0.start), slope);

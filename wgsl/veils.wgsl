@@ -110,14 +110,17 @@ fn draw_veil(veil: Veil, bit: u32) {
   for (var k = 0u; k < veil.flat_count; k++) {
     let number = programs[veil.list_start + k];
     let plane = veil_flat_at(veil.flat_start + number);
+    let side = side_of(copy.first + number);  //? flush
     // each quad
     {
       let line = veil_line(plane, ray_0);
-      let on_line = own_0 & shows_surface(nearest_0.met, number);
+      let own = own_0 & shows_surface(nearest_0.met, number);
+      var on_line = own;
+      on_line = own | is_same_surface(side_0, side);  //? flush
       let ahead = line_ahead(line, on_line);
       let faced = is_faced(ahead, nearest_0.met.side, whole_ray(ray_0));
-      found_0 = found_0 | on_line;
-      faces_0 = faces_0 | (on_line & faced);
+      found_0 = found_0 | own;
+      faces_0 = faces_0 | (own & faced);
       let further = points_to_surface(line.b * ray_0.c_in + line.c, line.b);
       begin_0 = begin_0 + select(i4(0), further, on_line);
       keep_sure_crossing(k, flat_crossed(ahead));
@@ -126,14 +129,17 @@ fn draw_veil(veil: Veil, bit: u32) {
   for (var k = 0u; k < veil.curved_count; k++) {
     let number = programs[veil.list_start + veil.flat_count + k];
     let curve = veil_curve_at(veil.curved_start + (number - veil.planes));
+    let side = side_of(copy.first + number);  //? flush
     // each quad
     {
       let form = veil_curve(curve, ray_0);
-      let on_curve = own_0 & shows_surface(nearest_0.met, number);
+      let own = own_0 & shows_surface(nearest_0.met, number);
+      var on_curve = own;
+      on_curve = own | is_same_surface(side_0, side);  //? flush
       let rest = rest_of(form, ray_0, at_lamp);
       let faced = is_faced(rest, nearest_0.met.side, whole_ray(ray_0));
-      found_0 = found_0 | on_curve;
-      faces_0 = faces_0 | (on_curve & faced);
+      found_0 = found_0 | own;
+      faces_0 = faces_0 | (own & faced);
       let slope = rest.b * ray_0.c_in + rest.c;
       let further = points_to_surface(value_at_start(form, ray_0), slope);
       begin_0 = begin_0 + select(i4(0), further, on_curve);

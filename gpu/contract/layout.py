@@ -420,7 +420,7 @@ SHARED = Record(
     "Shared",
     "A surface that several solids may share.",
     (
-        Field("side", "u32", 1, "its outer side, if another solid has that too; else 0"),
+        Field("side", "u32", 1, "its side with F > 0, if something else has that too; else 0"),
         Field("count", "u32", 1, "how many of these records there are"),
     ),
 )

@@ -151,6 +151,7 @@ class Band:
                 nearest=nearest,
                 points=points,
                 beams=beams,
+                shared=self._packed.shared,
                 facts=self._facts,
             )
         dark = shadows.find_shadows(

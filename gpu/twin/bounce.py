@@ -159,7 +159,7 @@ def try_body(
     behind = np.zeros(glance.near.shape, bool)
     for k in range(count):
         face = mirrors.faces[int(body["face_start"]) + k]
-        if "flush" in facts:
+        if "flush" in facts and not body["copy"]:
             behind |= is_same_side(rays.shared.seen, side_of(rays.shared, base + k + 1))
         on = rays.surface == np.uint32(base + k + 1)
         line = face_of(face, glance)
@@ -188,7 +188,7 @@ def try_body(
         copy = mirrors.reflected.copies[int(body["copy"]) - 1]
         asked = glance.near & (rays.weight > 0)
         bearer = Bearer(rays.surface, rays.met)
-        seen = meet_copy(mirrors, cells, body, glance, asked, bearer, facts)
+        seen = meet_copy(mirrors, cells, body, glance, asked, bearer, rays.shared, facts)
         face = seen.cell * np.int32(copy["surfaces"]) + (seen.side >> np.int32(1))
         root = root._replace(hit=seen.hit, surface=face)
         place, inside, side = seen.u, seen.inside, seen.side
@@ -303,8 +303,8 @@ def follow_mirrors(
     for bounce in range(mirrors.bounces):
         back = Vector(*(-part for part in ray))
         ray = mirrored(ray, normalized(or_else(slope, back)))
-        shared = sides_seen(asked.shared, nearest.surface, nearest.turned)
         start = nearest.surface, nearest.turned, nearest.met
+        shared = sides_seen(asked.shared, nearest.surface, nearest.met.side, nearest.turned)
         rays = Rays(*start, shared, gone, point, ray, weight)
         found = find_bodies(asked, rays)
         if "error" in asked.facts:

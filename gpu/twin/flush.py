@@ -1,4 +1,4 @@
-"""Twin of ``flush.wgsl``: surfaces that several solids share."""
+"""Twin of ``flush.wgsl``: surfaces that several solids or copies of groups share."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract.arrays import Records
-from halfstep.twin.lanes import U32, Bools
+from halfstep.twin.lanes import I32, U32, Bools
 
 _ONE = np.uint32(1)
 
@@ -15,23 +15,31 @@ _ONE = np.uint32(1)
 class Shared(NamedTuple):
     """The sides of surfaces that several solids share; 0 for other surfaces."""
 
-    sides: U32  # the outer side, by the number of a surface
+    sides: U32  # the side with F > 0, by the number of a surface
     seen: U32  # the side that is seen, in each pixel
 
 
-def sides_seen(records: Records | None, surface: U32, turned: U32) -> Shared:
-    """The sides of points on surfaces, whose other side is seen if they are ``turned``."""
+def sides_seen(records: Records | None, surface: U32, side: I32, turned: U32) -> Shared:
+    """The sides that are seen of points on surfaces.
+
+    Args:
+        records: the sides of surfaces, if some are shared.
+        surface: numbers of the surfaces.
+        side: which side of it bounds the cell, as of `Met`; 0 if it is of a solid.
+        turned: whether the point is seen from inside.
+    """
     if records is None:
         return Shared(np.zeros(1, np.uint32), np.zeros(surface.shape, np.uint32))
     sides = records["side"]
     outer = sides[np.where(surface < len(sides), surface, np.uint32(0))]
-    other = outer ^ np.where(turned > 0, _ONE, np.uint32(0))
+    is_back = ((side & np.int32(1)) == 1) != (turned > 0)
+    other = outer ^ np.where(is_back, _ONE, np.uint32(0))
     return Shared(sides, np.where(outer > 0, other, outer))
 
 
 def side_of(shared: Shared, number: int) -> np.uint32:
-    """The outer side of a surface by its number; 0 for those of copies, which are not shared."""
-    return np.uint32(shared.sides[number] if number < len(shared.sides) else 0)
+    """The side of a surface with F > 0, by its number."""
+    return np.uint32(shared.sides[number])
 
 
 def is_same_surface(seen: U32, side: np.uint32) -> Bools:

@@ -14,6 +14,7 @@ from halfstep.contract.program import GROUP
 from halfstep.contract.veils import VEIL_STEPS
 from halfstep.twin.certify_region import Between, settled
 from halfstep.twin.crossings import Crossing
+from halfstep.twin.flush import Shared, is_same_surface, side_of
 from halfstep.twin.lanes import I32, U32, Bools
 from halfstep.twin.mirror import (
     Glance,
@@ -64,6 +65,60 @@ class Bearer(NamedTuple):
     met: Met
 
 
+def _crossings(
+    mirrors: PackedMirrors,
+    listed: list[int],
+    body: np.void,
+    glance: Glance,
+    bearer: Bearer,
+    shared: Shared,
+    facts: Collection[str],
+) -> tuple[I32, dict[Crossed, list[Crossing]]]:
+    """The first grid points ahead, and the crossings of the ``listed`` surfaces of a copy.
+
+    The other arguments are those of `meet_copy`.
+    """
+    reflected = mirrors.reflected
+    assert reflected is not None
+    copy = reflected.copies[int(body["copy"]) - 1]
+    own = is_own(bearer.surface, int(body["surface"]), int(copy["count"]))
+    flat_count = int(copy["flat_count"])
+    begin, start = grid_point_beyond(glance.start), glance.start
+
+    def begins_on(number: int) -> Bools:
+        """Whether a ray begins on a surface of the copy, or on one that coincides with it."""
+        here = own & shows_surface(bearer.met, number)
+        if "flush" in facts:
+            here |= is_same_surface(shared.seen, side_of(shared, int(body["surface"]) + number))
+        return here
+
+    found: dict[Crossed, list[Crossing]] = {kind: [] for kind in Crossed}
+    for number in listed[:flat_count]:
+        face = mirrors.faces[int(copy["flat_start"]) + number]
+        line = face_of(face, glance)
+        on_line = begins_on(number)
+        way = points_to_surface(line.b * start + line.c, line.b)
+        begin = begin + np.where(on_line, way, np.int32(0))
+        ahead, by = line_ahead(line, on_line), error_of_face(face["beyond"])
+        found[Crossed.CROSSED].append(flat_crossed(ahead))
+        if "error" in facts:
+            found[Crossed.SURELY].append(flat_doubted(ahead, by))
+            found[Crossed.PERHAPS].append(flat_doubted(ahead, -by))
+    for number in listed[flat_count:]:
+        bowl = reflected.bowls[int(copy["curved_start"]) + number - int(copy["planes"])]
+        form = curve_of(bowl["second"], bowl["slope"], bowl["value"], glance)
+        on_curve = begins_on(number)
+        rest = rest_along(form, start)
+        way = points_to_surface(value_along(form, start), rest.b * start + rest.c)
+        begin = begin + np.where(on_curve, way, np.int32(0))
+        bent, by = form_ahead(form, rest, on_curve), bowl["error"]
+        found[Crossed.CROSSED].append(curve_crossed(bent))
+        if "error" in facts:
+            found[Crossed.SURELY].append(curve_doubted(bent, by))
+            found[Crossed.PERHAPS].append(curve_doubted(bent, -by))
+    return begin, found
+
+
 def meet_copy(
     mirrors: PackedMirrors,
     cells: Cells,
@@ -71,6 +126,7 @@ def meet_copy(
     glance: Glance,
     asked: Bools,
     bearer: Bearer,
+    shared: Shared,
     facts: Collection[str],
 ) -> Encounter:
     """What rays from mirrors first meet of a copy of a group.
@@ -82,40 +138,16 @@ def meet_copy(
         glance: the rays about it.
         asked: the pixels that ask for it.
         bearer: what mirrors the rays.
+        shared: the sides of surfaces that several solids or copies share.
         facts: the facts of the frame.
     """
     reflected = mirrors.reflected
     assert reflected is not None
     copy = reflected.copies[int(body["copy"]) - 1]
-    own = is_own(bearer.surface, int(body["surface"]), int(copy["count"]))
-    first, flat_count = int(copy["list_start"]), int(copy["flat_count"])
-    count = flat_count + int(copy["curved_count"])
+    first = int(copy["list_start"])
+    count = int(copy["flat_count"]) + int(copy["curved_count"])
     listed = cells.words[first : first + count].tolist()
-    begin, start = grid_point_beyond(glance.start), glance.start
-    found: dict[Crossed, list[Crossing]] = {kind: [] for kind in Crossed}
-    for number in listed[:flat_count]:
-        face = mirrors.faces[int(copy["flat_start"]) + number]
-        line = face_of(face, glance)
-        on_line = own & shows_surface(bearer.met, number)
-        way = points_to_surface(line.b * start + line.c, line.b)
-        begin = begin + np.where(on_line, way, np.int32(0))
-        ahead, by = line_ahead(line, on_line), error_of_face(face["beyond"])
-        found[Crossed.CROSSED].append(flat_crossed(ahead))
-        if "error" in facts:
-            found[Crossed.SURELY].append(flat_doubted(ahead, by))
-            found[Crossed.PERHAPS].append(flat_doubted(ahead, -by))
-    for number in listed[flat_count:]:
-        bowl = reflected.bowls[int(copy["curved_start"]) + number - int(copy["planes"])]
-        form = curve_of(bowl["second"], bowl["slope"], bowl["value"], glance)
-        on_curve = own & shows_surface(bearer.met, number)
-        rest = rest_along(form, start)
-        way = points_to_surface(value_along(form, start), rest.b * start + rest.c)
-        begin = begin + np.where(on_curve, way, np.int32(0))
-        bent, by = form_ahead(form, rest, on_curve), bowl["error"]
-        found[Crossed.CROSSED].append(curve_crossed(bent))
-        if "error" in facts:
-            found[Crossed.SURELY].append(curve_doubted(bent, by))
-            found[Crossed.PERHAPS].append(curve_doubted(bent, -by))
+    begin, found = _crossings(mirrors, listed, body, glance, bearer, shared, facts)
     begin = np.where(asked, begin, NEVER)
     crossings = [each for kind in Crossed for each in found[kind]]
     program = cells.words[int(copy["first_group"]) * GROUP : int(copy["end_group"]) * GROUP]

@@ -110,7 +110,7 @@ def find_shadows(
     some = nearest.surface > 0
     unsure = np.zeros(some.shape, np.uint32)
     dark = np.where(some, find_turned(shadows, nearest, points, beams, facts), np.uint32(0))
-    sides = sides_seen(shared, nearest.surface, nearest.turned)
+    sides = sides_seen(shared, nearest.surface, nearest.met.side, nearest.turned)
     for number, view in enumerate(shadows.views):
         for occluder in shadows.occluders[view["first"] : view["end"]]:
             ray = rays_to_light(occluder, points, beams, facts)

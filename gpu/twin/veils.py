@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from halfstep.contract.arrays import Array
+from halfstep.contract.arrays import Array, Records
 from halfstep.contract.layout import HIGHER, Shade
 from halfstep.contract.program import GROUP
 from halfstep.contract.veils import VEIL_STEPS, PackedVeils
 from halfstep.twin.cross_higher import kept_ends
 from halfstep.twin.crossings import EYE_UNKNOWN, Crossing
+from halfstep.twin.flush import Shared, is_same_surface, side_of, sides_seen
 from halfstep.twin.hide import Hidden
 from halfstep.twin.higher import all_crossed
 from halfstep.twin.keep import Nearest
@@ -82,48 +83,74 @@ class Begun(NamedTuple):
     """Where rays begin, and what is known of the surface of a copy on which they do."""
 
     own: Bools  # of the copy
+    shared: Shared  # the sides of surfaces that several solids or copies share
     found: Bools  # it is among the surfaces
     faces: Bools  # the ray leaves the region through it
     known: Bools  # that is certain
     begin: I32  # the first grid point ahead
 
 
-def _began(old: Begun, on_it: Bools, faced: Bools, value: F32, slope: F32) -> Begun:
+class On(NamedTuple):
+    """The pixels whose rays begin on a surface."""
+
+    own: Bools  # which is the one that is seen
+    any: Bools  # the same, or one that coincides with what is seen
+
+
+def _on_surface(
+    copy: np.void, number: int, nearest: Nearest, old: Begun, facts: Collection[str]
+) -> On:
+    """The pixels whose rays begin on a surface of a copy."""
+    own = old.own & shows_surface(nearest.met, number)
+    if "flush" not in facts:
+        return On(own, own)
+    side = side_of(old.shared, int(copy["first"]) + number)
+    return On(own, own | is_same_surface(old.shared.seen, side))
+
+
+def _began(old: Begun, on_it: On, faced: Bools, value: F32, slope: F32) -> Begun:
     """With what is known of one more surface, which rays are on in some pixels.
 
     ``value`` is its F where a ray begins, and ``slope`` the change of it.
     """
     further = points_to_surface(value, slope)
     return old._replace(
-        found=old.found | on_it,
-        faces=old.faces | (on_it & faced),
-        begin=old.begin + np.where(on_it, further, np.int32(0)),
+        found=old.found | on_it.own,
+        faces=old.faces | (on_it.own & faced),
+        begin=old.begin + np.where(on_it.any, further, np.int32(0)),
     )
 
 
 def _lower_crossed(
-    veil: np.void, veils: PackedVeils, listed: Array, ray: Ray, nearest: Nearest, old: Begun
+    veil: np.void,
+    veils: PackedVeils,
+    listed: Array,
+    ray: Ray,
+    nearest: Nearest,
+    old: Begun,
+    facts: Collection[str],
 ) -> tuple[list[Crossing], Begun]:
     """The crossings of the planes and quadrics of a veil."""
-    at_lamp = bool(int(veils.copies[int(veil["copy"])]["flags"]) & Shade.AT_LAMP)
+    copy = veils.copies[int(veil["copy"])]
+    at_lamp = bool(int(copy["flags"]) & Shade.AT_LAMP)
     whole, side, crossings = whole_ray(ray), nearest.met.side, []
     flat_count = int(veil["flat_count"])
     for number in listed[:flat_count].tolist():
         line = veil_line(veils.flat[int(veil["flat_start"]) + number], ray)
-        on_line = old.own & shows_surface(nearest.met, number)
-        ahead = line_ahead(line, on_line)
+        on_line = _on_surface(copy, number, nearest, old, facts)
+        ahead = line_ahead(line, on_line.any)
         value = line.b * ray.c_in + line.c
         old = _began(old, on_line, is_faced(ahead, side, whole), value, line.b)
         crossings.append(flat_crossed(ahead))
     for number in listed[flat_count:][: int(veil["curved_count"])].tolist():
         row = int(veil["curved_start"]) + number - int(veil["planes"])
         form = veil_curve(veils.curved[row], ray)
-        on_curve = old.own & shows_surface(nearest.met, number)
+        on_curve = _on_surface(copy, number, nearest, old, facts)
         rest = rest_of(form, ray, at_lamp)
         slope = rest.b * ray.c_in + rest.c
         value = value_at_start(form, ray)
         old = _began(old, on_curve, is_faced(rest, side, whole), value, slope)
-        crossings.append(curve_crossed(form_ahead(form, rest, on_curve)))
+        crossings.append(curve_crossed(form_ahead(form, rest, on_curve.any)))
     return crossings, old
 
 
@@ -157,7 +184,8 @@ def _higher_crossed(
         ahead = curve_ahead(caster, course, on_curve)
         curve, pairs = ahead.curve, int(caster["pairs"])
         faced = faced_side(curve, nearest.met.side)
-        old = _began(old, on_curve, faced, ahead.value * course.half, curve.powers[0])
+        on_it = On(on_curve, on_curve)
+        old = _began(old, on_it, faced, ahead.value * course.half, curve.powers[0])
         old = old._replace(known=old.known & (~on_curve | knows_side(curve)))
         search = sought(caster), course.some, VEIL_STEPS, VEIL_LAST_STEP, 2 * pairs, facts
         trail = all_crossed(curve, *search)
@@ -177,6 +205,7 @@ def draw_veil(
     ray: Ray,
     begin: I32,
     nearest: Nearest,
+    shared: Shared,
     facts: Collection[str],
 ) -> Hidden:
     """The pixels from which a copy hides the light, among those behind the veil.
@@ -188,6 +217,7 @@ def draw_veil(
         ray: the ray from each point to the light.
         begin: the first grid point ahead of each point.
         nearest: the points; ``met`` counts only for points of regions.
+        shared: the sides of surfaces that several solids or copies share.
         facts: the facts of the frame.
     """
     copy = veils.copies[int(veil["copy"])]
@@ -196,8 +226,8 @@ def draw_veil(
     own = is_own(nearest.surface, copy["first"], copy["count"])
     never, always = np.zeros(own.shape, bool), np.ones(own.shape, bool)
     listed = words[int(veil["list_start"]) :]
-    start = Begun(own, never, never, always, begin)
-    lower, start = _lower_crossed(veil, veils, listed, ray, nearest, start)
+    start = Begun(own, shared, never, never, always, begin)
+    lower, start = _lower_crossed(veil, veils, listed, ray, nearest, start, facts)
     higher, start = _higher_crossed(veil, veils, listed, ray, nearest, start, facts)
     program = words[int(veil["first_group"]) * GROUP : int(veil["end_group"]) * GROUP]
     end = np.int32((1 << VEIL_STEPS) + 1)
@@ -252,6 +282,7 @@ def try_veils(
     nearest: Nearest,
     points: Point,
     beams: Any,
+    shared: Records | None,
     facts: Collection[str],
 ) -> Hidden:
     """The pixels from which copies of groups hide a light.
@@ -263,6 +294,7 @@ def try_veils(
         nearest: the visible points.
         points: their positions on the grid.
         beams: the module of rays of the number format.
+        shared: sides of surfaces that several solids or copies share, if there are some.
         facts: the facts of the frame.
     """
     shape = nearest.surface.shape
@@ -277,7 +309,8 @@ def try_veils(
                 own = Ray(*(part[behind][None] for part in ray))
                 begin = np.maximum(first[behind][None], veil["first"])
                 here = _some(nearest, behind)
-                hidden = draw_veil(veil, veils, words, own, begin, here, facts)
+                sides = sides_seen(shared, here.surface, here.met.side, here.turned)
+                hidden = draw_veil(veil, veils, words, own, begin, here, sides, facts)
                 dark[behind] |= hidden.dark[0]
                 unsure[behind] |= hidden.unsure[0]
     return Hidden(dark, unsure)
