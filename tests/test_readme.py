@@ -16,6 +16,7 @@ from halfstep.device import adapters as device
 from halfstep.files import ENDINGS
 from halfstep.files.movie import MOVIES
 from halfstep.frames.outputs import OUTPUTS
+from halfstep.host.prepare import prepare
 from halfstep.scene import (
     SOLID_KINDS,
     SURFACE_KINDS,
@@ -271,7 +272,8 @@ def test_the_examples_of_regions_are_scenes() -> None:
     """They show what the text says: where a point is in a cell, and how many copies there are."""
     camera = "[camera]\ncenter = [0, -8, 3]\nlook_at = [0, 0, 0]\n"
     fuel = Scene.from_dict(tomllib.loads("format = 1\n" + camera + FUEL))
-    assert [str(cell.region) for cell in fuel.cells] == ["-1 & -2", "body - bore"]
+    assert [str(cell.region) for cell in fuel.cells] == ["-1 & -2 & 3", "body - bore"]
+    prepare(fuel)  # no cell lacks an end
     assert Scene.from_dict(tomllib.loads("format = 1\n" + camera + PINS)).layout().count == 8
 
 

@@ -1,4 +1,4 @@
-// Surfaces that several solids or copies of groups share.
+// The nearest points of a block -> the sides that are seen of surfaces that several solids share.
 
 // each quad
 var<private> side_0: u4;  // the side that is seen of such a surface; 0 for other surfaces
