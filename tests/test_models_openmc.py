@@ -93,8 +93,7 @@ FAULTS = [
     ),
     (
         surface("x-torus", "0 0 0 1 1 3"),
-        "2:40: surface 1: coeffs: C = 3 is not <= A = 1: a torus that crosses itself cannot bound "
-        "cells yet",
+        "2:40: surface 1: coeffs: C = 3 is not <= A = 1: a torus that crosses itself is not read",
     ),
     (surface("y-torus", "0 0 0 3 0 1"), "2:40: surface 1: coeffs: B = 0 is not > 0"),
     (

@@ -180,9 +180,7 @@ class _Reader:
                     return False
             if given[5] > given[3]:
                 text = f"C = {show(given[5])} is not <= A = {show(given[3])}"
-                self._document.fault(
-                    value, f"{text}: a torus that crosses itself cannot bound cells yet"
-                )
+                self._document.fault(value, f"{text}: a torus that crosses itself is not read")
                 return False
         if kind in ("plane", "quadric"):
             linear = given[:-1]
