@@ -215,9 +215,10 @@ def test_shaders_of_fewer_classes_give_the_same_bits(
     with halfstep.Renderer(loaded, size=(320, 240), outputs=PLAIN, backend="gpu") as renderer:
         first, second, third = (renderer.render() for _ in range(3))
     assert differences(second, first) == differences(third, first) == {}
-    whole, *parts = (needs.classes for needs in composed)
+    whole, *parts = composed
     assert len(parts) >= 2
-    assert all(set(part) < set(whole) for part in parts)
+    for part in parts:  # one may have all classes, but no highlights
+        assert set(part.classes) < set(whole.classes) or not part.shininess_bits
 
 
 @pytest.mark.parametrize("scene", ["figure", "gallery"])

@@ -124,6 +124,7 @@ SHADOWED = replace(
     bounces=1,
     body_polynomials=True,
     body_cells=True,
+    flush=True,
     veils=True,
     veil_pairs=2,
 )
@@ -333,7 +334,7 @@ def _combinations() -> Iterator[Needs]:
         bounces = int(form is not FIXED32)  # which cannot draw mirrors
         lit = replace(SHADOWED, format=form, bounces=bounces, veils=False, **NO_CASTERS)
         lit = replace(lit, veil_pairs=0, body_polynomials=False, body_cells=False)
-        yield replace(lit, far_lights=far, encloses=encloses)
+        yield replace(lit, far_lights=far, encloses=encloses, flush=far != 1)
         if form is not FIXED32:  # which cannot draw shadows of cells and polynomials
             yield replace(lit, far_lights=far, encloses=encloses, veils=True)
             yield replace(lit, far_lights=far, encloses=encloses, veils=True, veil_pairs=2)

@@ -65,10 +65,12 @@ def shared_out(
     """
     shared = [(shaders, left_out)]
     blank = blank_tiles(lists.starts, lists.classes)
-    while (plain := shaders.plain()) is not None:
+    while True:
         lacks_mirrors = "mirrors" in shaders.needs.facts
         dull = ~(_reflects if lacks_mirrors else _shines)(packed, lists)
-        if np.count_nonzero(dull & ~blank) * LEAST_SHARE < len(dull):
+        pays = np.count_nonzero(dull & ~blank) * LEAST_SHARE >= len(dull)
+        plain = shaders.plain(pays=bool(pays))
+        if plain is None:
             break
         own, others = shared.pop()
         shared += [(own, others | dull), (plain, others | ~dull)]

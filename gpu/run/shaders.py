@@ -32,6 +32,7 @@ class Shaders:
         self._pipelines: dict[Classes, object] = {}
         # Shaders without mirrors, or else without highlights, for tiles that see none.
         self._plain: Shaders | None = None
+        self._uses_plain: bool | None = None  # None until that is chosen
         if store.in_parts and "mirrors" in needs.facts:
             self._plain = store.of(replace(needs, bounces=0))
         elif self._may_have_parts and "gloss" in needs.facts:
@@ -43,13 +44,18 @@ class Shaders:
         may_compile = self._may_have_parts or self._plain is not None
         return may_compile and not self._sets
 
-    def plain(self) -> Shaders | None:
+    def plain(self, *, pays: bool) -> Shaders | None:
         """The shaders for tiles that see no mirror, or if these have no mirrors, no highlight.
 
         None if the same ones draw all tiles. They have some of the bindings. The first frame uses
-        one shader, as `sets` tells.
+        one shader, as `sets` tells. The next asks once whether it ``pays`` to use them, so that
+        what moves later compiles nothing.
         """
-        return None if self._plain is None or self._sets is None else self._plain.later()
+        if self._plain is None or self._sets is None:
+            return None
+        if self._uses_plain is None:
+            self._uses_plain = pays
+        return self._plain.later() if self._uses_plain else None
 
     def later(self) -> Shaders:
         """These shaders, as after their first frame."""
