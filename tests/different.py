@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
+import halfstep
 from halfstep.frames.frame import Frame
+from halfstep.scene import Scene
+
+
+def on_both(scene: Scene, **options: Any) -> tuple[Frame, Frame]:
+    """The frames of the device and of the twin; options as of `halfstep.render`."""
+    return (
+        halfstep.render(scene, backend="gpu", **options),
+        halfstep.render(scene, backend="numpy", **options),
+    )
 
 
 def different(found: Frame, expected: Frame, *, names: Iterable[str] | None = None) -> list[str]:

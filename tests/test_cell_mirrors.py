@@ -19,6 +19,7 @@ from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
 from tests.cell_mirrors import count, mirroring
 from tests.cell_mirrors import reflected as far_away
+from tests.different import different, on_both
 from tests.shadow_sweeps import Count
 from tests.veil_sweeps import random_cells
 
@@ -208,20 +209,15 @@ def test_scenes_without_mirrors_of_cells_hold_no_code_of_them() -> None:
 # ------------------------------------------------------------------------------ device and twin
 
 
-def differing(scene: Scene, outputs: tuple[str, ...] = ("color",), **options: Any) -> int:
-    """How many pixels differ in a bit between device and twin."""
-    frames = [
-        halfstep.render(scene, size=SMALL, outputs=outputs, backend=backend, **options)
-        for backend in ("gpu", "numpy")
-    ]
-    pairs = [[getattr(frame, name) for frame in frames] for name in ("solid", *outputs)]
-    return sum(int((a != b).sum()) for a, b in pairs)
+def differing(scene: Scene, outputs: tuple[str, ...] = ("color",), **options: Any) -> list[str]:
+    """Outputs of which the device and the twin differ in a bit."""
+    return different(*on_both(scene, size=SMALL, outputs=outputs, **options))
 
 
 @pytest.mark.usefixtures("adapter")
 def test_the_device_gives_the_bits_of_the_twin() -> None:
-    assert differing(room(), ("color", "surface", "shadow", "error")) == 0
-    assert differing(room(shadows=False, bounces=3), ("image",)) == 0
+    assert differing(room(), ("color", "surface", "shadow", "error")) == []
+    assert differing(room(shadows=False, bounces=3), ("image",)) == []
 
 
 @pytest.mark.usefixtures("adapter")

@@ -15,7 +15,7 @@ from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
-from tests.different import different
+from tests.different import different, on_both
 from tests.higher_shadows import random_lit
 from tests.mirror_sweeps import HIGHER, caught, count, higher, mirroring, reflected
 from tests.shadow_sweeps import Count
@@ -149,11 +149,7 @@ def test_doubt_is_told() -> None:
 
 def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[str]:
     """Outputs of which the device and the twin differ in a bit."""
-    frames = [
-        halfstep.render(scene, size=SMALL, outputs=outputs, backend=backend, **options)
-        for backend in ("gpu", "numpy")
-    ]
-    return different(*frames)
+    return different(*on_both(scene, size=SMALL, outputs=outputs, **options))
 
 
 @pytest.mark.usefixtures("adapter")

@@ -15,7 +15,7 @@ from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
-from tests.different import different
+from tests.different import different, on_both
 from tests.formula_surfaces import solid_of
 from tests.higher_shadow_oracle import HigherShadows
 from tests.higher_shadows import occluded, random_formulas, random_lit, scene_of
@@ -254,10 +254,7 @@ def test_a_side_that_light_grazes_is_uncertain() -> None:
 
 def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[str]:
     """Outputs of which the device and the twin differ in a bit."""
-    frames = [
-        halfstep.render(scene, size=SMALL, outputs=outputs, backend=backend, **options)
-        for backend in ("gpu", "numpy")
-    ]
+    frames = on_both(scene, size=SMALL, outputs=outputs, **options)
     assert (frames[1].shadow > 0).any()
     return different(*frames)
 

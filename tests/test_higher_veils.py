@@ -18,6 +18,7 @@ from halfstep.run.veils import UNFINISHED, Drawn, draw_all
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
+from tests.different import different, on_both
 from tests.shadow_sweeps import Count
 from tests.veil_sweeps import count, random_cells
 
@@ -158,16 +159,9 @@ def test_a_side_that_light_grazes_is_uncertain() -> None:
 
 def differing(scene: Scene, **options: Any) -> list[str]:
     """Outputs of which the device and the twin differ in a bit."""
-    frames = [
-        halfstep.render(scene, size=(64, 48), outputs=OUTPUTS, backend=backend, **options)
-        for backend in ("gpu", "numpy")
-    ]
+    frames = on_both(scene, size=(64, 48), outputs=OUTPUTS, **options)
     assert all((frames[1].shadow & bit).any() for bit in (1, 2))
-    return [
-        name
-        for name in OUTPUTS
-        if getattr(frames[0], name).tobytes() != getattr(frames[1], name).tobytes()
-    ]
+    return different(*frames)
 
 
 @pytest.mark.usefixtures("adapter")

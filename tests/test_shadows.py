@@ -22,7 +22,7 @@ from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.scene.animation import scene_at
 from halfstep.shader.source import compose
-from tests.different import different
+from tests.different import different, on_both
 from tests.scenes_random import KINDS
 from tests.shadow_sweeps import (
     FORMATS,
@@ -227,10 +227,7 @@ def test_hidden_lights_do_not_light() -> None:
 
 def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[str]:
     """Outputs of which the device and the twin differ in a bit."""
-    frames = [
-        halfstep.render(scene, size=(96, 72), outputs=outputs, backend=backend, **options)
-        for backend in ("gpu", "numpy")
-    ]
+    frames = on_both(scene, size=(96, 72), outputs=outputs, **options)
     assert (frames[1].shadow > 0).any()
     return different(*frames)
 

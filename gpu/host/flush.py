@@ -15,6 +15,7 @@ import numpy as np
 from halfstep.contract import layout
 from halfstep.contract.arrays import U32, Bools, Floats, Ints, Records
 from halfstep.host.geometry import Geometry
+from halfstep.host.mirrors import has_mirrors
 from halfstep.host.world import GRID_BITS, World
 from halfstep.scene import Light, Scene
 
@@ -201,7 +202,7 @@ def _asked(scene: Scene, geometry: Geometry, world: World, solid: Ints, rows: Fl
     """Whether a light with shadows is before sides of planes (N,), or these may be mirrors."""
     shares = np.array([scene.material_of(each).reflection for each in scene.solids])
     found = np.zeros(len(solid), bool)
-    if scene.image.bounces:
+    if has_mirrors(scene):
         # Cells have their own materials.
         found = np.append(shares, np.ones(geometry.count - len(shares)))[solid] > 0
     for light in scene.lights:

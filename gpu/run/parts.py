@@ -64,10 +64,10 @@ def shared_out(
     Code for mirrors and highlights takes its time also where nothing reflects or shines.
     """
     shared = [(shaders, left_out)]
-    blank = blank_tiles(lists.starts, lists.classes)
-    while True:
+    while shaders.may_use_plain:
         lacks_mirrors = "mirrors" in shaders.needs.facts
         dull = ~(_reflects if lacks_mirrors else _shines)(packed, lists)
+        blank = blank_tiles(lists.starts, lists.classes)
         pays = np.count_nonzero(dull & ~blank) * LEAST_SHARE >= len(dull)
         plain = shaders.plain(pays=bool(pays))
         if plain is None:

@@ -44,12 +44,16 @@ class Shaders:
         may_compile = self._may_have_parts or self._plain is not None
         return may_compile and not self._sets
 
+    @property
+    def may_use_plain(self) -> bool:
+        """Whether `plain` may give shaders. The first frame uses one, as `sets` tells."""
+        return None not in (self._plain, self._sets) and self._uses_plain is not False
+
     def plain(self, *, pays: bool) -> Shaders | None:
         """The shaders for tiles that see no mirror, or if these have no mirrors, no highlight.
 
-        None if the same ones draw all tiles. They have some of the bindings. The first frame uses
-        one shader, as `sets` tells. The next asks once whether it ``pays`` to use them, so that
-        what moves later compiles nothing.
+        None if the same ones draw all tiles. They have some of the bindings. The second frame asks
+        once whether it ``pays`` to use them, so that what moves later compiles nothing.
         """
         if self._plain is None or self._sets is None:
             return None
