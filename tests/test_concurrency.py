@@ -329,30 +329,54 @@ with halfstep.Renderer(SCENES[0], backend="gpu") as renderer:
     assert run(script) == "collected\n(30, 40, 3)\n"
 
 
-@pytest.mark.parametrize("method", ["map_sync", "read_mapped", "unmap"])
-def test_after_an_interrupt_frames_are_right(adapter: Adapter, method: str) -> None:
+@pytest.mark.parametrize("name", ["MapAsync", "GetMappedRange", "Unmap"])
+def test_after_an_interrupt_frames_are_right(adapter: Adapter, name: str) -> None:
     """Ctrl-C while a frame is waited for, or is read."""
     del adapter
     script = f"""
-from wgpu.backends.wgpu_native import GPUBuffer
+from halfstep.device import reading
 alone = [halfstep.render(scene, backend="gpu").depth.tobytes() for scene in SCENES]
-method = GPUBuffer.{method}
-def interrupted(self, *args, **options):
-    if method.__name__ == "map_sync":
-        self.map_async(*args, **options)
+calls, name = reading._native().calls, "wgpuBuffer{name}"
+call = getattr(calls, name)
+def interrupted(*args):
+    if name.endswith("MapAsync"):
+        call(*args)
     raise KeyboardInterrupt
 with halfstep.Renderer(SCENES[0], outputs=("depth",), backend="gpu") as renderer:
     renderer.render()
-    GPUBuffer.{method} = interrupted
+    setattr(calls, name, interrupted)
     try:
         renderer.render(SCENES[1])
     except KeyboardInterrupt:
         print("interrupted")
-    GPUBuffer.{method} = method
+    setattr(calls, name, call)
     for number in (0, 1, 2, 0):
         print(renderer.render(SCENES[number]).depth.tobytes() == alone[number])
 """
     assert run(script) == "interrupted\n" + 4 * "True\n"
+
+
+def test_a_signal_while_the_device_works_interrupts_the_frame(adapter: Adapter) -> None:
+    del adapter
+    script = """
+import signal
+from halfstep.device import reading
+calls = reading._native().calls
+poll = calls.wgpuDevicePoll
+def signalled(*args):
+    os.kill(os.getpid(), signal.SIGINT)
+    return poll(*args)
+with halfstep.Renderer(SCENES[0], outputs=("depth",), backend="gpu") as renderer:
+    before = renderer.render().depth.tobytes()
+    calls.wgpuDevicePoll = signalled
+    try:
+        renderer.render()
+    except KeyboardInterrupt:
+        print("interrupted")
+    calls.wgpuDevicePoll = poll
+    print(renderer.render().depth.tobytes() == before)
+"""
+    assert run(script) == "interrupted\nTrue\n"
 
 
 def test_an_error_in_a_thread_leaves_the_renderer_usable(renderer: Renderer) -> None:

@@ -23,6 +23,7 @@ from halfstep.device.adapters import (
 from halfstep.device.compute import Compute
 from halfstep.device.handles import GpuBuffer, GpuDevice
 from halfstep.device.probe import MOST_ROUNDS, loop_limit, subgroup_size
+from halfstep.device.reading import read
 from halfstep.errors import AdapterError, DeviceError
 from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed, frame_record, in_integers
@@ -42,9 +43,6 @@ from halfstep.shader.needs import UNIFORM_BYTES, Needs
 BAND_BYTES = 128 << 20
 SUBGROUP = "subgroup"
 MAPPABLE = "mappable-primary-buffers"
-# How wgpu-py maps a buffer that a submitted pass writes. For "READ" it would submit a second, empty
-# pass and wait for both; a device maps no buffer before all passes that write it are done.
-READ = "READ_NOSYNC"
 # The most invocations that load a record together. A record has at most ten pieces, so more
 # invocations would load nothing.
 MOST_BROADCAST = 16
@@ -331,10 +329,9 @@ class Device(Turns):
                     for number, type_ in shaders.types.items()
                 }
                 memory = self._dispatch(parts, bindings, buffer, layout, cleared)
-                content = np.frombuffer(memory.read_mapped(copy=False), np.uint8)
-                planes = layout.copies(content, outputs)
-                milliseconds = layout.milliseconds(content) if self._timed else None
-                memory.unmap()
+                with read(self._device, memory, layout.size) as content:
+                    planes = layout.copies(content, outputs)
+                    milliseconds = layout.milliseconds(content) if self._timed else None
         except BaseException:
             # An exception, such as KeyboardInterrupt, may leave a buffer mapped or about to be
             # mapped. The next frame takes new buffers.
@@ -381,7 +378,7 @@ class Device(Turns):
         layout: FrameBuffer,
         cleared: tuple[int, int] | None,
     ) -> GpuBuffer:
-        """Render to the buffer ``frame``, wait, and return a mapped buffer with its content.
+        """Render to the buffer ``frame``, and return a mappable buffer with its content.
 
         Offset and size of ``cleared`` bytes of ``frame`` are those that are set to 0 before.
         """
@@ -411,7 +408,6 @@ class Device(Turns):
             memory = self._buffers.copied(layout.size)
             encoder.copy_buffer_to_buffer(frame, 0, memory, 0, layout.size)
         self._device.queue.submit([encoder.finish()])
-        memory.map_sync(READ, 0, layout.size)
         return memory
 
     def _bind_group(self, shaders: Shaders, bindings: dict[int, Binding]) -> object:
