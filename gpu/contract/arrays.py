@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -20,3 +21,10 @@ Array = NDArray[Any]  # of any dtype
 
 # Device outputs of a band by name, (rows, width, …).
 Planes = dict[str, Array]
+
+
+def never_change(arrays: Iterable[Array | None]) -> None:
+    """Forbid to write to ``arrays``, so that devices need to upload each only once."""
+    for array in arrays:
+        if array is not None:
+            array.setflags(write=False)

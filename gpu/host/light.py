@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import U32, Ints, Records
+from halfstep.contract.arrays import U32, Ints, Records, never_change
 from halfstep.contract.formats import Format
 from halfstep.contract.veils import PackedVeils
 from halfstep.host.flush import shared_sides
@@ -61,12 +61,14 @@ class Lit:
         hiding = shadows_of(scene, geometry, world) if shadows else None
         veils = None if hiding is None else pack_veils(hiding, veils_of(scene, geometry, world))
         start = 0 if veils is None else len(veils.words)
+        shared = shared_sides(scene, geometry, world)
+        never_change([shared])
         return cls(
             world=world,
             shadows=None if hiding is None else ShadowTables(hiding),
             mirrors=MirrorTables(scene, geometry, world, start) if mirrors else None,
             veils=veils,
-            shared=shared_sides(scene, geometry, world),
+            shared=shared,
         )
 
 

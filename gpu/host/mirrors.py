@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats, Ints
+from halfstep.contract.arrays import Floats, Ints, never_change
 from halfstep.contract.layout import Shade
 from halfstep.contract.mirrors import NO_BODY, PackedMirrors
 from halfstep.host.camera import View
@@ -134,6 +134,7 @@ class MirrorTables:
         if face_start:
             rows = np.concatenate(faces)
             self._faces["normal"], self._faces["beyond"] = rows[:, :3], rows[:, 3]
+        never_change([self._bodies, self._faces, self._balls, self._polynomials])
 
     def _filled(self, body: np.void, copy: int, to_local: Floats, face_start: int) -> Floats:
         """Fill the record of a copy of a group. Returns its planes (P, 4), with unit normals."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats, Ints, Records
+from halfstep.contract.arrays import Floats, Ints, Records, never_change
 from halfstep.contract.expressions import PackedExpressions, is_tame
 from halfstep.contract.formats import FIXED32, FLOAT32, Format
 from halfstep.contract.layout import Shade
@@ -47,10 +47,17 @@ class ShadowTables:
 
     def packed(self, number_format: Format) -> PackedShadows:
         """The records of frames in a number format."""
+        return self._packed(number_format is FIXED32)
+
+    @functools.cache  # noqa: B019 - two entries, and they last as long as the scene
+    def _packed(self, integer: bool) -> PackedShadows:
         shadows = self.shadows
-        views, occluders, slabs, boxes, sides = self._tables(number_format is FIXED32)
+        views, occluders, slabs, boxes, sides = self._tables(integer)
         every = (one.caster for hiding in shadows.occluders for one in hiding)
         casting = [each for each in every if each is not None]
+        casters, formulas = caster_records(casting), _formulas(casting, shadows.expressions)
+        never_change([views, occluders, slabs, boxes, sides, casters])
+        never_change([] if formulas is None else [formulas.records])
         return PackedShadows(
             views=views,
             occluders=occluders,
@@ -61,11 +68,10 @@ class ShadowTables:
             curves=any(one.has_quadric for hiding in shadows.occluders for one in hiding),
             many=max(map(len, shadows.occluders)) > MANY,
             encloses=any(one.encloses for hiding in shadows.occluders for one in hiding),
-            casters=caster_records(casting),
-            formulas=_formulas(casting, shadows.expressions),
+            casters=casters,
+            formulas=formulas,
         )
 
-    @functools.cache  # noqa: B019 - two entries, and they last as long as the scene
     def _tables(self, integer: bool) -> tuple[Records, Records, Records, Records, Records]:
         """Views, occluders, slabs, boxes and sides in a number format."""
         number_format, shadows = FIXED32 if integer else FLOAT32, self.shadows

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import U32, Floats, Ints
+from halfstep.contract.arrays import U32, Floats, Ints, never_change
 from halfstep.contract.powers import solid_degree
 from halfstep.contract.program import GROUP
 from halfstep.contract.veils import PackedVeils
@@ -76,6 +76,8 @@ def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> Pack
     for record, one in zip(copies, every, strict=True):
         fill(record, one.occluder, shadows, integer=False)
     excerpts = [veil.excerpt for _, veil in veils]
+    casters = caster_records(higher)
+    never_change([views, records, boxes, copies, flats, curves, casters])
     return PackedVeils(
         views=views,
         records=records,
@@ -83,7 +85,7 @@ def pack_veils(shadows: Shadows, veiled: tuple[tuple[Veiled, ...], ...]) -> Pack
         copies=copies,
         flat=flats,
         curved=curves,
-        higher=caster_records(higher),
+        higher=casters,
         words=programs.words,
         most_crossings=max(one.crossings for one in excerpts),
         levels=max(one.levels for one in excerpts),

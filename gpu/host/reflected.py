@@ -11,7 +11,7 @@ import functools
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import U32, Floats, Ints, Records
+from halfstep.contract.arrays import U32, Floats, Ints, Records, never_change
 from halfstep.contract.mirrors import PackedReflected
 from halfstep.errors import SceneError
 from halfstep.host.pack_veils import WRITTEN, Programs
@@ -78,6 +78,7 @@ class Reflected:
         bowls["second"] = found[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].T
         bowls["slope"], bowls["value"] = found[3, :3].T, found[3, 3]
         bowls["error"] = BY_ROUNDING * np.abs(found).sum(axis=(0, 1))
+        never_change([bowls])
         return bowls
 
     def packed(self, looks: Ints) -> PackedReflected:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import functools
+from collections.abc import Mapping
+from itertools import accumulate
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from halfstep.contract.arrays import Array, Records
+from halfstep.contract.arrays import Array, Bytes, Records
 from halfstep.contract.srgb import srgb_quads
 from halfstep.device.adapters import wgpu_errors
 from halfstep.device.handles import GpuBuffer, GpuDevice, GpuTexture
 from halfstep.host.excerpts import Lists
 from halfstep.host.pack import Packed
+from halfstep.run.framebuffer import ALIGNMENT
 from halfstep.run.parts import PART_BYTES
 from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES
@@ -72,8 +76,16 @@ _NAMES = {
     38: "sides of surfaces that solids share",
     39: "surfaces of copies before lights, of an order above two",
 }
+# Contents of at most so many bytes are joined in one buffer, which one call writes.
+MOST_JOINED = 1 << 16
+JOINED = "small contents"
+# Room behind a content, since shaders declare more than they read.
+BEYOND = max(PART_BYTES, UNIFORM_BYTES)
+# The usage of a buffer that shaders only read.
+INPUT = "UNIFORM|STORAGE|COPY_DST"
 # A binding: a buffer, and the offset and length of its bound part in bytes; or a view of a texture.
 Binding = tuple[GpuBuffer, int, int] | object
+Bindings = dict[int, Binding]
 
 
 class _Texture(NamedTuple):
@@ -93,8 +105,12 @@ class Buffers:
         self._adapter = adapter
         self._buffers: dict[str, GpuBuffer] = {}
         self._textures: dict[str, _Texture] = {}
-        # Contents that never change, and the buffers that hold them.
-        self._constants: dict[str, tuple[GpuBuffer, Array]] = {}
+        # Contents that never change, and what holds them.
+        self._constants: dict[str, tuple[GpuBuffer | _Texture, Array]] = {}
+        # The contents that one buffer holds, and where in it, by binding.
+        self._joined: Bytes = np.zeros(0, np.uint8)
+        self._rooms: dict[int, int] = {}
+        self._starts: dict[int, int] = {}
 
     def clear(self) -> None:
         """Destroy all buffers and textures."""
@@ -123,26 +139,55 @@ class Buffers:
         """
         return self._buffer("copy of what is written", size, "MAP_READ|COPY_DST")
 
-    def upload(self, number: int, type_: str, content: Array) -> Binding:
+    def upload(self, types: Mapping[int, str], contents: Mapping[int, Array]) -> Bindings:
+        """Write the ``contents`` of bindings by number; return what to bind for all ``types``."""
+        bindings: Bindings = {}
+        joined: dict[int, Array] = {}
+        for number, type_ in types.items():
+            if number not in contents:
+                continue
+            content = contents[number]
+            # WebGPU forbids an empty binding. No shader reads this record of zeros.
+            content = content if len(content) else _record_of_zeros(content.dtype)
+            if type_ == TEXTURE:
+                bindings[number] = self._upload_texels(_NAMES[number], content)
+            elif content.nbytes > MOST_JOINED or not content.flags.writeable:
+                bindings[number] = self._upload_alone(number, type_, content)
+            else:
+                joined[number] = content
+        if joined:
+            self._upload_joined(joined)
+            buffer = self._buffer(JOINED, len(self._joined) + BEYOND, INPUT)
+            for number in joined:
+                bound = _bound(number, types[number]) or self._rooms[number]
+                bindings[number] = buffer, self._starts[number], bound
+        return bindings
+
+    def _upload_joined(self, contents: Mapping[int, Array]) -> None:
+        """Write small contents by number to one buffer, each to a place that most frames share."""
+        rooms = {
+            number: max(1 << (content.nbytes - 1).bit_length(), ALIGNMENT)
+            for number, content in contents.items()
+            if content.nbytes > self._rooms.get(number, 0)
+        }
+        if rooms:
+            self._rooms |= rooms
+            ends = dict(zip(self._rooms, accumulate(self._rooms.values()), strict=True))
+            self._starts = {number: end - self._rooms[number] for number, end in ends.items()}
+            self._joined = np.zeros(max(ends.values()), np.uint8)
+        for number, content in contents.items():
+            start = self._starts[number]
+            raw = np.ascontiguousarray(content).view(np.uint8).reshape(-1)
+            self._joined[start : start + len(raw)] = raw
+        buffer = self._buffer(JOINED, len(self._joined) + BEYOND, INPUT)
+        self._device.queue.write_buffer(buffer, 0, self._joined)
+
+    def _upload_alone(self, number: int, type_: str, content: Array) -> Binding:
         """Write ``content`` to the buffer of binding ``number``; return the part to bind."""
-        # WebGPU forbids an empty binding. No shader reads this record of zeros.
-        content = content if len(content) else np.zeros(1, content.dtype)
-        if type_ == TEXTURE:
-            return self._upload_texels(_NAMES[number], content)
-        size, bound = content.nbytes, None
-        if number == 3:
-            # Dispatches bind parts of one size, so the buffer needs room beyond the last part.
-            size, bound = size + PART_BYTES, PART_BYTES
-        elif number in (1, 2) and type_ == "uniform":
-            # The size that the shader declares.
-            size = bound = UNIFORM_BYTES
-        name = _NAMES[number]
-        buffer = self._buffer(name, size, "UNIFORM|STORAGE|COPY_DST")
-        held = self._constants.pop(name, None)
-        if held is None or held[0] is not buffer or held[1] is not content:
+        name, bound = _NAMES[number], _bound(number, type_)
+        buffer = self._buffer(name, content.nbytes + (bound or 0), INPUT)
+        if not self._holds(name, buffer, content):
             self._device.queue.write_buffer(buffer, 0, np.ascontiguousarray(content).view(np.uint8))
-        if not content.flags.writeable:
-            self._constants[name] = buffer, content
         return buffer, 0, bound or buffer.size
 
     def _upload_texels(self, name: str, content: Array) -> object:
@@ -151,6 +196,8 @@ class Buffers:
         across = 1 << ROW_BITS
         rows, rest = divmod(len(texels), across)
         texture = self._texture(name, rows + (rest > 0))
+        if self._holds(name, texture, content):
+            return texture.view
         for first, down, wide in ((0, rows, across), (rows, int(rest > 0), rest)):
             if down:
                 self._device.queue.write_texture(
@@ -160,6 +207,13 @@ class Buffers:
                     (wide, down, 1),
                 )
         return texture.view
+
+    def _holds(self, name: str, place: GpuBuffer | _Texture, content: Array) -> bool:
+        """Whether ``place`` has the ``content`` already; from now on, if that never changes."""
+        before, held = self._constants.pop(name, (None, None))
+        if not content.flags.writeable:
+            self._constants[name] = place, content
+        return before is place and held is content
 
     def _texture(self, name: str, rows: int) -> _Texture:
         """The kept texture called ``name``, replaced if it has fewer than ``rows`` rows."""
@@ -187,6 +241,21 @@ class Buffers:
                 buffer = self._device.create_buffer(label=name, size=rounded, usage=usage)
             self._buffers[name] = buffer
         return buffer
+
+
+def _bound(number: int, type_: str) -> int | None:
+    """The bytes to bind of the content ``number``; None: its room."""
+    if number == 3:
+        return PART_BYTES  # dispatches bind parts of one size
+    # The size that the shader declares.
+    return UNIFORM_BYTES if number in (1, 2) and type_ == "uniform" else None
+
+
+@functools.cache
+def _record_of_zeros(dtype: np.dtype[Any]) -> Array:
+    record = np.zeros(1, dtype)
+    record.setflags(write=False)
+    return record
 
 
 def resource_of(binding: Binding) -> object:

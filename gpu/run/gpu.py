@@ -29,7 +29,7 @@ from halfstep.host.excerpts import Lists, lists_of
 from halfstep.host.pack import Packed, frame_record, in_integers
 from halfstep.host.tiles import blank_tiles
 from halfstep.run import recheck, rounds, split, veils
-from halfstep.run.buffers import Binding, Buffers, contents_of, resource_of
+from halfstep.run.buffers import Bindings, Buffers, contents_of, resource_of
 from halfstep.run.framebuffer import FrameBuffer, pixel_bytes, written_for
 from halfstep.run.needs import needs_of, needs_of_judge
 from halfstep.run.parts import RECORD_BYTES, Part, parts_of
@@ -102,7 +102,7 @@ class Device(Turns):
         self._conveyor = conveyor
         self._shaders = ShaderStore(self._device, in_parts=self._is_software)
         # The bindings of the last frame, and their bind group, by the layout of its shaders.
-        self._bound: dict[object, tuple[dict[int, Binding], object]] = {}
+        self._bound: dict[object, tuple[Bindings, object]] = {}
         # The frame buffer with its layout and background, and which of its tiles show only that.
         self._blank: tuple[object, Bools] = None, np.zeros(0, bool)
         self._buffers = Buffers(self._device, str(adapter.summary))
@@ -321,13 +321,8 @@ class Device(Turns):
         try:
             with device_errors(self.adapter):
                 pixels_at, length = layout.pixels_at, layout.times_at - layout.pixels_at
-                bound = {5: (buffer, 0, pixels_at), 6: (buffer, pixels_at, length)}
-                bindings = {
-                    number: bound[number]
-                    if number in bound
-                    else self._buffers.upload(number, type_, contents[number])
-                    for number, type_ in shaders.types.items()
-                }
+                bindings = self._buffers.upload(shaders.types, contents)
+                bindings |= {5: (buffer, 0, pixels_at), 6: (buffer, pixels_at, length)}
                 memory = self._dispatch(parts, bindings, buffer, layout, cleared)
                 with read(self._device, memory, layout.size) as content:
                     planes = layout.copies(content, outputs)
@@ -373,7 +368,7 @@ class Device(Turns):
     def _dispatch(
         self,
         parts: list[Part],
-        bindings: dict[int, Binding],
+        bindings: Bindings,
         frame: GpuBuffer,
         layout: FrameBuffer,
         cleared: tuple[int, int] | None,
@@ -410,7 +405,7 @@ class Device(Turns):
         self._device.queue.submit([encoder.finish()])
         return memory
 
-    def _bind_group(self, shaders: Shaders, bindings: dict[int, Binding]) -> object:
+    def _bind_group(self, shaders: Shaders, bindings: Bindings) -> object:
         """The bind group of ``shaders``; frames most often reuse that of the last one."""
         layout = shaders.layout
         own = {number: bindings[number] for number in sorted(shaders.types)}
