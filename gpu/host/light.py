@@ -72,10 +72,20 @@ class Lit:
         )
 
 
-def locations(lit: Lit, setup: Setup, solids: Records, number_format: Format) -> Records:
-    """Records for the positions of the points of each solid on the grid, in their order."""
+@functools.cache
+def _type(number_format: Format) -> np.dtype[np.void]:
+    """The dtype of records of positions."""
+    return layout.LOCATION.dtype(number_format)
+
+
+def locations(
+    lit: Lit, setup: Setup, order: Ints, solids: Records, number_format: Format
+) -> Records:
+    """Records for the positions of the points of each of ``solids`` on the grid.
+
+    ``order``: the row of each in ``setup``.
+    """
     grid, view = lit.world.grid, setup.view
-    order = _order(setup, solids, lit.world.first_surface)
     right, down, _ = view.camera_from_world
     center = setup.center[order]
     middle, half = setup.depth_middle[order, None], setup.depth_half[order, None]
@@ -97,7 +107,7 @@ def locations(lit: Lit, setup: Setup, solids: Records, number_format: Format) ->
     # The product with a position on the ray, of PLACE_BITS bits, has at most ROOM_BITS bits.
     shift = ROOM_BITS - PLACE_BITS - np.ceil(np.log2(largest)).astype(np.int64)
     shift = np.clip(shift, 0, 24)
-    records = np.zeros(len(order), layout.LOCATION.dtype(number_format))
+    records = np.zeros(len(order), _type(number_format))
     scale = np.exp2(shift)[:, None, None]
     if number_format.length is np.int64:
         level, along = np.rint(level * scale), np.rint(along * scale)
@@ -114,10 +124,3 @@ def locations(lit: Lit, setup: Setup, solids: Records, number_format: Format) ->
         for name in ("reflection", "body", "flags"):
             records[name] = getattr(lit.mirrors, name)[setup.solid[order]]
     return records
-
-
-def _order(setup: Setup, solids: Records, first_surface: Ints) -> Ints:
-    """The row in ``setup`` (V,) of each of ``solids``."""
-    rows = np.argsort(first_surface[setup.solid], kind="stable")
-    found = np.searchsorted(first_surface[setup.solid[rows]], solids["surface"])
-    return np.asarray(rows[found])

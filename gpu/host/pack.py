@@ -225,7 +225,7 @@ def pack(
         ),
         polynomials=polynomials,
         expressions=expressions,
-        locations=None if lit is None else locations(lit, setup, solids, number_format),
+        locations=None if lit is None else locations(lit, setup, order, solids, number_format),
         shadows=None if lit is None or lit.shadows is None else lit.shadows.packed(number_format),
         mirrors=None
         if lit is None or lit.mirrors is None

@@ -68,12 +68,18 @@ class Reach:
             is_patch: (V,).
             last_step: (V,), 2^-n; the method ``article`` tests half-spaces up to a step away.
         """
-        self._setup, self._is_patch = setup, is_patch
+        self._setup = setup
+        # A patch lies between the two sides of its own plane; the second side comes last.
         self._line_count = setup.plane_count + is_patch
-        c, b = setup.plane_c.T, setup.plane_b.T
-        self._ends = np.stack([c - b, c + b])  # [u = -1, u = 1][1, x, y]
-        owner = np.repeat(np.arange(setup.count), setup.plane_count)
-        self._line_slack = MARGIN + setup.plane_host_error + last_step[owner]
+        self._line_start = np.cumsum(self._line_count) - self._line_count
+        owner = np.repeat(np.arange(setup.count), self._line_count)
+        place = np.arange(len(owner)) - self._line_start[owner]
+        second_side = is_patch[owner] & (place == setup.plane_count[owner])
+        line = setup.plane_start[owner] + np.where(second_side, 0, place)
+        c, b = (each.T.take(line, axis=-1) for each in (setup.plane_c, setup.plane_b))
+        # [u = -1, u = 1][1, x, y]
+        self._ends = np.stack([c - b, c + b]) * np.where(second_side, -1.0, 1.0)
+        self._line_slack = MARGIN + setup.plane_host_error[line] + last_step[owner]
         self._forms = np.stack([setup.a.T, setup.g.T, setup.c.T])
         self._slack = MARGIN + setup.host_error
         self._curved: Bools = np.asarray(self._forms.any(axis=(0, 1)))
@@ -89,21 +95,29 @@ class Reach:
 
     def _interval(self, blocks: Blocks) -> tuple[Floats, Floats]:
         """Least and greatest u (P,) that base planes and half-spaces leave rays of each block."""
-        setup = self._setup
-        low, high = setup.near_u[blocks.solid], setup.far_u[blocks.solid]
-        count = self._line_count[blocks.solid]
-        owner = np.repeat(np.arange(len(count)), count)
-        place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        own = blocks.at(owner)
-        # A patch lies between the two sides of its own plane; the second side comes last.
-        second_side = self._is_patch[own.solid] & (place == count[owner] - 1)
-        line = setup.plane_start[own.solid] + np.where(second_side, 0, place)
-        forms = np.take(self._ends, line, axis=-1) * np.where(second_side, -1.0, 1.0)
-        first, last = _linear_least(forms, own) - self._line_slack[line]
+        setup, solid = self._setup, blocks.solid
+        low, high = setup.near_u[solid], setup.far_u[solid]
+        count = self._line_count[solid]
+        end = np.cumsum(count)
+        line = np.arange(end[-1] if len(end) else 0)
+        line += np.repeat(self._line_start[solid] - (end - count), count)
+        across = (
+            each.repeat(count)
+            for each in (blocks.x, blocks.y, blocks.half_width, blocks.half_height)
+        )
+        first, last = _linear_least(self._ends.take(line, axis=-1), *across)
+        slack = self._line_slack[line]
+        first -= slack
+        last -= slack
         # The least value over all rays is concave in u, so it lies above the chord of its ends.
         crossing = (first + last) / np.where(first == last, 1.0, first - last)
-        np.maximum.at(low, owner, np.where(first > 0, np.where(last > 0, np.inf, crossing), -1.0))
-        np.minimum.at(high, owner, np.where(last > 0, np.where(first > 0, -np.inf, crossing), 1.0))
+        least = np.where(first > 0, np.where(last > 0, np.inf, crossing), -1.0)
+        most = np.where(last > 0, np.where(first > 0, -np.inf, crossing), 1.0)
+        some = np.flatnonzero(count)
+        if len(some):
+            starts = (end - count)[some]
+            low[some] = np.maximum(low[some], np.maximum.reduceat(least, starts))
+            high[some] = np.minimum(high[some], np.minimum.reduceat(most, starts))
         return low, high
 
     def _is_curved_met(self, blocks: Blocks, low: Floats, high: Floats) -> Bools:
@@ -124,12 +138,22 @@ class Reach:
         return ~without_root & (least <= 3 * slack)
 
 
-def _linear_least(forms: Floats, blocks: Blocks) -> Floats:
-    """Least values (…, P) of forms (…, 3, P) of 1, x, y over blocks."""
-    _, along_x, along_y = np.moveaxis(forms, -2, 0)
-    middle = forms[..., 0, :] + along_x * blocks.x + along_y * blocks.y
-    reach = np.abs(along_x) * blocks.half_width + np.abs(along_y) * blocks.half_height
-    return np.asarray(middle - reach)
+def _linear_least(
+    forms: Floats, x: Floats, y: Floats, half_width: Floats, half_height: Floats
+) -> Floats:
+    """Least values (2, P) of forms (2, 3, P) of 1, x, y over `Blocks`, whose members these are."""
+    found = np.empty((2, len(x)))
+    for (one, along_x, along_y), least in zip(forms, found, strict=True):
+        np.multiply(along_x, x, out=least)
+        least += one
+        least += along_y * y
+        reach = np.abs(along_x, out=along_x)
+        reach *= half_width
+        along_y = np.abs(along_y, out=along_y)
+        along_y *= half_height
+        reach += along_y
+        least -= reach
+    return found
 
 
 def quadratic_range(form: Floats, blocks: Blocks) -> tuple[Floats, Floats]:
