@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise
@@ -13,15 +14,15 @@ import pytest
 
 import halfstep
 from halfstep.contract.formats import FIXED32
-from halfstep.contract.powers import PLACE_HALVINGS, WEIGHT_BITS
+from halfstep.contract.powers import OFFSET_BITS, PLACE_HALVINGS, WEIGHT_BITS
 from halfstep.device.adapters import Adapter
 from halfstep.host.bernstein import roundings
 from halfstep.host.prepare import prepare
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
-from halfstep.twin.bernstein import END, weight_at, weights_on_rays
-from tests.algebraic_surfaces import SURFACES, solid_of
+from halfstep.twin.bernstein import END, shifted_product, weight_at, weights_on_rays
+from tests.algebraic_surfaces import SURFACES, solid_of, torus_of
 from tests.polynomial_oracle import CLAIMED, Count, PolynomialOracle
 from tests.polynomial_soundness import PLACES, drawn, judged, random_scene
 from tests.test_polynomials import (
@@ -52,39 +53,74 @@ def in_bernstein(terms: list[Fraction], a: Fraction, b: Fraction) -> list[Fracti
     ]
 
 
+def errors_of_weights(
+    scene: Scene, function: Callable[..., Any], count: int, rng: np.random.Generator
+) -> Iterator[tuple[float, float]]:
+    """Pairs of the largest error of a pixel's weights and its bound, in units, at some pixels."""
+    packed = prepare(scene)
+    if packed.polynomials is None or not len(packed.polynomials.records):
+        return
+    oracle = PolynomialOracle(scene, function)
+    solid, form = packed.solids[0], packed.polynomials.records[0]
+    setup = packed.setup
+    middle, half = (Fraction(float(each[0])) for each in (setup.depth_middle, setup.depth_half))
+    start = Fraction(oracle.middle)
+    low, high = ([form[name] for name in each] for each in (("left", "top"), ("right", "bottom")))
+    for x, y in rng.integers(low, high, (count, 2), endpoint=True).tolist():
+        at = np.array([x], np.int32), np.array([y], np.int32)
+        found = [int(w[0]) for w in weights_on_rays(form["terms"], *at, int(form["shift"]))]
+        terms = oracle.terms_at(x + int(solid["center_x"]), y + int(solid["center_y"]))
+        terms += [Fraction(0)] * (len(found) - len(terms))
+        exact = in_bernstein(terms, middle - half - start, middle + half - start)
+        # F has a scale of its own.
+        largest = max(range(len(exact)), key=lambda i: abs(exact[i]))
+        scale = found[largest] / exact[largest]
+        assert scale > 0
+        error = float(form["host_error"])
+        assert max(map(abs, found)) < 2**WEIGHT_BITS + error
+        yield float(max(abs(w - scale * e) for w, e in zip(found, exact, strict=True))), error
+
+
 @pytest.mark.parametrize("name", FEW)
 def test_weights_are_within_their_error(name: str, rng: np.random.Generator) -> None:
     seen = 0
     for place in PLACES[:2]:
         scene, surface = random_scene(rng, name, place, FIXED32.name)
-        packed = prepare(scene)
-        oracle = PolynomialOracle(scene, surface.function)
-        if packed.polynomials is None or not len(packed.polynomials.records):
-            continue
-        solid, form = packed.solids[0], packed.polynomials.records[0]
-        setup = packed.setup
-        middle, half = (Fraction(float(each[0])) for each in (setup.depth_middle, setup.depth_half))
-        start = Fraction(oracle.middle)
-        low, high = (
-            [form[name] for name in each] for each in (("left", "top"), ("right", "bottom"))
-        )
-        for x, y in rng.integers(low, high, (20, 2), endpoint=True).tolist():
-            at = np.array([x], np.int32), np.array([y], np.int32)
-            found = [int(w[0]) for w in weights_on_rays(form["terms"], *at, int(form["shift"]))]
-            terms = oracle.terms_at(x + int(solid["center_x"]), y + int(solid["center_y"]))
-            terms += [Fraction(0)] * (len(found) - len(terms))
-            exact = in_bernstein(terms, middle - half - start, middle + half - start)
-            # F has a scale of its own.
-            largest = max(range(len(exact)), key=lambda i: abs(exact[i]))
-            scale = found[largest] / exact[largest]
-            assert scale > 0
-            error = float(form["host_error"])
-            off = [abs(w - scale * e) for w, e in zip(found, exact, strict=True)]
+        for off, error in errors_of_weights(scene, surface.function, 20, rng):
             # The scale is that of a weight, which has the same error.
-            assert max(off) <= 2 * error
-            assert max(map(abs, found)) < 2**WEIGHT_BITS + error
+            assert off <= 2 * error
             seen += 1
     assert seen >= 20
+
+
+@pytest.mark.parametrize("name", ["torus", "clebsch"])
+def test_the_error_counts_the_rounding_of_rays_from_far_away(
+    name: str, rng: np.random.Generator
+) -> None:
+    """That of float64, in which tori have their rays, exceeds there what a device rounds."""
+    solid, surface = torus_of(1.0, 0.4) if name == "torus" else (solid_of(name), SURFACES[name])
+    solid["rotation_degrees"] = [31, -12, 57]
+    far = 1e6 * np.array([2, -3, 1.5])
+    camera = {"center": list(far), "look_at": [0, 0, 0], "fov_degrees": 5e-5}
+    scene = scene_of(solid, far, camera=camera, accuracy={"steps": 12, "number_format": "fixed32"})
+    offs = [*errors_of_weights(scene, surface.function, 40, rng)]
+    assert all(off <= 2 * error for off, error in offs)
+    [error] = {error for _, error in offs}
+    most = max(off for off, _ in offs)
+    if name == "torus":
+        assert most > 20 * roundings(4)
+    else:
+        assert roundings(3) < error <= roundings(3) + 1
+
+
+def test_products_of_more_than_64_bits_are_rounded_to_nearest(rng: np.random.Generator) -> None:
+    most = 1 << WEIGHT_BITS
+    for shift in range(OFFSET_BITS + 1):
+        weights = np.append(rng.integers(-most, most, 20), [-most, most, 0, -1])
+        offsets = np.append(rng.integers(-(1 << shift), (1 << shift) + 1, 22), [-(1 << shift)] * 2)
+        found = shifted_product(weights, offsets, shift)
+        for a, b, product in zip(weights.tolist(), offsets.tolist(), found.tolist(), strict=True):
+            assert abs(Fraction(a * b, 1 << shift) - product) <= Fraction(1, 2)
 
 
 @pytest.mark.parametrize("degree", [3, 4, 6, 10])
@@ -121,8 +157,7 @@ def test_nearly_all_hits_are_certain(name: str) -> None:
     frame = halfstep.render(scene, outputs=CLAIMED, backend="numpy")
     hit = frame.solid >= 0
     assert hit.sum() > 50
-    least = 0.8 if name == "barth_decic" else 0.98
-    assert np.isfinite(frame.error[hit]).mean() > least
+    assert np.isfinite(frame.error[hit]).mean() > 0.99
 
 
 def test_both_formats_see_the_same() -> None:

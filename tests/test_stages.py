@@ -22,6 +22,7 @@ from halfstep.contract.powers import (
     BOUNDS,
     CAST_STEPS,
     CLOCKS,
+    OFFSET_BITS,
     PLACE_HALVINGS,
     SEARCH_HALVINGS,
     SLOPE_HALVINGS,
@@ -150,6 +151,7 @@ const CAST_STEPS: u32 = {CAST_STEPS}u;
 const NUMBERS: u32 = 4u;
 const CLOCKS: u32 = {CLOCKS}u;
 const BOUNDS: u32 = {BOUNDS}u;
+const OFFSET_BITS: u32 = {OFFSET_BITS}u;
 const SEARCH_HALVINGS: u32 = {SEARCH_HALVINGS}u;
 const PLACE_HALVINGS: u32 = {PLACE_HALVINGS}u;
 const SLOPE_HALVINGS: u32 = {SLOPE_HALVINGS}u;
@@ -531,7 +533,9 @@ FAULTS = [
     ("algebraic.outline_of", "form.left, form.right", "form.right, form.left"),
     ("algebraic.world_slope", "form.axes[4]", "form.axes[3]"),
     ("bernstein.shifted_product", ">> 1u", ">> 2u"),
-    ("bernstein.weights_on_rays", "row * down + half", "row * down"),
+    ("bernstein.shifted_product", "<< u4(OFFSET_BITS - shift)", "<< u4(OFFSET_BITS)"),
+    ("bernstein.shifted_row", "(a >> OFFSET_BITS)", "(a >> 15u)"),
+    ("bernstein.weights_on_rays", "shifted_row(row, down, shift)", "shifted_row(row, down, 1u)"),
     ("bernstein.weights_on_rays", "total, right", "total, vec4<i64>(down)"),
     ("bernstein.opposite_weights", "-weights[j], some", "-weights[0], some"),
     ("bernstein.either_weights", "other[j], chosen[j]", "chosen[j], other[j]"),
@@ -547,7 +551,7 @@ FAULTS = [
     ("bernstein.stretch_end", "2u - 1u", "2u - 2u"),
     ("bernstein.leaf_from", "min(place, i4(END - 1))", "place"),
     ("bernstein.leaf_until", "END - 1", "END"),
-    ("bernstein.gap_between", "* PLACE_UNIT", "* WEIGHT_UNIT"),
+    ("bernstein.gap_between", "* PLACE_UNIT", "* SLOPE_UNIT"),
     ("bernstein.begun_search", "b4(true)", "b4(false)"),
     ("bernstein.next_search", "found[j] > more", "found[j] > -more"),
     ("bernstein.next_search", "found[j] < -more", "found[j] < more"),
@@ -945,11 +949,11 @@ class Draw:
                 values = np.rint(rng.uniform(-1, 1, shape) * most / term_count(DEGREE))
                 return np.where(rng.random(shape) < 0.2, 0, values)
             case "shift":
-                return BLOCK % 17
+                return BLOCK % (OFFSET_BITS + 1)
             case "error":
                 # A whole search that is in doubt takes long.
-                bits = 12 if self._function.name == "sought_cell" else WEIGHT_BITS - 4
-                return np.rint(np.exp2(rng.uniform(0, bits, shape)))
+                bits = 34 if self._function.name == "sought_cell" else 4
+                return np.rint(most * np.exp2(-rng.uniform(bits, 46, shape)))
             case "at_stop" | "a" | "b" if leaf.itemsize == 8:
                 small = rng.choice([1, 2.0**-20], shape)
                 return np.rint(rng.uniform(-1, 1, shape) * small * most)

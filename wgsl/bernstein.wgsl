@@ -6,8 +6,9 @@
 
 // The place where u = 1.
 const END: i32 = 1073741824;
-// A unit of a weight, and of a place.
-const WEIGHT_UNIT: f32 = 0x1p-46f;
+// Slopes are told in so many units of weights: squares of them fit float32.
+const SLOPE_UNIT: f32 = 0x1p-46f;
+// A unit of a place.
 const PLACE_UNIT: f32 = 0x1p-30f;
 
 // Weights on both halves of an interval.
@@ -31,16 +32,24 @@ struct Rooted {
   high: i4,
 }
 
-// a b 2^-shift, rounded to nearest.
+// a b 2^-shift, rounded to nearest; the product may have more than 64 bits.
 fn shifted_product(a: vec4<i64>, b: vec4<i64>, shift: u32) -> vec4<i64> {
-  return (a * b + vec4<i64>((1li << shift) >> 1u)) >> u4(shift);
+  let low = (a & vec4<i64>((1li << OFFSET_BITS) - 1li)) * b;
+  let above = ((a >> u4(OFFSET_BITS)) * b) << u4(OFFSET_BITS - shift);
+  return above + ((low + vec4<i64>((1li << shift) >> 1u)) >> u4(shift));
+}
+
+// `shifted_product` of what is the same for all pixels of a row.
+fn shifted_row(a: i64, b: i64, shift: u32) -> i64 {
+  let low = (a & ((1li << OFFSET_BITS) - 1li)) * b;
+  let above = ((a >> OFFSET_BITS) * b) << (OFFSET_BITS - shift);
+  return above + ((low + ((1li << shift) >> 1u)) >> shift);
 }
 
 // The weights on the rays of pixels; an offset of 2^shift pixels counts as 1.
 fn weights_on_rays(k: array<Length, TERMS>, x: i4, y: i32, shift: u32) -> array<vec4<i64>, POWERS> {
   let right = vec4<i64>(x);
   let down = i64(y);
-  let half = (1li << shift) >> 1u;
   var weights: array<vec4<i64>, POWERS>;
   // written out
   for (var j = 0u; j < DEGREE + 1u; j++) {
@@ -50,7 +59,7 @@ fn weights_on_rays(k: array<Length, TERMS>, x: i4, y: i32, shift: u32) -> array<
       var row = k[j * ROW_TERMS + a * (a + 1u) / 2u];
       // written out
       for (var b = 1u; b < a + 1u; b++) {
-        row = ((row * down + half) >> shift) + k[j * ROW_TERMS + a * (a + 1u) / 2u + b];
+        row = shifted_row(row, down, shift) + k[j * ROW_TERMS + a * (a + 1u) / 2u + b];
       }
       total = shifted_product(total, right, shift) + row;
     }
@@ -338,17 +347,17 @@ fn slopes_of_weights(k: array<Length, TERMS>, x: f4, y: f32, u: f4) -> Slopes {
   var in_y: array<f4, POWERS>;
   // written out
   for (var j = 0u; j < DEGREE + 1u; j++) {
-    var total = f4(f32(k[j * ROW_TERMS]) * WEIGHT_UNIT);
+    var total = f4(f32(k[j * ROW_TERMS]) * SLOPE_UNIT);
     var slope_x = f4(0.0);
     var slope_y = f4(0.0);
     // written out
     for (var a = 1u; a < DEGREE + 1u; a++) {
-      var row = f32(k[j * ROW_TERMS + a * (a + 1u) / 2u]) * WEIGHT_UNIT;
+      var row = f32(k[j * ROW_TERMS + a * (a + 1u) / 2u]) * SLOPE_UNIT;
       var slope_row = 0.0;
       // written out
       for (var b = 1u; b < a + 1u; b++) {
         slope_row = slope_row * y + row;
-        row = row * y + f32(k[j * ROW_TERMS + a * (a + 1u) / 2u + b]) * WEIGHT_UNIT;
+        row = row * y + f32(k[j * ROW_TERMS + a * (a + 1u) / 2u + b]) * SLOPE_UNIT;
       }
       slope_x = slope_x * x + total;
       slope_y = slope_y * x + slope_row;

@@ -25,10 +25,12 @@ MADE = 2
 MADE_OF_FORMULA = 4
 # Halvings of what is left of a ray to a light, down to its least cells.
 CAST_STEPS = 20
-# In integers, the weights of Bernstein's polynomials have so many bits behind the point, so that
-# their products with pixel offsets of up to 2^16 stay within 64 bits.
-WEIGHT_BITS = 46
-# Likewise, the most halvings of one search for a root, and those that lead to any place on a ray.
+# In integers, the weights of Bernstein's polynomials have so many bits, so that sums of two fit 64.
+# They are multiplied by offsets of up to 2^OFFSET_BITS pixels in two parts, the lower of which has
+# as many bits.
+WEIGHT_BITS = 61
+OFFSET_BITS = 16
+# The most halvings of one search for a root, and those that lead to any place on a ray.
 SEARCH_HALVINGS = 512
 PLACE_HALVINGS = 31
 # A slope is asked of an interval after so many halvings.

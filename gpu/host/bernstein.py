@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import comb
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from halfstep.host.polynomials import ROUNDINGS, OnRays
 # Room for the rounding of an error to float32.
 ROOM = 1 + 2.0**-20
 # No error has more units than this, which exceed all weights.
-LARGEST_UNITS = 2.0**60
+LARGEST_UNITS = 2.0 ** (WEIGHT_BITS + 1)
 
 
 class Weights(NamedTuple):
@@ -33,17 +33,17 @@ def weights_of(known: OnRays) -> Weights:
     """
     count, degree = len(known.row), known.degree
     terms = known.terms.reshape(count, degree + 1, row_terms(degree))
-    basis = np.array([_basis(degree, middle) for middle in known.middle.tolist()])
-    basis = basis.reshape(count, degree + 1, degree + 1)
-    weights = np.einsum("pij,pjt->pit", basis, terms)
+    bases = np.array([basis(degree, middle) for middle in known.middle.tolist()])
+    bases = bases.reshape(count, degree + 1, degree + 1)
+    weights = np.einsum("pij,pjt->pit", bases, terms)
     reach = 1 + np.abs(known.middle)
     powers = reach[:, None] ** np.arange(degree + 1)
     magnitude = (np.abs(terms).sum(axis=-1) * powers).sum(axis=-1)
     error = known.host_error * np.maximum(reach / known.along, 1.0) ** known.own_degree
     error += ROUNDINGS * (degree + 2) * magnitude
-    scale = power_of_two(np.abs(weights).sum(axis=-1).max(axis=-1, initial=0.0))
-    scale = np.asarray(scale * 2.0**WEIGHT_BITS)
-    units = ROOM * (scaled_error(error, scale) + roundings(degree))
+    power = power_of_two(np.abs(weights).sum(axis=-1).max(axis=-1, initial=0.0))
+    scale = np.asarray(power * 2.0**WEIGHT_BITS)
+    units = ROOM * (scaled_error(error, power) * 2.0**WEIGHT_BITS + roundings(degree))
     return Weights(
         np.rint(weights * scale[:, None, None]).reshape(known.terms.shape),
         np.minimum(np.ceil(units), LARGEST_UNITS),
@@ -56,8 +56,8 @@ def roundings(degree: int) -> float:
     return (row_terms(degree) + products + PLACE_HALVINGS * degree) / 2
 
 
-def _basis(degree: int, middle: float) -> Floats:
-    """The weights [i, j] over the interval from -1 to 1 of the powers (u - middle)^j."""
+def basis(degree: int, middle: Any) -> Any:
+    """The weights [i, j] over the interval from -1 to 1 of (u - middle)^j; any numbers."""
     near, far = -1 - middle, 1 - middle
     return np.array(
         [

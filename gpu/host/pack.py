@@ -28,6 +28,7 @@ from halfstep.host.numbers import Numbers, numbers_of
 from halfstep.host.pack_expressions import pack_expressions
 from halfstep.host.pack_polynomials import pack_higher, pack_polynomials
 from halfstep.host.pack_regions import Appearances, appearances, pack_regions
+from halfstep.host.precise import with_precise_weights
 from halfstep.host.regions import NO_MATERIAL
 from halfstep.host.setup import START_BITS, Setup
 from halfstep.host.sharing import fill
@@ -194,7 +195,7 @@ def pack(
     offsets = monomials_of(setup.offsets.T + layout.TILE).T  # tiles reach beyond rectangles
     solids = _solids(tables, setup, steps, number_format, keys, offsets)
     half_spaces = _half_spaces(tables, setup, number_format, offsets)
-    polynomials = pack_polynomials(setup, half_spaces, number_format)
+    polynomials = _polynomials(scene, setup, half_spaces, number_format)
     expressions = pack_expressions(setup, half_spaces)
     if (np.diff(order) != 1).any():
         solids = solids.take(order)  # a fancy index copies member by member
@@ -344,8 +345,8 @@ def _rechecked(setup: Setup) -> Bools:
     return found
 
 
-def in_integers(packed: Packed) -> Packed:
-    """The records that polynomials of solids need for their search in integers.
+def in_integers(packed: Packed, scene: Scene) -> Packed:
+    """The records that polynomials of solids of a scene need for their search in integers.
 
     Solids keep their rows and their halvings.
     """
@@ -360,9 +361,19 @@ def in_integers(packed: Packed) -> Packed:
         format=FIXED32,
         solids=solids.take(packed.order),
         half_spaces=half_spaces,
-        polynomials=pack_polynomials(alone, half_spaces, FIXED32),
+        polynomials=_polynomials(scene, alone, half_spaces, FIXED32),
         expressions=None,
     )
+
+
+def _polynomials(
+    scene: Scene, setup: Setup, half_spaces: Records, number_format: Format
+) -> PackedPolynomials | None:
+    """Records of the polynomials of a frame; None if the scene has none."""
+    found = pack_polynomials(setup, half_spaces, number_format)
+    if found is None or number_format is not FIXED32:
+        return found
+    return with_precise_weights(found, scene, setup)
 
 
 def _half_spaces(tables: Surfaces, setup: Setup, number_format: Format, offsets: Floats) -> Records:

@@ -104,7 +104,7 @@ def _records(known: OnRays, rectangle: Ints, center: Ints, number_format: Format
     records["rounding"] = ROOM * EPSILON * (5 * known.own_degree + 7)
     records["middle"] = known.middle
     records["scale"] = known.scale
-    records["shift"] = np.rint(-np.log2(known.scale))
+    records["shift"] = known.shift
     edges = rectangle - np.repeat(center, 2, axis=1)
     for name, edge in zip(("left", "right", "top", "bottom"), edges.T, strict=True):
         records[name] = edge

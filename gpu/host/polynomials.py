@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from halfstep.contract.powers import places
 from halfstep.host.forms import Sight, power_of_two, scaled_error
 from halfstep.host.restriction import restricted
 from halfstep.scene import Algebraic, HigherShape, Solid, algebra
+from halfstep.scene.algebra import Polynomial
 
 # Roundings of float64 that a term passes on its way to a coefficient on the ray, for each degree.
 ROUNDINGS = 32 * 2.0**-53
@@ -95,6 +97,11 @@ class OnRays:
     is_in_ball: Bools  # (P,)
     has_balls: bool  # a ball bounds some solid of the scene
 
+    @property
+    def shift(self) -> Ints:
+        """The scale of pixel offsets is 2^-shift, (P,)."""
+        return np.rint(-np.log2(self.scale)).astype(np.int64)
+
 
 def polynomials(solids: Sequence[Solid]) -> Polynomials | None:
     """Stack the polynomials of ``solids``; None if there are none."""
@@ -126,23 +133,40 @@ def stacked(
     coefficients = np.zeros((degree + 1, degree + 1, degree + 1, len(shapes)))
     center, size = np.empty((2, 3, len(shapes)))
     for q, shape in enumerate(shapes):
-        low, high = map(np.array, shape.box())
-        center[:, q], size[:, q] = (low + high) / 2, (high - low) / 2
-        axes = tuple(
-            algebra.added(
-                algebra.constant(Fraction(center[axis, q])),
-                algebra.coordinate(axis),
-                Fraction(size[axis, q]),
-            )
-            for axis in range(3)
-        )
-        terms = algebra.substituted(shape.polynomial(), axes)
-        # No coefficient may be beyond the range of floats: all are scaled exactly.
-        largest = max(map(abs, terms.values()), default=Fraction(1))
-        for exponents, value in terms.items():
-            coefficients[(*exponents, q)] = value / largest
+        about = about_middle(shape)
+        center[:, q], size[:, q] = about.center, about.size
+        for exponents, number in about.terms.items():
+            coefficients[(*exponents, q)] = number
     own_degree = np.array([shape.degree() for shape in shapes])
     return Polynomials(solid, degree, own_degree, coefficients, center, size, is_sheet, is_in_ball)
+
+
+class AboutMiddle(NamedTuple):
+    """A polynomial about the middle of its box, in units of half the box; the largest term is 1."""
+
+    terms: Polynomial
+    center: Floats  # (3,), middle of the box, local
+    size: Floats  # (3,), half of it
+
+
+def about_middle(shape: HigherShape) -> AboutMiddle:
+    """The polynomial of a shape about the middle of its box, exactly."""
+    low, high = map(np.array, shape.box())
+    center, size = (low + high) / 2, (high - low) / 2
+    axes = tuple(
+        algebra.added(
+            algebra.constant(Fraction(center[axis])),
+            algebra.coordinate(axis),
+            Fraction(size[axis]),
+        )
+        for axis in range(3)
+    )
+    terms = algebra.substituted(shape.polynomial(), axes)
+    # No coefficient may be beyond the range of floats: all are scaled exactly.
+    largest = max(map(abs, terms.values()), default=Fraction(1))
+    return AboutMiddle(
+        {exponents: number / largest for exponents, number in terms.items()}, center, size
+    )
 
 
 def on_rays(
@@ -189,7 +213,7 @@ def on_rays(
     along = (depth[1] - depth[0]) / (2 * half) + 2.0**-MIDDLE_BITS
     terms = restricted(known.coefficients, points)
     size = np.abs(points[0]).sum(axis=0) + along * np.abs(points[1]).sum(axis=0)
-    magnitude = _value(np.abs(known.coefficients), size)
+    magnitude = value_of(np.abs(known.coefficients), size)
     error = ROUNDINGS * (known.degree + 2) * magnitude
     off = (sight.error / (known.size * size)).max(axis=0)
     error += known.degree * magnitude * off * (1 + off) ** known.degree
@@ -225,7 +249,7 @@ def on_rays(
     )
 
 
-def _value(coefficients: Floats, point: Floats) -> Floats:
+def value_of(coefficients: Floats, point: Floats) -> Floats:
     """F (…, P) at points (3, …, P)."""
     powers = np.ones((len(coefficients), *point.shape))
     for k in range(1, len(powers)):
@@ -249,10 +273,10 @@ class AtEye:
         eye = self._rays[0]
         self._size = np.abs(eye)
         self._sizes = np.abs(known.coefficients)
-        value = _value(known.coefficients, eye)
+        value = value_of(known.coefficients, eye)
         off = sight.error / known.size
-        error = ROUNDINGS * (known.degree + 2) * _value(self._sizes, self._size)
-        error += _value(self._sizes, self._size + off) - _value(self._sizes, self._size)
+        error = ROUNDINGS * (known.degree + 2) * value_of(self._sizes, self._size)
+        error += value_of(self._sizes, self._size + off) - value_of(self._sizes, self._size)
         # The difference above cancels; the error of each value is less than the first term.
         error *= 2
         self.outside: Bools = np.asarray(value > 0)
@@ -266,11 +290,11 @@ class AtEye:
 
         It is 0 where a search would end at less than the depth that need not be told.
         """
-        least = _value(self._sizes, self._size)
+        least = value_of(self._sizes, self._size)
 
         def passes(depth: Floats) -> Bools:
             places = self._size[:, None] + depth * self._steepest[:, None]
-            reached = _value(self._sizes, places)
+            reached = value_of(self._sizes, places)
             return np.asarray(reached - least < self._level)
 
         if not passes(self._low[None]).any():

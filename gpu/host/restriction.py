@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract import powers
-from halfstep.contract.arrays import Floats, Ints
+from halfstep.contract.arrays import Array, Ints
 
 # The monomials of a coordinate of points: powers of u, x and y.
 _MONOMIALS = [(u, x, y) for u in (0, 1) for x, y in ((0, 0), (1, 0), (0, 1))]
@@ -31,7 +31,7 @@ class _Step(NamedTuple):
     sources: Ints  # (6, N, T + 1), places of products with monomials, in (6, N, T' + 1)
 
 
-def restricted(coefficients: Floats, points: Floats) -> Floats:
+def restricted(coefficients: Array, points: Array, number: type = float) -> Array:
     """F on rays as terms (T, P), in the order of ``contract.powers``.
 
     A term passes 9 roundings for each degree, and 2 of its scale.
@@ -39,13 +39,15 @@ def restricted(coefficients: Floats, points: Floats) -> Floats:
     Args:
         coefficients: (d + 1, d + 1, d + 1, P), of F.
         points: (2, 3, 3, P), points of rays: [1, u][1, x, y][axis].
+        number: the type of both, if they are arrays of objects.
     """
     count = coefficients.shape[-1]
-    places, weights = _tensor(len(coefficients) - 1)
-    axes = np.zeros((4, len(_MONOMIALS), 1, 1, count))
-    axes[0, 0] = 1.0
+    places, scales = _tensor(len(coefficients) - 1)
+    weights = scales.astype(points.dtype) / number(math.factorial(len(coefficients) - 1))
+    axes = np.zeros((4, len(_MONOMIALS), 1, 1, count), points.dtype)
+    axes[0, 0] = number(1)
     axes[1:, :, 0, 0] = points.reshape(len(_MONOMIALS), 3, count).transpose(1, 0, 2)
-    form = np.zeros((len(weights), 2, count))
+    form = np.zeros((len(weights), 2, count), points.dtype)
     np.multiply(coefficients[places], weights, out=form[:, 0])
     for step in _steps(len(coefficients) - 1):
         along = (axes * form.take(step.members, axis=0)[:, None]).sum(axis=0)
@@ -65,12 +67,15 @@ def _exponents(degree: int) -> list[tuple[int, int, int, int]]:
 
 
 @functools.cache
-def _tensor(degree: int) -> tuple[tuple[Ints, Ints, Ints], Floats]:
-    """The places of a form's coefficients by the powers of x, y and z, and their scales (N, 1)."""
+def _tensor(degree: int) -> tuple[tuple[Ints, Ints, Ints], Ints]:
+    """The places of a form's coefficients by the powers of x, y and z.
+
+    And their scales (N, 1), over the factorial of the degree.
+    """
     exponents = _exponents(degree)
     scales = [math.prod(map(math.factorial, each)) for each in exponents]
     _, x, y, z = np.array(exponents).T
-    return (x, y, z), np.array(scales)[:, None] / math.factorial(degree)
+    return (x, y, z), np.array(scales)[:, None]
 
 
 @functools.cache

@@ -193,7 +193,7 @@ class Device(Turns):
         if asks:
             times = [milliseconds]
             judge = partial(self._judged, first_row, times)
-            recheck.settled(planes, packed, lists, partial(in_integers, packed), judge)
+            recheck.settled(planes, packed, lists, partial(in_integers, packed, scene), judge)
             for name in recheck.READ - outputs:
                 del planes[name]
             milliseconds = None if None in times else sum(filter(None, times))

@@ -2,9 +2,10 @@
 
 Where F and its slope vanish together, float32 finds most roots of a polynomial without being able
 to prove them: it resolves the sign of F only to about 2^-19 of its terms. The search in integers
-(`twin.bernstein`) resolves 2^20 times as much, but takes several times as long. So a frame with the
-output `error` asks integers only about the solids with `Flag.RECHECKED`, and only at pixels where
-float32 is not certain of them. These solids are kept apart in the plane ``vague``.
+(`twin.bernstein`) resolves some 2^34 times as much, with weights that the host computes in decimals
+(`host.precise`), but takes several times as long. So a frame with the output `error` asks integers
+only about the solids with `Flag.RECHECKED`, and only at pixels where float32 is not certain of
+them. These solids are kept apart in the plane ``vague``.
 
 Nothing that a pixel shows changes, so pictures do not depend on this. A solid no longer makes a
 pixel uncertain in three cases:

@@ -288,7 +288,7 @@ def render_band(
     planes = band.finish()
     if asks:
         judge = partial(judged, first_row)
-        recheck.settled(planes, packed, band.lists, partial(in_integers, packed), judge)
+        recheck.settled(planes, packed, band.lists, partial(in_integers, packed, scene), judge)
         for name in recheck.READ - outputs:
             del planes[name]
     return planes

@@ -2,7 +2,7 @@
 
 Along a ray, F over the whole interval of its solid, u from -1 to 1, is a sum of Bernstein's
 polynomials of degree d. Its weights w_0 to w_d are polynomials in the pixel offset, which the host
-gives in units of 2^-46 of the largest. De Casteljau's halving makes from the weights over an
+gives in units of 2^-61 of the largest. De Casteljau's halving makes from the weights over an
 interval those over its two halves, with d (d + 1) / 2 sums of two, each halved. So every number
 here comes by sums, shifts and comparisons, except for the weights of a pixel, which multiply
 integers. All devices compute the same bits.
@@ -34,7 +34,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from halfstep.contract.powers import PLACE_HALVINGS, SEARCH_HALVINGS, SLOPE_HALVINGS
+from halfstep.contract.powers import (
+    OFFSET_BITS,
+    PLACE_HALVINGS,
+    SEARCH_HALVINGS,
+    SLOPE_HALVINGS,
+)
 from halfstep.contract.stretches import PIECE_BITS, PIECES, ROW_BITS
 from halfstep.twin.cells import Cell, half_of, largest_at
 from halfstep.twin.certify import ROOM
@@ -48,8 +53,9 @@ Weights = list[I64]
 
 # The place where u = 1.
 END = np.int32(1 << 30)
-# A unit of a weight, and of a place.
-WEIGHT_UNIT = np.float32(2.0**-46)
+# Slopes are told in so many units of weights: squares of them fit float32.
+SLOPE_UNIT = np.float32(2.0**-46)
+# A unit of a place.
 PLACE_UNIT = np.float32(2.0**-30)
 # One half.
 HALF = np.float32(0.5)
@@ -88,8 +94,15 @@ def _degree(k: I64) -> int:
 
 
 def shifted_product(a: I64, b: I64, shift: int) -> I64:
-    """a b 2^-shift, rounded to nearest."""
-    return (a * b + np.int64((1 << shift) >> 1)) >> np.int64(shift)
+    """a b 2^-shift, rounded to nearest; the product may have more than 64 bits."""
+    high, low = a >> np.int64(OFFSET_BITS), a & np.int64((1 << OFFSET_BITS) - 1)
+    above = (high * b) << np.int64(OFFSET_BITS - shift)
+    return above + ((low * b + np.int64((1 << shift) >> 1)) >> np.int64(shift))
+
+
+def shifted_row(a: I64, b: I64, shift: int) -> I64:
+    """`shifted_product` of what is the same for all pixels of a row."""
+    return shifted_product(a, b, shift)
 
 
 def weights_on_rays(k: I64, x: I32, y: I32, shift: int) -> Weights:
@@ -103,7 +116,7 @@ def weights_on_rays(k: I64, x: I32, y: I32, shift: int) -> Weights:
         for a in range(1, degree + 1):
             row = np.full(y.shape, k[j * row_terms + a * (a + 1) // 2])
             for b in range(1, a + 1):
-                row = shifted_product(row, down, shift) + k[j * row_terms + a * (a + 1) // 2 + b]
+                row = shifted_row(row, down, shift) + k[j * row_terms + a * (a + 1) // 2 + b]
             total = shifted_product(total, right, shift) + row
         weights.append(total)
     return weights
@@ -370,7 +383,7 @@ def slopes_of_weights(k: I64, x: F32, y: F32, u: F32) -> Slopes:
     near = np.float32(1) - far
     value, in_x, in_y = [], [], []
     for j in range(degree + 1):
-        own = k[j * row_terms : (j + 1) * row_terms].astype(np.float32) * WEIGHT_UNIT
+        own = k[j * row_terms : (j + 1) * row_terms].astype(np.float32) * SLOPE_UNIT
         total = np.full(x.shape, own[0])
         slope_x = slope_y = np.zeros_like(x)
         for a in range(1, degree + 1):
