@@ -3,10 +3,13 @@
 Along a reflected ray the roots of all surfaces are sorted, and the ray is inside a solid between
 some of them. There is no grid, no body and no base point here. A reflected ray begins at a root of
 its mirror; that root is left out. If the mirror is a polynomial, it is divided by the distance.
+The roots of other formulas are found by intervals (`tests.formula_rays`); where these do not tell
+all, a pixel is not judged.
 """
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +17,8 @@ from numpy.typing import NDArray
 
 from halfstep.host.camera import view
 from halfstep.scene import Algebraic, PlanePatch, QuadricSolid, Scene
-from tests.higher_shadow_oracle import along_rays, functions_of, roots_of, value_at
+from tests.formula_rays import FormulaAlong
+from tests.higher_shadow_oracle import UNKNOWN, along_rays, functions_of, roots_of, value_at
 from tests.oracle import Oracle
 
 Bools = NDArray[np.bool_]
@@ -27,7 +31,7 @@ LD = np.longdouble
 class Met(NamedTuple):
     """What N rays meet."""
 
-    solid: Ints  # -1 where nothing
+    solid: Ints  # -1 where nothing, UNKNOWN where that is not judged
     surface: Ints
     point: Wide
     direction: Wide  # of the ray
@@ -37,9 +41,9 @@ class MirrorOracle:
     """Mirrors of one scene at one picture size.
 
     Args:
-        scene: its solids are quadrics, polyhedra, patches, tori and polynomials.
+        scene: it has no cells.
         size: of the picture.
-        oracle: tells what the rays of pixels hit; None if a solid is a torus or a polynomial.
+        oracle: tells what the rays of pixels hit; None if a solid is a torus or a formula.
     """
 
     def __init__(self, scene: Scene, size: tuple[int, int], oracle: Oracle | None) -> None:
@@ -79,19 +83,21 @@ class MirrorOracle:
     def _first(self, old: Met, some: Bools) -> Met:
         """What some rays meet, which begin at what was met."""
         direction, normal = old.direction, old.point
-        time = np.full(len(normal), np.inf, LD)
+        time, known = np.full(len(normal), np.inf, LD), np.ones(len(normal), bool)
         solids, surfaces = np.full((2, len(normal)), -1, np.int32)
         for ix, solid in enumerate(self.scene.solids):
             of_own = np.where(old.solid == ix, old.surface, -1)
-            find: Any = _crosses if isinstance(solid, PlanePatch) else _changes
             if isinstance(solid, Algebraic):
-                find = _turns
-            at, surface = find(solid, old.point, direction, of_own)
+                at, surface, sure = _turns(solid, old.point, direction, of_own)
+                known &= sure
+            else:
+                find: Any = _crosses if isinstance(solid, PlanePatch) else _changes
+                at, surface = find(solid, old.point, direction, of_own)
             nearer = (at < time) & some
             time = np.where(nearer, at, time)
             solids[nearer], surfaces[nearer] = ix, surface[nearer]
         point = old.point + np.where(np.isfinite(time), time, 0)[:, None] * direction
-        return Met(solids, surfaces, point, direction)
+        return Met(np.where(known, solids, UNKNOWN), surfaces, point, direction)
 
 
 def _unit(vectors: Wide) -> Wide:
@@ -115,8 +121,13 @@ def _normals(solid: Any, points: Wide, surface: Ints) -> Wide:
     if isinstance(solid, Algebraic):
         # The slopes along the axes are coefficients along rays that follow them.
         for number, terms in functions_of(solid):
-            axes = np.eye(3, dtype=LD)
-            slopes = [along_rays(terms, x, np.broadcast_to(axis, x.shape))[1] for axis in axes]
+            axes = [np.broadcast_to(axis, x.shape) for axis in np.eye(3, dtype=LD)]
+            if terms is None:
+                none = np.zeros(len(x), bool)
+                along = (FormulaAlong(solid, x, axis, none, rough=True) for axis in axes)
+                slopes = [each.slope(np.zeros(len(x))).astype(LD) for each in along]
+            else:
+                slopes = [along_rays(terms, x, axis)[1] for axis in axes]
             mine = surface == number
             normal[mine] = np.stack(slopes, axis=1)[mine]
     return np.asarray(normal @ solid.world_from_local().astype(LD).T)
@@ -173,23 +184,38 @@ def _crosses(solid: PlanePatch, points: Wide, directions: Wide, own: Ints) -> tu
     return np.where(met, time, np.inf), np.zeros(len(x), np.int32)
 
 
-def _turns(solid: Algebraic, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints]:
-    """The same as `_changes` of a torus or a polynomial; a sheet is where it changes its sign."""
+def _turns(solid: Algebraic, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints, Bools]:
+    """The same as `_changes` of a torus or a formula, and whether that is known.
+
+    A sheet is where its formula changes its sign.
+    """
     x, d = _local(solid, points, directions)
     columns = np.arange(len(x))
-    places, through, terms_of = [], [], []
+    # Where there are no roots, something infinite is found.
+    places, through, inside = (
+        [np.full((1, len(x)), np.inf, LD)],
+        [np.zeros((1, len(x)), np.int32)],
+        {},
+    )
+    known = np.ones(len(x), bool)
     # Roots are sought from the place nearest to the middle, where terms are small.
     back = np.where(own < 0, -(x * d).sum(axis=1), 0)
+    base, first = x + back[:, None] * d, -back
     for number, function in functions_of(solid):
-        terms = along_rays(function, x + back[:, None] * d, d)
-        lower = np.concatenate([terms[1:], np.zeros((1, len(x)), LD)])
-        terms = np.where(own == number, lower, terms)
-        found = roots_of(terms)
+        if function is None:
+            formula = FormulaAlong(solid, base, d, own == number, rough=False)
+            found = formula.roots(first, np.full(len(x), np.inf)).astype(LD)
+            known &= formula.known
+            inside[number] = formula.inside
+        else:
+            terms = along_rays(function, base, d)
+            lower = np.concatenate([terms[1:], np.zeros((1, len(x)), LD)])
+            terms = np.where(own == number, lower, terms)
+            found = roots_of(terms)
+            inside[number] = functools.partial(_is_inside, terms)
         places.append(found)
-        through += [np.full(len(x), number, np.int32)] * len(found)
-        terms_of.append((number, terms))
-    first = -back
-    events, numbers = np.concatenate(places), np.array(through)
+        through.append(np.full(found.shape, number, np.int32))
+    events, numbers = np.concatenate(places), np.concatenate(through)
     events = np.where(np.isfinite(events) & (events > first), events, np.inf)
     order = np.argsort(events, axis=0)
     events = np.take_along_axis(events, order, axis=0)
@@ -200,7 +226,7 @@ def _turns(solid: Algebraic, points: Wide, directions: Wide, own: Ints) -> tuple
     begin = np.where(there, begin, 0)
     middle = np.where(np.isfinite(end), (begin + end) / 2, begin + np.abs(begin) + 1)
     is_sheet = solid.is_sheet()
-    below = {number: value_at(terms, middle) <= 0 for number, terms in terms_of}
+    below = {number: test(middle) for number, test in inside.items()}
     if is_sheet:
         free = np.logical_and.reduce([below[number] for number in below if number])
         changes = (below[0][1:] != below[0][:-1]) & free[1:] & free[:-1]
@@ -210,4 +236,9 @@ def _turns(solid: Algebraic, points: Wide, directions: Wide, own: Ints) -> tuple
     changes &= (events < np.inf) & (end[1:] > begin[1:])
     k = changes.argmax(axis=0)
     hit = changes[k, columns]
-    return np.where(hit, events[k, columns] + back, np.inf), numbers[k, columns]
+    return np.where(hit, events[k, columns] + back, np.inf), numbers[k, columns], known
+
+
+def _is_inside(terms: Wide, s: Wide) -> Bools:
+    """Whether a polynomial is not positive."""
+    return np.asarray(value_at(terms, s) <= 0)

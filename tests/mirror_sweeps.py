@@ -1,6 +1,6 @@
 """Compares what mirrors show with the oracle, over distances and kinds.
 
-    python -m tests.mirror_sweeps [--higher]
+    python -m tests.mirror_sweeps [--higher | --formulas]
 
 The oracle looks at each pixel that differs after a bounce, and at four points 0.02 pixel away. If
 it sees the same at all five, the pixel is *wrong*, or *unsure* if `error` is infinite there;
@@ -10,6 +10,7 @@ otherwise it is a *tie*.
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 from typing import Any
 
@@ -19,16 +20,20 @@ from halfstep.host.prepare import prepare
 from halfstep.run.twin import Band
 from halfstep.scene import Scene, with_overrides
 from halfstep.twin import bounce
-from tests.higher_shadows import implicit, placed, torus
+from tests.formula_surfaces import FORMULAS
+from tests.higher_shadow_oracle import UNKNOWN
+from tests.higher_shadows import BEFORE, formula, implicit, placed, random_formulas, torus
 from tests.higher_shadows import random_lit as random_higher
 from tests.judge import Judge
 from tests.mirror_oracle import Met, MirrorOracle
 from tests.scenes_random import KINDS
 from tests.shadow_sweeps import DELTA, Count, Random, Table, bounded, random_lit, watched
 
-SIZE = (96, 72)
+SIZE, SMALL = (96, 72), (48, 36)
 DISTANCES = (3.0, 1e1, 1e2, 1e3, 1e4)
 HIGHER = {"torus": torus, "implicit": implicit}
+# Formulas that are no polynomials, and a torus that crosses itself.
+NAMES = (*FORMULAS, "spindle")
 MIRROR = {"name": "mirror", "color": [0.8, 0.8, 0.8], "reflection": 0.9}
 
 
@@ -79,21 +84,28 @@ def count(total: Count, scene: Scene, size: tuple[int, int] = SIZE, **options: A
     oracle = MirrorOracle(scene, size, known)
     j, i = (each.ravel().astype(np.float64) for each in np.mgrid[: size[1], : size[0]])
     truth = oracle.at(i, j)
-    beside = [
-        oracle.at(i + across, j + down) for across in (-DELTA, DELTA) for down in (-DELTA, DELTA)
-    ]
     frame = [tuple(part.ravel() for part in each) for each in caught(scene)]
-    same, stable = np.ones((2, i.size), bool)
+    same = np.ones(i.size, bool)
     for depth, (met, (solid, surface, unsure)) in enumerate(zip(truth, frame, strict=True)):
-        for other in beside:
-            stable &= _alike(met, other[depth].solid, other[depth].surface)
+        same &= met.solid != UNKNOWN
         equal = _alike(met, solid, surface)
         if depth:
             total.hits += int((same & (met.solid >= 0)).sum())
-            total.unsure += int((same & ~equal & stable & unsure).sum())
-            total.wrong += int((same & ~equal & stable & ~unsure).sum())
-            total.ties += int((same & ~equal & ~stable).sum())
+            differs = np.flatnonzero(same & ~equal)
+            stable = _is_stable(oracle, truth[: depth + 1], i[differs], j[differs], differs)
+            total.unsure += int((stable & unsure[differs]).sum())
+            total.wrong += int((stable & ~unsure[differs]).sum())
+            total.ties += int((~stable).sum())
         same &= equal & (met.solid >= 0)
+
+
+def _is_stable(oracle: MirrorOracle, truth: list[Met], i: Any, j: Any, pixels: Any) -> Any:
+    """Whether places beside some pixels show what these do."""
+    stable = np.ones(len(pixels), bool)
+    for across, down in itertools.product((-DELTA, DELTA), repeat=2) if len(pixels) else ():
+        for met, other in zip(truth, oracle.at(i + across, j + down), strict=False):
+            stable &= (met.solid[pixels] == other.solid) & (met.surface[pixels] == other.surface)
+    return stable
 
 
 def _alike(met: Met, solid: Any, surface: Any) -> Any:
@@ -101,12 +113,17 @@ def _alike(met: Met, solid: Any, surface: Any) -> Any:
 
 
 def reflected(rng: Random, kind: str, distance: float) -> Scene:
-    """A floor that mirrors a solid, which is ``distance`` of its sizes away."""
+    """A floor that mirrors a solid, which is ``distance`` of its sizes away.
+
+    ``kind`` is one of KINDS, HIGHER or NAMES.
+    """
     toward = np.array([-2.0, 5.0, 4.0]) / np.sqrt(45)
     floor: Table = {"kind": "plane", "bounds": {"min": [-9, -9, -1], "max": [9, 9, 1]}}
     place = toward * distance + 0.05 * rng.normal(size=3)
     if kind in HIGHER:
         solid = placed(rng, HIGHER[kind](rng), place)
+    elif kind in NAMES:
+        solid = placed(rng, formula(rng, kind), place)
     else:
         solid = bounded(rng, kind, place)
     fov = float(np.degrees(2 * np.arctan(1.2 / (distance + 6.7))))
@@ -121,14 +138,18 @@ def reflected(rng: Random, kind: str, distance: float) -> Scene:
     )
 
 
-def higher(rng: Random, distance: float) -> Scene:
-    """Tori and polynomials before a ball that mirrors them, ``distance`` of their sizes away."""
+def higher(rng: Random, distance: float, names: tuple[str, ...] = ()) -> Scene:
+    """Solids before a ball that mirrors them, ``distance`` of their sizes away.
+
+    They are formulas of NAMES, or else tori and polynomials.
+    """
     solids: list[Table] = [
         {"kind": "sphere", "radius": 0.3 * distance, "origin": [0, 1.3 * distance, 0]}
     ]
     for number in range(4):
         make = torus if number % 2 else implicit
-        solids.append(placed(rng, make(rng), [2.2 * (number % 2) - 1.1, 0, 2.2 * (number // 2)]))
+        solid = formula(rng, names[number]) if names else make(rng)
+        solids.append(placed(rng, solid, [2.2 * (number % 2) - 1.1, 0, 2.2 * (number // 2)]))
     return mirroring(
         Scene.from_dict(
             {
@@ -152,20 +173,21 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1998)
     parser.add_argument("--scenes", type=int, default=20, help="random scenes of each place")
     parser.add_argument("--higher", action="store_true", help="only tori and polynomials")
+    parser.add_argument("--formulas", action="store_true", help="only other formulas")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     wrong = 0
 
-    def tell(what: str, scenes: list[Scene]) -> None:
+    def tell(what: str, scenes: list[Scene], size: tuple[int, int] = SIZE) -> None:
         nonlocal wrong
         total = Count()
         for scene in scenes:
-            count(total, scene)
+            count(total, scene, size)
         wrong += total.wrong
         sys.stdout.write(f"{what}: {total}\n")
         sys.stdout.flush()
 
-    if not arguments.higher:
+    if not (arguments.higher or arguments.formulas):
         for distance in DISTANCES:
             tell(f"solid at {distance:g}", [reflected(rng, kind, distance) for kind in KINDS])
         for distance in (6.0, 1e2, 1e4, 1e6):
@@ -174,12 +196,25 @@ def main() -> None:
             scenes = [mirroring(random_lit(rng, place), 2) for _ in range(arguments.scenes)]
             tell(f"{place}, two bounces", scenes)
     rng = np.random.default_rng(arguments.seed)
-    for distance in DISTANCES:
-        shown = [reflected(rng, kind, distance) for kind in HIGHER for _ in range(4)]
-        tell(f"torus or polynomial at {distance:g}", shown)
-        tell(f"mirrors of such at {distance:g}", [higher(rng, distance)])
-    scenes = [mirroring(random_higher(rng), 2) for _ in range(arguments.scenes)]
-    tell("tori and polynomials, two bounces", scenes)
+    if not arguments.formulas:
+        for distance in DISTANCES:
+            shown = [reflected(rng, kind, distance) for kind in HIGHER for _ in range(4)]
+            tell(f"torus or polynomial at {distance:g}", shown)
+            tell(f"mirrors of such at {distance:g}", [higher(rng, distance)])
+        scenes = [mirroring(random_higher(rng), 2) for _ in range(arguments.scenes)]
+        tell("tori and polynomials, two bounces", scenes)
+    rng = np.random.default_rng(arguments.seed)
+    if not arguments.higher:
+        for distance in DISTANCES:
+            tell(
+                f"formulas at {distance:g}",
+                [reflected(rng, name, distance) for name in NAMES],
+                SMALL,
+            )
+            tell(f"mirrors of such at {distance:g}", [higher(rng, distance, BEFORE)], SMALL)
+        for name in NAMES:
+            scenes = [mirroring(random_formulas(rng, name), 2) for _ in range(2)]
+            tell(f"{name}, two bounces", scenes, SMALL)
     sys.exit(bool(wrong))
 
 

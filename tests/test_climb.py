@@ -1,4 +1,4 @@
-"""What `climbing_jet` says of formulas along rays to lights is true, in 200 bits."""
+"""What `climbing_jet` and `sinking_jet` say of formulas along rays is true, in 200 bits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from halfstep.twin.climb import climbing_jet, has_slope, lowered_jet
+from halfstep.twin.climb import climbing_jet, has_slope, lowered_jet, sinking_jet
 from halfstep.twin.jets import MEAN, judged_jet
 from tests.test_formulas import JETS, cells_of
 
@@ -30,7 +30,7 @@ def test_what_climbs_is_above_its_beginning(text: str, rng: np.random.Generator)
                 assert all(value(s) > begin for s in [*places, 1])
             if (judged.ahead & ~plain.ahead & judged.defined).all():
                 assert all(value((s - 1) / 2) > begin for s in [*places, 1])
-            if judged.single.all():
+            if sinking_jet(lowered).single.all():
                 falls += 1
                 assert min(value(s) for s in [*places, 0, 1]) < begin
             if has_slope(jet).all() and int(jet.state[0, 0]) in (0, MEAN):

@@ -201,9 +201,9 @@ def test_tiles_that_see_no_mirror() -> None:
 
 # A scene, a word of the kernel, and what a slip would make of it.
 FAULTS = [
-    (beside_a_wire, "place = select(place, meeting_0.u, has_polynomial);", ""),
-    (room, "root.surface = select(root.surface, meeting_0.face, has_polynomial);", ""),
-    (room, "select(inside, meeting_0.inside, has_polynomial)", "inside"),
+    (beside_a_wire, "place = select(place, meeting_0.u, has_caster);", ""),
+    (room, "root.surface = select(root.surface, meeting_0.face, has_caster);", ""),
+    (room, "select(inside, meeting_0.inside, has_caster)", "inside"),
     (beside_a_wire, "slope_0 = either(on_f, bend_at(caster, at_0), slope_0);", ""),
     (beside_a_wire, "at_0 = further(glance_0.base, glance_0.along, spotted_0.place);", ""),
     (beside_a_wire, "spotted_0.surface == u4(body.curve)", "spotted_0.surface == u4(body.surface)"),

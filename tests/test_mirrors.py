@@ -292,12 +292,6 @@ BAD = [
         "and the scene has some",
     ),
     (
-        {"solid": [BALL, {"kind": "implicit", "formula": "sin(x) + y^2 + z^2 - 1",
-                          "bounds": {"radius": 2}, **GRAY}]},
-        "material[0].reflection: 0.75: mirrors are not drawn of formulas that are no polynomials "
-        "yet, and the scene has some",
-    ),
-    (
         {"accuracy": {"number_format": "fixed32"}},
         'accuracy.number_format: "fixed32" cannot draw mirrors yet; use float32',
     ),

@@ -112,7 +112,9 @@ NEEDS = Needs(
 )
 
 
-NO_CASTERS: dict[str, Any] = {"cast_polynomials": False, "cast_formulas": False}
+NO_CASTERS: dict[str, Any] = {
+    f"{of}_{kind}": False for of in ("cast", "body") for kind in ("polynomials", "formulas")
+}
 SHADOWED = replace(
     NEEDS,
     shadows=2,
@@ -123,6 +125,7 @@ SHADOWED = replace(
     cast_formulas=True,
     bounces=1,
     body_polynomials=True,
+    body_formulas=True,
     body_cells=True,
     flush=True,
     veils=True,
@@ -333,14 +336,15 @@ def _combinations() -> Iterator[Needs]:
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
         bounces = int(form is not FIXED32)  # which cannot draw mirrors
         lit = replace(SHADOWED, format=form, bounces=bounces, veils=False, **NO_CASTERS)
-        lit = replace(lit, veil_pairs=0, body_polynomials=False, body_cells=False)
+        lit = replace(lit, veil_pairs=0, body_cells=False)
         yield replace(lit, far_lights=far, encloses=encloses, flush=far != 1)
         if form is not FIXED32:  # which cannot draw shadows of cells and polynomials
             yield replace(lit, far_lights=far, encloses=encloses, veils=True)
             yield replace(lit, far_lights=far, encloses=encloses, veils=True, veil_pairs=2)
             higher = replace(lit, cast_polynomials=True, body_polynomials=True)
             yield replace(higher, far_lights=far, encloses=encloses)
-            yield replace(lit, far_lights=far, encloses=encloses, cast_formulas=True)
+            higher = replace(lit, cast_formulas=True, body_formulas=True)
+            yield replace(higher, far_lights=far, encloses=encloses)
             yield replace(lit, far_lights=far, encloses=encloses, body_cells=True)
     for continued, classes in product((False, True), ((Class.PATCH,), (Class.REGION,))):
         counted = replace(SHADOWED, bounces=0, veil_rounds=64, continued=continued)
@@ -390,7 +394,7 @@ def as_it_lies(name: str) -> str:
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
     if form is FIXED32:  # cannot draw shadows of cells and polynomials
-        need = replace(need, veils=False, veil_pairs=0, body_polynomials=False, body_cells=False)
+        need = replace(need, veils=False, veil_pairs=0, body_cells=False)
         need = replace(need, **NO_CASTERS)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)

@@ -124,16 +124,21 @@ fn try_body(number: u32, body: Body) {
     }
   }
   // each quad
-  var meeting_0 = NO_MEETING;  //? body_polynomials
-  for (var once = 0u; once < min(body.polynomial, 1u); once++) {  //? body_polynomials
-    let caster = body_polynomial_at(body.polynomial - 1u);
+  var meeting_0 = NO_MEETING;  //? body_casters
+  for (var once = 0u; once < min(body.caster, 1u); once++) {  //? body_casters
+    let caster = body_caster_at(body.caster - 1u);
     // each quad
     {
       var asked = glance_0.near & (gone_0 != u4(number)) & (weight_0 > f4(0.0));
       asked = asked & !is_behind_0;  //? flush
-      let surface = nearest_0.surface;
-      let turned = nearest_0.turned;
-      meeting_0 = meeting_of(caster, body, glance_0, piece_0, asked, surface, turned);
+      let passage = passage_of(caster, body, glance_0, piece_0, asked, nearest_0.surface);
+      for (var polynomial = caster.formula; polynomial < 1u; polynomial++) {  //? body_polynomials
+        meeting_0 = meeting_of(caster, passage, nearest_0.turned);
+      }
+      for (var one = 0u; one < min(caster.formula, 1u); one++) {  //? body_formulas
+        let form = body_formula_at(caster.formula - 1u);
+        meeting_0 = meeting_of_formula(form, caster, passage, nearest_0.turned);
+      }
       let doubt = distance_of(body, glance_0, meeting_0.begin);
       spotted_0.doubt = min(spotted_0.doubt, select(doubt, f4(NO_DOUBT), meeting_0.sure));
     }
@@ -163,12 +168,12 @@ fn try_body(number: u32, body: Body) {
     root.hit = root.hit & !is_behind_0;  //? flush
     root.surface = select(root.surface, i4(0), root.surface >= i4(last));
     var place = place_of_root(root);
-    {  //? body_polynomials
-      let has_polynomial = b4(body.polynomial > 0u);
-      root.hit = select(root.hit, meeting_0.hit, has_polynomial);
-      root.surface = select(root.surface, meeting_0.face, has_polynomial);
-      place = select(place, meeting_0.u, has_polynomial);
-      inside = select(inside, meeting_0.inside, has_polynomial);
+    {  //? body_casters
+      let has_caster = b4(body.caster > 0u);
+      root.hit = select(root.hit, meeting_0.hit, has_caster);
+      root.surface = select(root.surface, meeting_0.face, has_caster);
+      place = select(place, meeting_0.u, has_caster);
+      inside = select(inside, meeting_0.inside, has_caster);
     }
     var side = i4(0);  //? body_cells
     for (var once = 0u; once < min(body.copy, 1u); once++) {  //? body_cells
@@ -270,13 +275,19 @@ fn catch_bodies() {
     at_0 = further(  //? body_cells
       glance_0.base, glance_0.along, select(u_0, spotted_0.place, b4(body.copy > 0u))
     );
-    for (var once = 0u; once < min(body.polynomial, 1u); once++) {  //? body_polynomials
-      let caster = body_polynomial_at(body.polynomial - 1u);
+    for (var once = 0u; once < min(body.caster, 1u); once++) {  //? body_casters
+      let caster = body_caster_at(body.caster - 1u);
       // each quad
       {
         at_0 = further(glance_0.base, glance_0.along, spotted_0.place);
         let on_f = spotted_0.surface == u4(body.surface);
-        slope_0 = either(on_f, bend_at(caster, at_0), slope_0);
+        for (var polynomial = caster.formula; polynomial < 1u; polynomial++) {  //? body_polynomials
+          slope_0 = either(on_f, bend_at(caster, at_0), slope_0);
+        }
+        for (var one = 0u; one < min(caster.formula, 1u); one++) {  //? body_formulas
+          let form = body_formula_at(caster.formula - 1u);
+          slope_0 = either(on_f, slope_in_body(form, caster, at_0), slope_0);
+        }
       }
     }
     // each quad

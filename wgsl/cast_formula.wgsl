@@ -84,7 +84,7 @@ fn cast_formula_of(
       error = select(f4(0.0), off, on_curve);
       cell.going = some & !surely_below;
     } else {
-      var judged = climbing_jet(lowered_jet(jet, level, error));
+      var judged = sinking_jet(lowered_jet(jet, level, error));
       let ends = (cell.size == i4(0)) | judged.vague;
       perhaps = perhaps | (cell.going & ends & !judged.passed & judged.within);
       judged.within = b4(false);

@@ -1,4 +1,4 @@
-// What a jet tells of F along a ray to a light, in a cell at whose beginning F >= 0.
+// What a jet tells of F along a ray, in a cell at whose beginning F >= 0.
 //
 // gpu/twin/climb.py derives when F is greater in a cell than at its beginning.
 
@@ -31,8 +31,7 @@ fn has_slope(jet: Jet) -> b4 {
   return is_sloped(jet) & (abs(jet.slope) > ROOM * jet.slope_error);
 }
 
-// The properties of F in a cell at whose beginning F >= 0. `single` says that F < 0 somewhere in
-// the cell, for certain.
+// The properties of F in a cell at whose beginning F >= 0.
 fn climbing_jet(jet: Jet) -> Judged {
   let judged = judged_jet(jet);
   let sloped = is_sloped(jet);
@@ -42,16 +41,23 @@ fn climbing_jet(jet: Jet) -> Judged {
   let errors = select(f4(1.0), f4(3.0), (jet.state & u4(MEAN)) != u4(0u));
   let off = ROOM * (errors * jet.bend_error);
   let begins = sloped & (tilt > 2.0 * (jet.bend + off));
-  let middle = jet.value < -known_to(jet);
   // Where F changes by less than its error but climbs, smaller cells may tell.
   let flat = judged.vague & (jet.slope <= ROOM * jet.slope_error);
   return Judged(
     judged.passed | (begins & (tilt > 4.0 * off)),
     judged.ahead | (begins & (tilt > jet.bend + 3.0 * off)),
-    judged.defined & (middle | (sloped & judged.below)),
+    judged.single,
     flat,
     judged.within,
     judged.below,
     judged.defined,
   );
+}
+
+// The same, but `single` says that F < 0 somewhere in the cell, for certain.
+fn sinking_jet(jet: Jet) -> Judged {
+  var judged = climbing_jet(jet);
+  let middle = jet.value < -known_to(jet);
+  judged.single = judged.defined & (middle | (is_sloped(jet) & judged.below));
+  return judged;
 }

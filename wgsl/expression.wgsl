@@ -211,15 +211,15 @@ fn surety_of(
   return surety;
 }
 
-// The gradient of F in world axes at u, up to its length.
-fn slope_of_formula(form: Expression, trace: Trace, u: f4) -> Vector {
+// The gradient of F in its own coordinates; the largest part is 1, or less than FAINTEST.
+fn gradient_of_formula(form: Expression, x: f4, y: f4, z: f4) -> Vector {
   let one = f4(1.0);
   let zero = f4(0.0);
   let grade = formula_grade(
     form,
-    Grade(trace.x.level + u * trace.x.along, one, zero, zero),
-    Grade(trace.y.level + u * trace.y.along, zero, one, zero),
-    Grade(trace.z.level + u * trace.z.along, zero, zero, one),
+    Grade(x, one, zero, zero),
+    Grade(y, zero, one, zero),
+    Grade(z, zero, zero, one),
   );
   // A zero may have any sign: compilers leave out products with zeros.
   let own = Vector(
@@ -229,12 +229,20 @@ fn slope_of_formula(form: Expression, trace: Trace, u: f4) -> Vector {
   );
   let largest = max(max(abs(own.x), abs(own.y)), abs(own.z));
   let unit = 1.0 / select(largest, f4(1.0), largest < f4(FAINTEST));
-  let x = own.x * unit;
-  let y = own.y * unit;
-  let z = own.z * unit;
+  return Vector(own.x * unit, own.y * unit, own.z * unit);
+}
+
+// The gradient of F in world axes at u, up to its length.
+fn slope_of_formula(form: Expression, trace: Trace, u: f4) -> Vector {
+  let slope = gradient_of_formula(
+    form,
+    trace.x.level + u * trace.x.along,
+    trace.y.level + u * trace.y.along,
+    trace.z.level + u * trace.z.along,
+  );
   return Vector(
-    (x * form.axes[0] + y * form.axes[1]) + z * form.axes[2],
-    (x * form.axes[3] + y * form.axes[4]) + z * form.axes[5],
-    (x * form.axes[6] + y * form.axes[7]) + z * form.axes[8],
+    (slope.x * form.axes[0] + slope.y * form.axes[1]) + slope.z * form.axes[2],
+    (slope.x * form.axes[3] + slope.y * form.axes[4]) + slope.z * form.axes[5],
+    (slope.x * form.axes[6] + slope.y * form.axes[7]) + slope.z * form.axes[8],
   );
 }

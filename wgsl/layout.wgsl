@@ -350,7 +350,7 @@ struct Body {
   shininess: u32,  // exponent of the highlight
   reflection: f32,  // weight of the mirror image
   curve: u32,  // number of the quadric among surfaces; 0 if it has none
-  polynomial: u32,  // row of its polynomial, from 1; 0 if it has none
+  caster: u32,  // row of its form, from 1; 0 if its order is two or less
   copy: u32,  // row of its cells, from 1; 0 if it is a solid
 }
 

@@ -1,8 +1,22 @@
-// A solid that a polynomial bounds and rays from mirrors -> where a ray first meets the solid.
+// A solid of an order above two and rays from mirrors -> where a ray first meets the solid.
 //
-// The ray is composed with F from where it comes into the box of the solid, or from the mirror if
-// it begins in the box. If it begins on F, one root is known, and F is divided by the distance from
-// there.
+// The passage of a ray begins where it comes into the box of the solid, or at the mirror if it
+// begins in the box. A polynomial is composed with it. If the ray begins on F, one root is known,
+// and F is divided by the distance from there.
+
+// The parts of rays from mirrors that lie in the box of a solid.
+struct Passage {
+  trace: Trace,  // from u = 0 to 2
+  some: b4,  // something is asked of them
+  on_f: b4,  // they begin on F
+  start: f4,  // u from which on a ray is within the half-spaces and the ball
+  stop: f4,
+  id_in: i4,  // the number of what it enters through there, 0 for none
+  id_out: i4,
+  begin: f4,  // u where the passage begins
+  half: f4,  // half its length
+  is_sheet: b4,  // the solid is a sheet
+}
 
 // Where rays from mirrors first meet a solid.
 struct Meeting {
@@ -88,18 +102,24 @@ fn slopes_in(k: array<f32, CASTER_TERMS>, x: f4, y: f4, z: f4) -> Vector {
   return slope;
 }
 
-// The gradient of F at a spot, which is in radii from the middle of the body.
-fn bend_at(caster: Caster, spot: Vector) -> Vector {
+// A spot, in radii from the middle of the body, in the coordinates of the box of a solid.
+fn placed(caster: Caster, spot: Vector) -> Vector {
   let l = caster.level;
   let a = caster.by_x;
   let b = caster.by_y;
   let c = caster.by_v;
-  let slope = slopes_in(
-    caster.terms,
+  return Vector(
     ((a[0] * spot.x + b[0] * spot.y) + c[0] * spot.z) + l[0],
     ((a[1] * spot.x + b[1] * spot.y) + c[1] * spot.z) + l[1],
     ((a[2] * spot.x + b[2] * spot.y) + c[2] * spot.z) + l[2],
   );
+}
+
+// A gradient in those coordinates, along the axes of the body.
+fn turned_back(caster: Caster, slope: Vector) -> Vector {
+  let a = caster.by_x;
+  let b = caster.by_y;
+  let c = caster.by_v;
   return Vector(
     (a[0] * slope.x + a[1] * slope.y) + a[2] * slope.z,
     (b[0] * slope.x + b[1] * slope.y) + b[2] * slope.z,
@@ -107,20 +127,23 @@ fn bend_at(caster: Caster, spot: Vector) -> Vector {
   );
 }
 
-// Where rays first meet a solid with a polynomial.
+// The gradient of F at a spot, which is in radii from the middle of the body.
+fn bend_at(caster: Caster, spot: Vector) -> Vector {
+  let at = placed(caster, spot);
+  return turned_back(caster, slopes_in(caster.terms, at.x, at.y, at.z));
+}
+
+// The passages of rays through the box of a solid.
 //
-// `piece` is the part of the ray within its half-spaces. The ray begins at a mirror, on the side
-// `turned` of a surface.
-fn meeting_of(
+// `piece` is the part of a ray within its half-spaces. The ray begins on a surface.
+fn passage_of(
   caster: Caster,
   body: Body,
   glance: Glance,
   piece: Piece,
   asked: b4,
   surface: u4,
-  turned: u4,
-) -> Meeting {
-  let is_sheet = b4(caster.sheet != 0u);
+) -> Passage {
   let is_ball = b4(caster.ball != 0u);
   let on_f = surface == u4(body.surface);
   let on_ball = (surface == u4(body.curve)) & is_ball;
@@ -136,20 +159,65 @@ fn meeting_of(
   let of_ball = i4(i32(body.face_count) + 1);
   start = select(select(start, glance.start, on_f), chord.enter, enters);
   stop = select(stop, leave, leaves);
-  let id_in = select(select(piece.id_in, i4(0), on_f), of_ball, enters);
-  let id_out = select(piece.id_out, of_ball, leaves);
   let trace = glance_trace(caster, glance);
   let way = boxed_way(trace, Way(start, stop));
   let begin = select(way.begin, start, on_f);
-  let some = asked & remains(piece) & (chord.met | on_ball | !is_ball) & (begin < way.end);
-
   let half = max((way.end - begin) * 0.5, f4(SHORTEST));
-  let rest = moved_trace(trace, begin, half);
+  return Passage(
+    moved_trace(trace, begin, half),
+    asked & remains(piece) & (chord.met | on_ball | !is_ball) & (begin < way.end),
+    on_f,
+    start,
+    stop,
+    select(select(piece.id_in, i4(0), on_f), of_ball, enters),
+    select(piece.id_out, of_ball, leaves),
+    begin,
+    half,
+    b4(caster.sheet != 0u),
+  );
+}
+
+// Whether rays see F = 0 from where F <= 0; the others that are not `outside` see an end.
+fn begins_inside(passage: Passage, outside: b4) -> b4 {
+  return !outside & (passage.is_sheet | (passage.id_in == i4(0)));
+}
+
+// Where rays first meet a solid.
+//
+// `outside`: F > 0 where they begin, or behind that if they begin on F; `clear`: that is certain.
+// `met`: F changes its sign at a place from -1 to 1; `sure`: that is certain, or that it does not.
+fn meeting_at(
+  passage: Passage,
+  outside: b4,
+  clear: b4,
+  met: b4,
+  place: f4,
+  sure: b4,
+) -> Meeting {
+  let inside = begins_inside(passage, outside);
+  let on_entry = !outside & !inside;
+  let on_exit = inside & !met & (passage.id_out > i4(0)) & !passage.is_sheet;
+  // A ray within a solid comes out.
+  let ends = met | outside | on_exit | passage.is_sheet;
+  let root = passage.begin + passage.half * (place + 1.0);
+  return Meeting(
+    passage.some & (met | on_entry | on_exit),
+    select(select(i4(0), passage.id_out, on_exit), passage.id_in, on_entry),
+    select(select(root, passage.stop, on_exit), passage.start, on_entry),
+    inside,
+    passage.begin,
+    (clear & (on_entry | (sure & ends))) | !passage.some,
+  );
+}
+
+// Where rays, which begin on sides `turned` of mirrors, first meet a solid's polynomial.
+fn meeting_of(caster: Caster, passage: Passage, turned: u4) -> Meeting {
+  let on_f = passage.on_f;
+  let rest = passage.trace;
   let powers = powers_along(caster.terms, rest.x, rest.y, rest.z);
   let sizes = sizes_along(caster.terms, rest.x, rest.y, rest.z);
   let outside = select(powers[0] > f4(0.0), turned == u4(0u), on_f);
-  let inside = !outside & (is_sheet | (id_in == i4(0)));
-  let on_entry = !outside & !inside;
+  let inside = begins_inside(passage, outside);
   var curve = Curve(
     rest_of_powers(powers, on_f),
     rest_of_powers(sizes, on_f),
@@ -158,24 +226,14 @@ fn meeting_of(
     0.0,
   );
   curve = opposite(inside, curve);
-  var cell = cells_from(i4(0), some & !on_entry, CAST_STEPS);
+  var cell = cells_from(i4(0), passage.some & (outside | inside), CAST_STEPS);
   cell = walked(curve, f4(-1.0), f4(1.0), cell, CAST_STEPS, CAST_LAST_STEP);
   let found = begun_cell(cell, b4(false), CAST_STEPS);
   let leaf = leaf_in(
     curve.powers, f4(-1.0), f4(-1.0), f4(1.0), found, CAST_STEPS, CAST_LAST_STEP
   );
   let place = f4(position_in(leaf, CAST_STEPS)) * CAST_LAST_STEP;
-  let root = begin + half * (place + 1.0);
-  let on_exit = inside & !cell.met & (id_out > i4(0)) & !is_sheet;
-  // A ray within a solid comes out.
-  let ends = cell.met | outside | on_exit | is_sheet;
-  let clear = select(curve.powers[0], -curve.powers[0], on_entry) > curve_error(curve, f4(0.0));
-  return Meeting(
-    some & (cell.met | on_entry | on_exit),
-    select(select(i4(0), id_out, on_exit), id_in, on_entry),
-    select(select(root, stop, on_exit), start, on_entry),
-    inside,
-    begin,
-    (clear & (on_entry | (cell.sure & ends))) | !some,
-  );
+  let value = select(-curve.powers[0], curve.powers[0], outside | inside);
+  let clear = value > curve_error(curve, f4(0.0));
+  return meeting_at(passage, outside, clear, cell.met, place, cell.sure);
 }

@@ -539,7 +539,7 @@ BODY = Record(
         Field("shininess", "u32", 1, "exponent of the highlight"),
         Field("reflection", "f32", 1, "weight of the mirror image"),
         Field("curve", "u32", 1, "number of the quadric among surfaces; 0 if it has none"),
-        Field("polynomial", "u32", 1, "row of its polynomial, from 1; 0 if it has none"),
+        Field("caster", "u32", 1, "row of its form, from 1; 0 if its order is two or less"),
         Field("copy", "u32", 1, "row of its cells, from 1; 0 if it is a solid"),
     ),
 )

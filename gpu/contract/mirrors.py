@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from halfstep.contract.arrays import U32, Records
+from halfstep.contract.expressions import PackedExpressions
 
 # Halvings for a ray from a mirror, as many as for shadows.
 MIRROR_STEPS = 16
@@ -36,7 +37,8 @@ class PackedMirrors:
     bodies: Records  # (K,)
     faces: Records
     balls: Records  # around the bodies, in their order, and before them around groups of them
-    polynomials: Records | None  # of bodies, if some have one
+    casters: Records | None  # of bodies of an order above two, if there are some
+    formulas: PackedExpressions | None  # of those that have no polynomial
     bounces: int  # how often a ray is reflected at most; at least 1
     reflected: PackedReflected | None  # the cells of bodies, if some are copies of groups
 

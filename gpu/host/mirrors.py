@@ -21,7 +21,7 @@ from halfstep.contract.mirrors import NO_BODY, PackedMirrors
 from halfstep.host.camera import View
 from halfstep.host.casters import Caster, caster_of
 from halfstep.host.geometry import Geometry
-from halfstep.host.pack_shadows import caster_records
+from halfstep.host.pack_shadows import caster_formulas, caster_records
 from halfstep.host.reflected import reflected_of
 from halfstep.host.regions import Regions
 from halfstep.host.world import World, planes_of
@@ -120,7 +120,7 @@ class MirrorTables:
             caster = caster_of(geometry, ix, to_local, 0.0)
             if caster is not None:
                 casters.append(caster)
-                body["polynomial"] = len(casters)
+                body["caster"] = len(casters)
             own = _fill(body, geometry, world, ix, to_local, caster)
             body["face_start"], body["face_count"] = face_start, len(own)
             face_start += len(own)
@@ -129,12 +129,14 @@ class MirrorTables:
             body["shininess"] = materials[ix].exponent
             self.body[ix], self.flags[ix] = record["body"], body["flags"]
             faces.append(own)
-        self._polynomials = caster_records(casters)
+        self._casters = caster_records(casters)
+        self._formulas = caster_formulas(casters, geometry.expressions)
         self._faces = np.zeros(face_start, layout.FACE.dtype())
         if face_start:
             rows = np.concatenate(faces)
             self._faces["normal"], self._faces["beyond"] = rows[:, :3], rows[:, 3]
-        never_change([self._bodies, self._faces, self._balls, self._polynomials])
+        never_change([self._bodies, self._faces, self._balls, self._casters])
+        never_change([] if self._formulas is None else [self._formulas.records])
 
     def _filled(self, body: np.void, copy: int, to_local: Floats, face_start: int) -> Floats:
         """Fill the record of a copy of a group. Returns its planes (P, 4), with unit normals."""
@@ -154,7 +156,8 @@ class MirrorTables:
             bodies=self._bodies,
             faces=self._faces,
             balls=self._balls,
-            polynomials=self._polynomials,
+            casters=self._casters,
+            formulas=self._formulas,
             bounces=self._bounces,
             reflected=None if self.reflected is None else self.reflected.packed(looks),
         )

@@ -33,7 +33,7 @@ BOX_MARGIN = 2.0**9
 NOWHERE = 3e38
 # Half the spacing of floats at 1, and room for the rounding of bounds themselves.
 EPSILON, ROOM = 2.0**-24, 1.03
-# Points of rays to lights of which a formula is asked lie in its box, made larger by this factor.
+# Points of rays of which a formula is asked lie in its box, made larger by this factor.
 COUNTED = 1 + 2.0**-7
 # Number of boxes behind the last one: the most invocations of a subgroup.
 SPARE_BOXES = 16
@@ -55,7 +55,8 @@ class ShadowTables:
         views, occluders, slabs, boxes, sides = self._tables(integer)
         every = (one.caster for hiding in shadows.occluders for one in hiding)
         casting = [each for each in every if each is not None]
-        casters, formulas = caster_records(casting), _formulas(casting, shadows.expressions)
+        casters = caster_records(casting)
+        formulas = caster_formulas(casting, shadows.expressions)
         never_change([views, occluders, slabs, boxes, sides, casters])
         never_change([] if formulas is None else [formulas.records])
         return PackedShadows(
@@ -242,7 +243,9 @@ def caster_records(casters: Sequence[Caster]) -> Records | None:
     return records
 
 
-def _formulas(casters: Sequence[Caster], known: Expressions | None) -> PackedExpressions | None:
+def caster_formulas(
+    casters: Sequence[Caster], known: Expressions | None
+) -> PackedExpressions | None:
     """Records of the casters that are no polynomials, in their order; None if there are none."""
     forms = [one.formula for one in casters if one.formula is not None]
     if not forms or known is None:

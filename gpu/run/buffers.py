@@ -20,8 +20,9 @@ from halfstep.run.parts import PART_BYTES
 from halfstep.shader.fetch import ROW_BITS, TEXEL
 from halfstep.shader.needs import UNIFORM_BYTES
 from halfstep.shader.source import (
+    BODY_CASTERS_BINDING,
     BODY_CELLS_BINDINGS,
-    BODY_POLYNOMIALS_BINDING,
+    BODY_FORMULAS_BINDING,
     CAST_FORMULAS_BINDING,
     CASTERS_BINDING,
     EXPRESSIONS_BINDING,
@@ -69,12 +70,13 @@ _NAMES = {
     31: "planes of copies before lights",
     32: "quadrics of copies before lights",
     33: "forms of occluders",
-    34: "polynomials of bodies",
+    34: "forms of bodies",
     35: "formulas of occluders",
     36: "copies in mirrors",
     37: "quadrics of copies in mirrors",
     38: "sides of surfaces that solids share",
     39: "surfaces of copies before lights, of an order above two",
+    40: "formulas of bodies",
 }
 # Contents of at most so many bytes are joined in one buffer, which one call writes.
 MOST_JOINED = 1 << 16
@@ -300,8 +302,9 @@ def _of_light(packed: Packed) -> dict[int, Array]:
         found[SHARED_BINDING] = packed.shared
     if packed.mirrors is not None:
         found |= dict(zip(MIRROR_BINDINGS, packed.mirrors.arrays, strict=True))
-        if packed.mirrors.polynomials is not None:
-            found[BODY_POLYNOMIALS_BINDING] = packed.mirrors.polynomials
+        formulas = packed.mirrors.formulas
+        found |= _there(BODY_CASTERS_BINDING, packed.mirrors.casters)
+        found |= _there(BODY_FORMULAS_BINDING, None if formulas is None else formulas.records)
         if packed.mirrors.reflected is not None:
             found |= dict(zip(BODY_CELLS_BINDINGS, packed.mirrors.reflected.arrays, strict=True))
     if packed.shadows is not None:

@@ -41,6 +41,9 @@ def needs_of(
     casters = np.empty(0)
     if shadows is not None and shadows.casters is not None:
         casters = shadows.casters["formula"]
+    bodies = np.empty(0)
+    if packed.mirrors is not None and packed.mirrors.casters is not None:
+        bodies = packed.mirrors.casters["formula"]
     algebraic = [each for each in (packed.polynomials, packed.expressions) if each is not None]
     reflected = None if packed.mirrors is None else packed.mirrors.reflected
     others = [each for each in (veils, reflected) if each is not None]
@@ -77,7 +80,8 @@ def needs_of(
         bounces=0 if packed.mirrors is None else packed.mirrors.bounces,
         far_lights=0 if shadows is None else shadows.far_lights,
         curves=shadows is not None and shadows.curves,
-        body_polynomials=packed.mirrors is not None and packed.mirrors.polynomials is not None,
+        body_polynomials=bool((bodies == 0).any()),
+        body_formulas=bool((bodies > 0).any()),
         body_cells=reflected is not None,
         cast_polynomials=bool((casters == 0).any()),
         cast_formulas=bool((casters > 0).any()),

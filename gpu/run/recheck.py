@@ -16,9 +16,9 @@ pixel uncertain in three cases:
 * Integers are certain that the ray misses it.
 
 Where it is not certain whether a light reaches a point, the shadow itself makes the pixel
-uncertain, and integers leave that so. Frames with polynomials in mirrors ask no integers: along
-creases float32 may not know which way the surface at a point faces, and counts on the uncertainty
-of the point.
+uncertain, and integers leave that so. Frames with tori or formulas in mirrors ask no integers:
+along creases float32 may not know which way the surface at a point faces, and counts on the
+uncertainty of the point.
 """
 
 from __future__ import annotations
@@ -73,11 +73,9 @@ def is_possible(packed: Packed, outputs: frozenset[str]) -> bool:
     """Whether a frame with these outputs asks integers."""
     if "error" not in outputs or packed.format is FIXED32:
         return False
-    # With polynomials or cells in mirrors, `error` tells of these, too: float32 decides on them.
+    # With tori, formulas or cells in mirrors, `error` tells of these, too: float32 decides on them.
     mirrors = packed.mirrors
-    traced = mirrors is not None and (
-        mirrors.polynomials is not None or mirrors.reflected is not None
-    )
+    traced = mirrors is not None and (mirrors.casters is not None or mirrors.reflected is not None)
     if traced and not outputs.isdisjoint(("image", "color")):
         return False
     return bool((packed.solids["flags"] & np.uint32(Flag.RECHECKED)).any())

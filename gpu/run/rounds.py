@@ -176,10 +176,11 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
         # All balls, and the half-spaces of all bodies to find what is met, and to look at it.
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
         of_mirrors = 2 * len(packed.mirrors.balls) + 2 * int((faces + 3).sum()) + MIRROR_STEPS
-        if packed.mirrors.polynomials is not None:
-            # Cells and halvings to find what is met, and a round each time to fetch a polynomial.
-            asked = needs.quads * (CLOCKS + CAST_STEPS + 2) + 4
-            of_mirrors += len(packed.mirrors.polynomials) * asked
+        if packed.mirrors.casters is not None:
+            # Cells and halvings to find what is met, and a round each time to fetch a form.
+            asks = 1 + 2 * len(needs.programs) if needs.body_formulas else 1
+            asked = needs.quads * ((CLOCKS + CAST_STEPS + 1) * asks + 2) + 2 * asks + 4
+            of_mirrors += len(packed.mirrors.casters) * asked
         if packed.mirrors.reflected is not None:
             of_mirrors += _rounds_of_copies(needs, packed.mirrors.reflected)
     bounces = needs.bounces if of_mirrors else 0

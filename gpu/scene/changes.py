@@ -106,7 +106,7 @@ def _unfit(scene: Scene, given: Mapping[str, object]) -> list[Fault]:
     found = algebraic_faults(scene, scene.solids, scene.accuracy)
     lights = [each.shadows for each in scene.lights]
     found += shadow_format_faults(scene, lights, scene.solids, scene.accuracy)
-    found += mirror_faults(scene, scene.materials, scene.image, scene.accuracy, scene.solids)
+    found += mirror_faults(scene, scene.materials, scene.image, scene.accuracy)
     return [(loc[1:] if loc[1] in given else loc, text) for loc, text in found]
 
 

@@ -131,14 +131,10 @@ def mirror_faults(
     materials: Sequence[Material],
     image: Image,
     accuracy: Accuracy,
-    solids: Sequence[BaseSolid],
 ) -> list[Fault]:
     """Faults of mirrors that are not drawn."""
     faults: list[Fault] = []
     has_higher_cells = next(_shapes_of_cells(scene, ()), None) is not None
-    has_formulas = any(
-        isinstance(solid, Algebraic) and not solid.has_polynomial for solid in solids
-    )
     for index, material in enumerate(materials):
         loc = ("material", index, "reflection")
         if material.reflection == 0:
@@ -148,9 +144,6 @@ def mirror_faults(
             faults.append((loc, f"{shown}: image.bounces is 0, and a mirror needs 1 or more"))
         if has_higher_cells:
             text = "mirrors are not drawn of cells of tori and formulas yet"
-            faults.append((loc, f"{shown}: {text}, and the scene has some"))
-        if has_formulas:
-            text = "mirrors are not drawn of formulas that are no polynomials yet"
             faults.append((loc, f"{shown}: {text}, and the scene has some"))
     reflects = any(material.reflection for material in materials)
     if reflects and accuracy.number_format != "float32":

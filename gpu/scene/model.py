@@ -148,7 +148,7 @@ class Scene(Fragment, _Tables):
                 self, [each.shadows for each in self.lights], self.solids, self.accuracy
             ),
             *algebraic_faults(self, self.solids, self.accuracy),
-            *mirror_faults(self, self.materials, self.image, self.accuracy, self.solids),
+            *mirror_faults(self, self.materials, self.image, self.accuracy),
         ]
 
     @classmethod

@@ -139,7 +139,7 @@ OF_TOUCHED = ("low", "high")
 # The members of a body that a shader reads to find out whether a ray meets it first.
 OF_TRIED = (
     *("second", "slope", "value", "flags", "surface", "face_start", "face_count"),
-    *("center", "unit", "bound", "curve", "polynomial", "copy"),
+    *("center", "unit", "bound", "curve", "caster", "copy"),
 )
 _NAMES = {"bodies": "body", "boxes": "box", "veil_boxes": "veil_box", "mirrors": "mirrors"}
 
@@ -164,15 +164,16 @@ def fetches(needs: Needs) -> str:
         functions.append(_record_at(needs, record, "expressions", "expression"))
     for fact, array in (
         ("casters", "casters"),
-        ("body_polynomials", "body_polynomials"),
+        ("body_casters", "body_casters"),
         ("veil_higher", "veil_highers"),
     ):
         if fact in needs.facts:
             record = CASTER.counted(CASTER_TERMS=caster_terms(needs.degree))
             functions.append(_record_at(needs, record, array, array.removesuffix("s")))
-    if "cast_formulas" in needs.facts:
-        record = EXPRESSION.counted(NUMBERS=needs.numbers)
-        functions.append(_record_at(needs, record, "cast_formulas", "cast_formula"))
+    for array in ("cast_formulas", "body_formulas"):
+        if array in needs.facts:
+            record = EXPRESSION.counted(NUMBERS=needs.numbers)
+            functions.append(_record_at(needs, record, array, array.removesuffix("s")))
     placed: dict[str, Record] = {}
     placed |= PLACE_RECORDS if "places" in needs.facts else {}
     placed |= SHARED_RECORDS if "flush" in needs.facts else {}

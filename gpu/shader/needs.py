@@ -77,6 +77,7 @@ class Needs:
     encloses: bool = False  # a light may be inside an occluder
     flush: bool = False  # solids share surfaces that a light reaches or that mirror
     body_polynomials: bool = False  # a body has a polynomial
+    body_formulas: bool = False  # a body has a formula that is not a polynomial
     body_cells: bool = False  # a body is a copy of a group of cells
     cast_polynomials: bool = False  # an occluder has a polynomial
     cast_formulas: bool = False  # an occluder has a formula that is not a polynomial
@@ -109,7 +110,9 @@ class Needs:
             wanted |= self._facts_of_shadows
         if self.bounces and self.outputs & {"image", "color"}:
             wanted.add("mirrors")
-            wanted |= {"placed", "body_polynomials"} if self.body_polynomials else set()
+            casters = {"placed", "body_casters"}
+            wanted |= {*casters, "body_polynomials"} if self.body_polynomials else set()
+            wanted |= {*casters, "body_formulas"} if self.body_formulas else set()
             wanted |= {"placed", "body_cells"} if self.body_cells else set()
         if wanted & {"shadows", "mirrors"}:
             wanted |= {"places", "flush"} if self.flush else {"places"}
@@ -204,7 +207,7 @@ class Needs:
         walks = Class.POLYNOMIAL in self.classes
         is_long |= (walks and self.degree > MOST_DEGREE_OF_BLOCKS) or self.judges
         is_long |= Class.FORMULA in self.classes
-        is_long |= not self.facts.isdisjoint({"casters", "body_polynomials"})
+        is_long |= not self.facts.isdisjoint({"casters", "body_casters"})
         if is_long or shades_long:
             return 1
         is_alone = len(self.classes) <= 1 and not walks

@@ -81,8 +81,8 @@ HIGHERS_BINDING = EXPRESSIONS_BINDING + 1
 VEIL_BINDINGS = range(HIGHERS_BINDING + 1, HIGHERS_BINDING + 1 + len(VEIL_RECORDS))
 # The binding for forms of solids that may hide lights.
 CASTERS_BINDING = VEIL_BINDINGS.stop
-# The binding for polynomials of bodies.
-BODY_POLYNOMIALS_BINDING = CASTERS_BINDING + 1
+# The binding for forms of bodies.
+BODY_CASTERS_BINDING = CASTERS_BINDING + 1
 # The binding for formulas of solids that may hide lights.
 CAST_FORMULAS_BINDING = CASTERS_BINDING + 2
 # The bindings for cells of bodies.
@@ -91,6 +91,8 @@ BODY_CELLS_BINDINGS = range(CASTERS_BINDING + 3, CASTERS_BINDING + 3 + len(REFLE
 SHARED_BINDING = BODY_CELLS_BINDINGS.stop
 # The binding for forms of surfaces of copies that may hide lights.
 VEIL_HIGHERS_BINDING = SHARED_BINDING + 1
+# The binding for formulas of bodies.
+BODY_FORMULAS_BINDING = SHARED_BINDING + 2
 
 # The type of a binding that is a texture.
 TEXTURE = "texture"
@@ -266,9 +268,10 @@ def binding_types(needs: Needs) -> dict[int, str]:
         types[EXPRESSIONS_BINDING] = _read_from("expressions" in textures)
     for fact, number, name in (
         ("casters", CASTERS_BINDING, "casters"),
-        ("body_polynomials", BODY_POLYNOMIALS_BINDING, "body_polynomials"),
+        ("body_casters", BODY_CASTERS_BINDING, "body_casters"),
         ("cast_formulas", CAST_FORMULAS_BINDING, "cast_formulas"),
         ("veil_higher", VEIL_HIGHERS_BINDING, "veil_highers"),
+        ("body_formulas", BODY_FORMULAS_BINDING, "body_formulas"),
     ):
         if fact in needs.facts:
             types[number] = _read_from(name in textures)
@@ -337,14 +340,10 @@ def bindings(needs: Needs) -> str:
         (needs.has_polynomials, 10 + len(REGION_RECORDS), "polynomials", "Polynomial"),
         (needs.has_formulas, EXPRESSIONS_BINDING, "expressions", "Expression"),
         ("casters" in needs.facts, CASTERS_BINDING, "casters", "Caster"),
-        (
-            "body_polynomials" in needs.facts,
-            BODY_POLYNOMIALS_BINDING,
-            "body_polynomials",
-            "Caster",
-        ),
+        ("body_casters" in needs.facts, BODY_CASTERS_BINDING, "body_casters", "Caster"),
         ("cast_formulas" in needs.facts, CAST_FORMULAS_BINDING, "cast_formulas", "Expression"),
         ("veil_higher" in needs.facts, VEIL_HIGHERS_BINDING, "veil_highers", "Caster"),
+        ("body_formulas" in needs.facts, BODY_FORMULAS_BINDING, "body_formulas", "Expression"),
     )
     for is_there, number, name, type_ in special:
         if is_there:

@@ -15,10 +15,12 @@ from halfstep.contract.arrays import Records
 from halfstep.contract.layout import Shade
 from halfstep.contract.mirrors import MIRROR_STEPS, PackedMirrors
 from halfstep.twin.chosen import Chosen
+from halfstep.twin.expression import Formula, formula_of
 from halfstep.twin.flush import Shared, is_same_side, side_of, sides_seen
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools, Form
-from halfstep.twin.meet import bend_at, meeting_of
+from halfstep.twin.meet import Meeting, bend_at, meeting_of, passage_of
+from halfstep.twin.meet_formula import meeting_of_formula, slope_in_body
 from halfstep.twin.mirror import (
     NO_BODY,
     Glance,
@@ -140,6 +142,32 @@ class Rays(NamedTuple):
     weight: F32  # how much they add; 0 where there is none
 
 
+def caster_at(mirrors: PackedMirrors, body: np.void) -> tuple[np.void, Formula | None]:
+    """The form of a body of an order above two, and its formula if it has no polynomial."""
+    assert mirrors.casters is not None
+    caster = mirrors.casters[int(body["caster"]) - 1]
+    if not caster["formula"]:
+        return caster, None
+    assert mirrors.formulas is not None
+    return caster, formula_of(mirrors.formulas, int(caster["formula"]) - 1)
+
+
+def meet_caster(
+    mirrors: PackedMirrors,
+    body: np.void,
+    glance: Glance,
+    piece: Piece,
+    asked: Bools,
+    rays: Rays,
+) -> Meeting:
+    """Where rays first meet a body of an order above two; the others are those of `passage_of`."""
+    caster, formula = caster_at(mirrors, body)
+    passage = passage_of(caster, body, glance, piece, asked, rays.surface)
+    if formula is None:
+        return meeting_of(caster, passage, rays.turned)
+    return meeting_of_formula(formula, caster, passage, rays.turned)
+
+
 def try_body(
     old: Spotted,
     number: int,
@@ -194,10 +222,8 @@ def try_body(
         place, inside, side = seen.u, seen.inside, seen.side
         doubt = np.where(seen.sure, NO_DOUBT, distance_of(body, glance, seen.begin))
         old = old._replace(doubt=np.minimum(old.doubt, doubt))
-    if body["polynomial"]:
-        assert mirrors.polynomials is not None
-        caster = mirrors.polynomials[int(body["polynomial"]) - 1]
-        met = meeting_of(caster, body, glance, within, asked, rays.surface, rays.turned)
+    if body["caster"]:
+        met = meet_caster(mirrors, body, glance, within, asked, rays)
         root = root._replace(hit=met.hit, surface=met.face)
         place, inside = met.u, met.inside
         doubt = np.where(met.sure, NO_DOUBT, distance_of(body, glance, met.begin))
@@ -242,13 +268,13 @@ def catch_bodies(asked: Asked, rays: Rays, found: Spotted) -> Caught:
         base = int(body["surface"])
         on_f = found.surface == np.uint32(base)
         glance = glance_at(body, rays.point, rays.along)
-        place = found.place if body["polynomial"] or body["copy"] else u
+        place = found.place if body["caster"] or body["copy"] else u
         at = further(glance.base, glance.along, place)
         slope = gradient_of(body["second"], body["slope"], at)
-        if body["polynomial"]:
-            assert mirrors.polynomials is not None
-            caster = mirrors.polynomials[int(body["polynomial"]) - 1]
-            slope = either(on_f, bend_at(caster, at), slope)
+        if body["caster"]:
+            caster, formula = caster_at(mirrors, body)
+            bend = bend_at(caster, at) if formula is None else slope_in_body(formula, caster, at)
+            slope = either(on_f, bend, slope)
         for k in range(int(body["face_count"])):
             normal = normal_of_face(mirrors.faces[int(body["face_start"]) + k])
             slope = either(found.surface == np.uint32(base + k + 1), normal, slope)

@@ -16,7 +16,7 @@ import numpy as np
 from halfstep.contract.powers import CAST_STEPS, CLOCKS, MADE_OF_FORMULA
 from halfstep.twin.cast import CAST_LAST_STEP, Cast, Rest
 from halfstep.twin.cells import Cell, cells_about, next_cell, span_of
-from halfstep.twin.climb import climbing_jet, has_slope, known_to, lowered_jet
+from halfstep.twin.climb import has_slope, known_to, lowered_jet, sinking_jet
 from halfstep.twin.expression import Formula, expression_jet
 from halfstep.twin.jets import UNDEFINED
 from halfstep.twin.lanes import F32, U32, Bools
@@ -70,7 +70,7 @@ def shaded_formula(
             break
         span = span_of(cell, start, stop, CAST_LAST_STEP)
         jet = expression_jet(formula, trace, turned, span.middle, span.half)
-        judged = climbing_jet(lowered_jet(jet, level, error))
+        judged = sinking_jet(lowered_jet(jet, level, error))
         ends = (cell.size == 0) | judged.vague
         perhaps = perhaps | (cell.going & ends & ~judged.passed & judged.within)
         judged = judged._replace(within=np.zeros_like(perhaps))

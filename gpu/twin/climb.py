@@ -1,4 +1,4 @@
-"""Twin of ``climb.wgsl``: what a jet tells of F along a ray to a light, in a cell of the ray.
+"""Twin of ``climb.wgsl``: what a jet tells of F along a ray from a surface, in a cell of the ray.
 
 In the first cell F is at least 0 at the beginning: either it is known to be, or the ray begins on F
 and F counts from its value there. If F > 0 in all cells before, it is above 0 where the next one
@@ -50,24 +50,27 @@ def has_slope(jet: Jet) -> Bools:
 
 
 def climbing_jet(jet: Jet) -> Judged:
-    """The properties of F in a cell at whose beginning F >= 0.
-
-    ``single`` says that F < 0 somewhere in the cell, for certain.
-    """
+    """The properties of F in a cell at whose beginning F >= 0."""
     judged = judged_jet(jet)
-    sloped, defined = is_sloped(jet), judged.defined
+    sloped = is_sloped(jet)
     sizes = np.abs(jet.slope) + np.abs(jet.bend)
     tilt = jet.slope - (ROOM * jet.slope_error + (_EIGHT * EPSILON) * sizes)
     # Slopes count on bends at all places, not on the mean of those on the way there.
     errors = np.where((jet.state & MEAN) > 0, _THREE, np.float32(1))
     off = ROOM * (errors * jet.bend_error)
     begins = sloped & (tilt > _TWO * (jet.bend + off))
-    middle = jet.value < -known_to(jet)
     # Where F changes by less than its error but climbs, smaller cells may tell.
     flat = judged.vague & (jet.slope <= ROOM * jet.slope_error)
     return judged._replace(
         passed=judged.passed | (begins & (tilt > _FOUR * off)),
         ahead=judged.ahead | (begins & (tilt > jet.bend + _THREE * off)),
-        single=defined & (middle | (sloped & judged.below)),
         vague=flat,
     )
+
+
+def sinking_jet(jet: Jet) -> Judged:
+    """The same, but ``single`` says that F < 0 somewhere in the cell, for certain."""
+    judged = climbing_jet(jet)
+    middle = jet.value < -known_to(jet)
+    sinks = judged.defined & (middle | (is_sloped(jet) & judged.below))
+    return judged._replace(single=sinks)

@@ -288,23 +288,28 @@ def surety_of(
     return Surety(above(begins_below, start, start_slack), above(turned, stop, stop_slack), bound)
 
 
-def slope_of_formula(formula: Formula, trace: Trace, u: F32) -> Vector:
-    """The gradient of F in world axes at ``u``, up to its length."""
-    axes = formula.form["axes"]
-    one, zero = np.ones_like(u), np.zeros_like(u)
+def gradient_of_formula(formula: Formula, x: F32, y: F32, z: F32) -> Vector:
+    """The gradient of F in its own coordinates; the largest part is 1, or less than FAINTEST."""
+    one, zero = np.ones_like(x), np.zeros_like(x)
     # A product that overflows is cut off at the largest that may be.
     with np.errstate(over="ignore"):
         grade = formula_grade(
             formula,
-            Grade(trace.x.level + u * trace.x.along, one, zero, zero),
-            Grade(trace.y.level + u * trace.y.along, zero, one, zero),
-            Grade(trace.z.level + u * trace.z.along, zero, zero, one),
+            Grade(x, one, zero, zero),
+            Grade(y, zero, one, zero),
+            Grade(z, zero, zero, one),
         )
     # A zero may have any sign: compilers leave out products with zeros.
-    own = [np.where(part == 0, zero, part) for part in (grade.x, grade.y, grade.z)]
-    largest = np.maximum(np.maximum(np.abs(own[0]), np.abs(own[1])), np.abs(own[2]))
-    unit = np.float32(1) / np.where(largest < FAINTEST, np.float32(1), largest)
-    x, y, z = (each * unit for each in own)
+    own = Vector(*(np.where(part == 0, zero, part) for part in (grade.x, grade.y, grade.z)))
+    largest = np.maximum(np.maximum(np.abs(own.x), np.abs(own.y)), np.abs(own.z))
+    unit: F32 = np.divide(np.float32(1), np.where(largest < FAINTEST, np.float32(1), largest))
+    return Vector(own.x * unit, own.y * unit, own.z * unit)
+
+
+def slope_of_formula(formula: Formula, trace: Trace, u: F32) -> Vector:
+    """The gradient of F in world axes at ``u``, up to its length."""
+    axes = formula.form["axes"]
+    x, y, z = gradient_of_formula(formula, *(track.level + u * track.along for track in trace))
     return Vector(
         (x * axes[0] + y * axes[1]) + z * axes[2],
         (x * axes[3] + y * axes[4]) + z * axes[5],

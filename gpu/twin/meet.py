@@ -1,10 +1,10 @@
-"""Twin of ``meet.wgsl``: where a ray from a mirror first meets a solid that a polynomial bounds.
+"""Twin of ``meet.wgsl``: where a ray from a mirror first meets a solid of an order above two.
 
-The ray is composed with F, as in ``cast``, from where it comes into the box of the solid, or from
-the mirror if it begins in the box. The first root is found as in ``cells``, and halved. If the ray
-begins on F, one root is known, and F is divided by the distance from there. So nothing is asked
-about the constant of F, to which the error of the mirror's position adds. The error of F is that of
-``cast``, for the ray as float32 has it.
+The passage of a ray is the part from where it comes into the box of the solid, or from the mirror
+if it begins in the box. A polynomial is composed with it, as in ``cast``. The first root is found
+as in ``cells``, and halved. If the ray begins on F, one root is known, and F is divided by the
+distance from there. So nothing is asked about the constant of F, to which the error of the mirror's
+position adds. The error of F is that of ``cast``, for the ray as float32 has it.
 """
 
 from __future__ import annotations
@@ -32,6 +32,21 @@ from halfstep.twin.taylor import Curve, curve_error, opposite
 from halfstep.twin.trace import Trace, Track, Way, boxed_way, moved_trace
 
 _ONE = np.float32(1)
+
+
+class Passage(NamedTuple):
+    """The parts of rays from mirrors that lie in the box of a solid."""
+
+    trace: Trace  # from u = 0 to 2
+    some: Bools  # something is asked of them
+    on_f: Bools  # they begin on F
+    start: F32  # u from which on a ray is within the half-spaces and the ball
+    stop: F32
+    id_in: I32  # the number of what it enters through there, 0 for none
+    id_out: I32
+    begin: F32  # u where the passage begins
+    half: F32  # half its length
+    is_sheet: Bools  # the solid is a sheet
 
 
 class Meeting(NamedTuple):
@@ -93,39 +108,44 @@ def slopes_in(k: NDArray[np.float32], x: F32, y: F32, z: F32) -> Vector:
     return Vector(in_x, in_y, in_z)
 
 
+def placed(caster: np.void, spot: Vector) -> Vector:
+    """A spot, in radii from the middle of the body, in the coordinates of the box of a solid."""
+    level, by_x, by_y, by_z = (caster[name] for name in ("level", "by_x", "by_y", "by_v"))
+    return Vector(
+        *(((by_x[i] * spot.x + by_y[i] * spot.y) + by_z[i] * spot.z) + level[i] for i in range(3))
+    )
+
+
+def turned_back(caster: np.void, slope: Vector) -> Vector:
+    """A gradient in those coordinates, along the axes of the body."""
+    axes = (caster[name] for name in ("by_x", "by_y", "by_v"))
+    return Vector(*((by[0] * slope.x + by[1] * slope.y) + by[2] * slope.z for by in axes))
+
+
 def bend_at(caster: np.void, spot: Vector) -> Vector:
     """The gradient of F at a spot, which is in radii from the middle of the body."""
-    level, by_x, by_y, by_z = (caster[name] for name in ("level", "by_x", "by_y", "by_v"))
-    x, y, z = (
-        ((by_x[i] * spot.x + by_y[i] * spot.y) + by_z[i] * spot.z) + level[i] for i in range(3)
-    )
-    slope = slopes_in(caster["terms"], x, y, z)
-    return Vector(
-        *((by[0] * slope.x + by[1] * slope.y) + by[2] * slope.z for by in (by_x, by_y, by_z))
-    )
+    return turned_back(caster, slopes_in(caster["terms"], *placed(caster, spot)))
 
 
-def meeting_of(
+def passage_of(
     caster: np.void,
     body: np.void,
     glance: Glance,
     piece: Piece,
     asked: Bools,
     surface: U32,
-    turned: U32,
-) -> Meeting:
-    """Where rays first meet a solid.
+) -> Passage:
+    """The passages of rays through the box of a solid.
 
     Args:
-        caster: its polynomial.
+        caster: its form.
         body: the solid.
         glance: the rays about it.
         piece: the parts of the rays within its half-spaces.
         asked: the pixels that ask for it.
         surface: the surfaces that mirror.
-        turned: the sides of these that do.
     """
-    is_sheet, is_ball = bool(caster["sheet"]), bool(caster["ball"])
+    is_ball = bool(caster["ball"])
     on_f = surface == body["surface"]
     on_ball = (surface == body["curve"]) & is_ball
     form = curve_of(body["second"], body["slope"], body["value"], glance)
@@ -141,20 +161,70 @@ def meeting_of(
     of_ball = np.int32(int(body["face_count"]) + 1)
     start = np.where(enters, chord.enter, np.where(on_f, glance.start, start))
     stop = np.where(leaves, leave, stop)
-    id_in = np.where(enters, of_ball, np.where(on_f, 0, piece.id_in))
-    id_out = np.where(leaves, of_ball, piece.id_out)
     trace = glance_trace(caster, glance)
     way = boxed_way(trace, Way(start, stop))
     begin, end = np.where(on_f, start, way.begin), way.end
-    some = asked & remains(piece) & (chord.met | on_ball | (not is_ball)) & (begin < end)
-
     half = np.maximum((end - begin) * np.float32(0.5), SHORTEST)
-    rest = moved_trace(trace, begin, half)
-    powers = powers_along(caster["terms"], *rest)
-    sizes = sizes_along(caster["terms"], *rest)
-    outside = np.where(on_f, turned == 0, powers[0] > 0)
-    inside = ~outside & (is_sheet | (id_in == 0))
+    return Passage(
+        moved_trace(trace, begin, half),
+        asked & remains(piece) & (chord.met | on_ball | (not is_ball)) & (begin < end),
+        on_f,
+        start,
+        stop,
+        np.where(enters, of_ball, np.where(on_f, 0, piece.id_in)),
+        np.where(leaves, of_ball, piece.id_out),
+        begin,
+        half,
+        np.full(on_f.shape, bool(caster["sheet"])),
+    )
+
+
+def begins_inside(passage: Passage, outside: Bools) -> Bools:
+    """Whether rays see F = 0 from where F <= 0; the others that are not ``outside`` see an end."""
+    return ~outside & (passage.is_sheet | (passage.id_in == 0))
+
+
+def meeting_at(
+    passage: Passage,
+    outside: Bools,
+    clear: Bools,
+    met: Bools,
+    place: F32,
+    sure: Bools,
+) -> Meeting:
+    """Where rays first meet a solid.
+
+    Args:
+        passage: the rays.
+        outside: F > 0 where they begin, or behind that if they begin on F.
+        clear: that is certain.
+        met: F changes its sign on the passage.
+        place: where, from -1 to 1.
+        sure: that is certain, or that it does not.
+    """
+    inside = begins_inside(passage, outside)
     on_entry = ~outside & ~inside
+    on_exit = inside & ~met & (passage.id_out > 0) & ~passage.is_sheet
+    # A ray within a solid comes out.
+    ends = met | outside | on_exit | passage.is_sheet
+    root = passage.begin + passage.half * (place + _ONE)
+    return Meeting(
+        passage.some & (met | on_entry | on_exit),
+        np.where(on_entry, passage.id_in, np.where(on_exit, passage.id_out, 0)),
+        np.where(on_entry, passage.start, np.where(on_exit, passage.stop, root)),
+        inside,
+        passage.begin,
+        (clear & (on_entry | (sure & ends))) | ~passage.some,
+    )
+
+
+def meeting_of(caster: np.void, passage: Passage, turned: U32) -> Meeting:
+    """Where rays, which begin on sides ``turned`` of mirrors, first meet a solid's polynomial."""
+    on_f = passage.on_f
+    powers = powers_along(caster["terms"], *passage.trace)
+    sizes = sizes_along(caster["terms"], *passage.trace)
+    outside = np.where(on_f, turned == 0, powers[0] > 0)
+    inside = begins_inside(passage, outside)
     curve = Curve(
         rest_of_powers(powers, on_f),
         rest_of_powers(sizes, on_f),
@@ -163,23 +233,13 @@ def meeting_of(
         np.float32(0),
     )
     curve = opposite(inside, curve)
-    first = np.zeros(asked.shape, np.int32)
-    low, high = np.full(asked.shape, -_ONE), np.full(asked.shape, _ONE)
-    cell = cells_from(first, some & ~on_entry, CAST_STEPS)
+    first = np.zeros(on_f.shape, np.int32)
+    low, high = np.full(on_f.shape, -_ONE), np.full(on_f.shape, _ONE)
+    cell = cells_from(first, passage.some & (outside | inside), CAST_STEPS)
     cell = walked(curve, low, high, cell, CAST_STEPS, CAST_LAST_STEP)
-    found = begun_cell(cell, np.zeros(asked.shape, bool), CAST_STEPS)
+    found = begun_cell(cell, np.zeros(on_f.shape, bool), CAST_STEPS)
     leaf = leaf_in(curve.powers, low, low, high, found, CAST_STEPS, CAST_LAST_STEP)
     place = position_in(leaf, CAST_STEPS).astype(np.float32) * CAST_LAST_STEP
-    root = begin + half * (place + _ONE)
-    on_exit = inside & ~cell.met & (id_out > 0) & (not is_sheet)
-    # A ray within a solid comes out.
-    ends = cell.met | outside | on_exit | is_sheet
-    clear = np.where(on_entry, -curve.powers[0], curve.powers[0]) > curve_error(curve, none)
-    return Meeting(
-        some & (cell.met | on_entry | on_exit),
-        np.where(on_entry, id_in, np.where(on_exit, id_out, 0)),
-        np.where(on_entry, start, np.where(on_exit, stop, root)),
-        inside,
-        begin,
-        (clear & (on_entry | (cell.sure & ends))) | ~some,
-    )
+    value = np.where(outside | inside, curve.powers[0], -curve.powers[0])
+    clear = value > curve_error(curve, np.zeros_like(value))
+    return meeting_at(passage, outside, clear, cell.met, place, cell.sure)
