@@ -222,3 +222,107 @@ def test_device_and_twin_are_equal(number_format: str, copies: int) -> None:
     assert on_label.sum() > 100
     assert (frames[0].shadow[on_label] & 1 == 0).mean() > 0.5  # the room has the lamp inside
     assert different(*frames) == []
+
+
+HIGHER: dict[str, Table] = {
+    "torus": {"kind": "torus", "major": 1.0, "minor": 0.35},
+    "polynomial": {
+        "kind": "implicit",
+        "formula": "x^4 + y^4 + z^4 - 1",
+        "bounds": {"min": [-1.2] * 3, "max": [1.2] * 3},
+    },
+    "formula": {
+        "kind": "implicit",
+        "formula": "sqrt(x^2 + y^2 + z^2 + 0.1) + 0.05*sin(3*x) - 1",
+        "bounds": {"min": [-1.3] * 3, "max": [1.3] * 3},
+    },
+    "sheet": {
+        "kind": "implicit",
+        "formula": "z - 0.3*x^3 + 0.2*y^2*x",
+        "sheet": True,
+        "bounds": {"min": [-1] * 3, "max": [1] * 3},
+    },
+}
+# Pieces of a solid whose union is the solid.
+WHOLE: tuple[Table, ...] = ({}, {})
+HALVES: tuple[Table, ...] = ({"cut": [[0, 0, 1, 0.2]]}, {"cut": [[0, 0, -1, 0.2]]})
+PLACED: Table = {"origin": [0.1, 0.2, 0.3], "rotation_degrees": [20, 30, 40]}
+
+
+def in_pieces(
+    names: list[str], pieces: tuple[Table, ...], *, copies: int = 0, share: float = 0.0
+) -> Scene:
+    """Solids of an order above two in pieces, before two lights; as many are ``copies``."""
+    solids = [
+        {**HIGHER[name], **piece, **PLACED, "material": "own"} for name in names for piece in pieces
+    ]
+    placed = [in_copy(solid, number) for number, solid in enumerate(solids[:copies])]
+    floor: Table = {"kind": "plane", "origin": [0, 0, -1.5], "color": [0.4, 0.4, 0.5]}
+    floor["bounds"] = {"min": [-2.5, -2.5, -1.5], "max": [2.5, 2.5, -1.5]}
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [3, -4, 3], "look_at": [0, 0, 0], "fov_degrees": 35},
+            "light": [
+                {"direction": [1, -1, 2], "shadows": True},
+                {"position": [-3, -3, 4], "shadows": True},
+            ],
+            "material": [{"name": "own", "color": [0.7] * 3, "reflection": share}],
+            "solid": [*solids[copies:], floor],
+            "group": [group for group, _ in placed],
+            "place": [place for _, place in placed],
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "pieces", "copies", "share"),
+    [
+        ("torus", WHOLE, 0, 0.5),
+        ("torus", HALVES, 0, 0.5),
+        ("torus", WHOLE, 1, 0.0),
+        ("torus", HALVES, 2, 0.0),
+        ("polynomial", WHOLE, 0, 0.5),
+        ("formula", WHOLE, 0, 0.0),
+        ("sheet", WHOLE, 0, 0.5),
+    ],
+)
+def test_pieces_of_a_solid_look_like_the_solid(
+    name: str,
+    pieces: tuple[Table, ...],
+    copies: int,
+    share: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They have its shadows and mirror the same. Were surfaces not shared, they would have dots."""
+    options: Table = {
+        "size": (48, 36),
+        "outputs": ("image", "shadow"),
+        "backend": "numpy",
+        "steps": 16,
+    }
+    whole = halfstep.render(in_pieces([name], ({},), share=share), **options)
+    assert (whole.solid == 0).sum() > 250
+    assert (whole.shadow[whole.solid == 0] == 0).sum() > 100
+
+    def dots() -> int:
+        frame = halfstep.render(in_pieces([name], pieces, copies=copies, share=share), **options)
+        off = (frame.image.astype(int) - whole.image).max(axis=-1)
+        return int(((frame.shadow != whole.shadow) | (abs(off) > 2)).sum())
+
+    assert dots() == 0
+    monkeypatch.setattr(host_light, "shared_sides", nothing_shared)
+    assert dots() > 20
+
+
+@pytest.mark.parametrize(
+    ("names", "copies", "share"), [(["torus", "sheet"], 0, 0.5), (["torus"], 1, 0.0)]
+)
+@pytest.mark.usefixtures("adapter")
+def test_device_and_twin_are_equal_in_pieces(names: list[str], copies: int, share: float) -> None:
+    """Of solids, of a solid that coincides with a copy of a group, and in mirrors."""
+    scene = in_pieces(names, WHOLE, copies=copies, share=share)
+    outputs = ("image", "shadow", "surface", "error")
+    frames = on_both(scene, size=(48, 36), outputs=outputs)
+    assert (frames[0].surface >= 0).sum() > 500
+    assert different(*frames) == []

@@ -131,13 +131,24 @@ fn try_body(number: u32, body: Body) {
     {
       var asked = glance_0.near & (gone_0 != u4(number)) & (weight_0 > f4(0.0));
       asked = asked & !is_behind_0;  //? flush
-      let passage = passage_of(caster, body, glance_0, piece_0, asked, nearest_0.surface);
+      let surface = nearest_0.surface;
+      var turned = nearest_0.turned;
+      var flush = b4(false);
+      {  //? flush
+        // What a ball ends lies behind it.
+        asked = asked & !is_same_side(side_0, side_of(body.curve));
+        let side = side_of(body.surface);
+        flush = is_flush_with(side_0, side, b4(caster.sheet != 0u));
+        flush = flush & (surface != u4(body.surface));
+        turned = select(turned, turned_to(side_0, side), flush);
+      }
+      let passage = passage_of(caster, body, glance_0, piece_0, asked, surface, flush);
       for (var polynomial = caster.formula; polynomial < 1u; polynomial++) {  //? body_polynomials
-        meeting_0 = meeting_of(caster, passage, nearest_0.turned);
+        meeting_0 = meeting_of(caster, passage, turned);
       }
       for (var one = 0u; one < min(caster.formula, 1u); one++) {  //? body_formulas
         let form = body_formula_at(caster.formula - 1u);
-        meeting_0 = meeting_of_formula(form, caster, passage, nearest_0.turned);
+        meeting_0 = meeting_of_formula(form, caster, passage, turned);
       }
       let doubt = distance_of(body, glance_0, meeting_0.begin);
       spotted_0.doubt = min(spotted_0.doubt, select(doubt, f4(NO_DOUBT), meeting_0.sure));

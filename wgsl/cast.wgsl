@@ -15,6 +15,7 @@ struct Rest {
   trace: Trace,  // from u = 0 to 2
   some: b4,  // something is asked of them
   beside: b4,  // the light is inside the solid, and the point is not in its box
+  on_curve: b4,  // they begin on F
 }
 
 // What a solid of an order above two does to a light.
@@ -119,7 +120,8 @@ fn rest_of_ray(
   ray: Ray,
   piece: Piece,
   asked: b4,
-  on_curve: b4,
+  on_f: b4,
+  flush: b4,
 ) -> Rest {
   let at_lamp = (occluder.flags & SHADE_AT_LAMP) != 0u;
   let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);
@@ -132,21 +134,25 @@ fn rest_of_ray(
   let chord = chord_of(form.a, form.g, form.c, f4(0.0), f4(0.0), f4(0.0));
   start = select(start, max(start, chord.enter), is_ball);
   stop = select(stop, min(stop, chord.leave), is_ball);
-  let free = on_curve | encloses;
-  start = select(start, line_place(whole.c_in, whole.b_in), free);
+  let near = line_place(whole.c_in, whole.b_in);
+  let free = on_f | encloses;
+  start = select(start, near, free);
   stop = select(stop, line_place(whole.c_out, whole.b_out), encloses);
   var trace = far_trace(caster, ray);
   if at_lamp {
     trace = lamp_trace(caster, ray);
   }
   let way = boxed_way(trace, Way(start, stop));
+  // On a surface that F = 0 coincides with, a point lies on F if the solid ends there.
+  let on_curve = on_f | (flush & (way.begin <= near));
   let begin = select(way.begin, start, on_curve);
   let ahead = ((ray.t > f4(0.0)) & (ray.c_in <= f4(1.0))) | b4(at_lamp);
   let some = asked & ahead & (chord.met | !is_ball | free);
   // A light inside is hidden from what is not in the box.
   let beside = some & encloses & ((way.begin > start) | (way.begin >= way.end));
   let half = max((way.end - begin) * 0.5, f4(SHORTEST));
-  return Rest(moved_trace(trace, begin, half), some & (begin < way.end) & !beside, beside);
+  let left = some & (begin < way.end) & !beside;
+  return Rest(moved_trace(trace, begin, half), left, beside, on_curve);
 }
 
 // What a solid with a polynomial does to a light.

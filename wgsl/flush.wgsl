@@ -37,3 +37,14 @@ fn is_same_surface(seen: u4, side: u32) -> b4 {
 fn is_same_side(seen: u4, side: u32) -> b4 {
   return (seen > u4(0u)) & (seen == u4(side));
 }
+
+// Whether points that show the side `seen` lie on F = 0 of a solid that has `side`, and from there
+// the solid is behind F. If `either` side of F counts, they may also show the other.
+fn is_flush_with(seen: u4, side: u32, either: b4) -> b4 {
+  return is_same_side(seen, side) | (is_same_surface(seen, side) & either);
+}
+
+// From which side of F these points are seen: 0 from where F > 0.
+fn turned_to(seen: u4, side: u32) -> u4 {
+  return select(u4(1u), u4(0u), is_same_side(seen, side));
+}

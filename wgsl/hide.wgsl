@@ -82,6 +82,8 @@ fn hide(occluder: Occluder) {
   var sheet_0 = b4(false);  //? casters
   // each quad
   var cast_0 = Cast(b4(false), b4(true), b4(false), b4(true));  //? casters
+  // each quad
+  var beside_0 = b4(false);  //? casters & flush
   for (var one = 0u; one < min(occluder.caster, 1u); one++) {  //? casters
     let caster = caster_at(occluder.caster - 1u);
     // each quad
@@ -90,13 +92,21 @@ fn hide(occluder: Occluder) {
       let on_f = own & (nearest_0.surface == u4(surface));
       let encloses = b4((occluder.flags & SHADE_ENCLOSES) != 0u);
       let asked = (nearest_0.surface > u4(0u)) & (!own | on_f | encloses);
-      let rest = rest_of_ray(caster, occluder, ray_0, piece_0, asked, on_f);
+      var flush = b4(false);
+      var turned = nearest_0.turned;
+      {  //? flush
+        let side = side_of(surface);
+        flush = !own & is_flush_with(side_0, side, encloses | b4(caster.sheet != 0u));
+        turned = select(turned, turned_to(side_0, side), flush);
+      }
+      let rest = rest_of_ray(caster, occluder, ray_0, piece_0, asked, on_f, flush);
+      beside_0 = flush & rest.on_curve;  //? flush
       for (var polynomial = caster.formula; polynomial < 1u; polynomial++) {  //? cast_polynomials
-        cast_0 = cast_of(caster, rest, encloses, on_f, nearest_0.turned);
+        cast_0 = cast_of(caster, rest, encloses, rest.on_curve, turned);
       }
       for (var once = 0u; once < min(caster.formula, 1u); once++) {  //? cast_formulas
         let form = cast_formula_at(caster.formula - 1u);
-        cast_0 = cast_formula_of(form, caster, rest, encloses, on_f, nearest_0.turned);
+        cast_0 = cast_formula_of(form, caster, rest, encloses, rest.on_curve, turned);
       }
       // Both sides of a sheet are outer sides.
       sheet_0 = b4(caster.sheet != 0u);
@@ -127,7 +137,10 @@ fn hide(occluder: Occluder) {
       let on_f = own & is_caster & (nearest_0.surface == u4(surface));
       let away = on_f & is_away(cast_0.faces, nearest_0.turned);
       nearest_0.dark |= select(u4(0u), u4(occluder.bit), away);
-      again = select(again, cast_0.met, on_f);
+      var begins = on_f;
+      begins = on_f | beside_0;  //? flush
+      again = select(again, cast_0.met, begins);
+      is_flush_0 = is_flush_0 | beside_0;  //? flush
       hidden = select(hidden, cast_0.met, is_caster);
       leaves_0 = leaves_0 | cast_0.met;  //? encloses
       unsure_0 = unsure_0 | (!cast_0.sure & b4(casts)) | (on_f & !cast_0.faced);  //? error

@@ -135,7 +135,8 @@ fn bend_at(caster: Caster, spot: Vector) -> Vector {
 
 // The passages of rays through the box of a solid.
 //
-// `piece` is the part of a ray within its half-spaces. The ray begins on a surface.
+// `piece` is the part of a ray within its half-spaces. The ray begins on a surface, which is `flush`
+// where it coincides with that of the solid.
 fn passage_of(
   caster: Caster,
   body: Body,
@@ -143,9 +144,10 @@ fn passage_of(
   piece: Piece,
   asked: b4,
   surface: u4,
+  flush: b4,
 ) -> Passage {
   let is_ball = b4(caster.ball != 0u);
-  let on_f = surface == u4(body.surface);
+  let own = surface == u4(body.surface);
   let on_ball = (surface == u4(body.curve)) & is_ball;
   let form = curve_of(body.second, body.slope, body.value, glance);
   let chord = chord_of(form.a, form.g, form.c, f4(0.0), f4(0.0), f4(0.0));
@@ -154,13 +156,15 @@ fn passage_of(
   let leave = select(chord.leave, -(form.a * glance.start + form.g) / bend, on_ball);
   var start = line_place(piece.c_in, piece.b_in);
   var stop = line_place(piece.c_out, piece.b_out);
-  let enters = is_ball & !on_ball & !on_f & (chord.enter > start);
+  let enters = is_ball & !on_ball & !own & (chord.enter > start);
   let leaves = is_ball & (leave < stop);
   let of_ball = i4(i32(body.face_count) + 1);
-  start = select(select(start, glance.start, on_f), chord.enter, enters);
+  start = select(select(start, glance.start, own), chord.enter, enters);
   stop = select(stop, leave, leaves);
   let trace = glance_trace(caster, glance);
   let way = boxed_way(trace, Way(start, stop));
+  // On a surface that coincides with F = 0, a ray begins on F if the solid ends there.
+  let on_f = own | (flush & (way.begin <= glance.start));
   let begin = select(way.begin, start, on_f);
   let half = max((way.end - begin) * 0.5, f4(SHORTEST));
   return Passage(
@@ -169,7 +173,7 @@ fn passage_of(
     on_f,
     start,
     stop,
-    select(select(piece.id_in, i4(0), on_f), of_ball, enters),
+    select(select(piece.id_in, i4(0), own), of_ball, enters),
     select(piece.id_out, of_ball, leaves),
     begin,
     half,

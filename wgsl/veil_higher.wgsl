@@ -14,6 +14,7 @@ struct Course {
   some: b4,  // there is such a part
   begin: f4,  // v where s = 0
   half: f4,  // change of v for 1 of s
+  on_curve: b4,  // rays begin on the surface
 }
 
 // F along a course.
@@ -24,7 +25,14 @@ struct Ahead {
 
 // The courses of whole rays that some pixels ask for; pixels `on_curve` have points on F. Rays
 // count from a lamp if `at_lamp`.
-fn course_of(caster: Caster, ray: Ray, asked: b4, on_curve: b4, at_lamp: bool) -> Course {
+fn course_of(
+  caster: Caster,
+  ray: Ray,
+  asked: b4,
+  on_f: b4,
+  flush: b4,
+  at_lamp: bool,
+) -> Course {
   let whole = whole_ray(ray);
   let start = line_place(whole.c_in, whole.b_in);
   let stop = line_place(whole.c_out, whole.b_out);
@@ -33,10 +41,11 @@ fn course_of(caster: Caster, ray: Ray, asked: b4, on_curve: b4, at_lamp: bool) -
     trace = lamp_trace(caster, ray);
   }
   let way = boxed_way(trace, Way(start, stop));
+  let on_curve = on_f | (flush & (way.begin <= start));
   let begin = select(way.begin, start, on_curve);
   let half = max((way.end - begin) * 0.5, f4(SHORTEST));
   let some = asked & ((ray.t > f4(0.0)) | b4(at_lamp)) & (begin < way.end);
-  return Course(moved_trace(trace, begin, half), some, begin, half);
+  return Course(moved_trace(trace, begin, half), some, begin, half, on_curve);
 }
 
 // The error of F from that of points, from u = 0 to 2, over the caster's `rounding`.
@@ -48,7 +57,8 @@ fn points_size(caster: Caster, trace: Trace) -> f4 {
 }
 
 // F along courses; rays of pixels `on_curve` begin on F.
-fn curve_ahead(caster: Caster, course: Course, on_curve: b4) -> Ahead {
+fn curve_ahead(caster: Caster, course: Course) -> Ahead {
+  let on_curve = course.on_curve;
   let powers = powers_along(caster.terms, course.trace.x, course.trace.y, course.trace.z);
   let whole = sizes_along(caster.terms, course.trace.x, course.trace.y, course.trace.z);
   var sizes = rest_of_powers(whole, on_curve);

@@ -153,17 +153,20 @@ fn draw_veil(veil: Veil, bit: u32) {
     var place = veil.flat_count + veil.curved_count;
     for (var k = 0u; k < veil.higher_count; k++) {
       let number = programs[veil.list_start + veil.flat_count + veil.curved_count + k];
+      let side = side_of(copy.first + number);  //? flush
       let caster = veil_higher_at(veil.higher_start + (number - veil.lower));
       // each quad
       {
-        let on_curve = own_0 & shows_surface(nearest_0.met, number);
-        let course = course_of(caster, ray_0, behind_0, on_curve, at_lamp);
-        let ahead = curve_ahead(caster, course, on_curve);
-        found_0 = found_0 | on_curve;
-        faces_0 = faces_0 | (on_curve & faced_side(ahead.curve, nearest_0.met.side));
-        known_0 = known_0 & (!on_curve | knows_side(ahead.curve));  //? error
+        let own = own_0 & shows_surface(nearest_0.met, number);
+        var flush = b4(false);
+        flush = is_same_surface(side_0, side);  //? flush
+        let course = course_of(caster, ray_0, behind_0, own, flush, at_lamp);
+        let ahead = curve_ahead(caster, course);
+        found_0 = found_0 | own;
+        faces_0 = faces_0 | (own & faced_side(ahead.curve, nearest_0.met.side));
+        known_0 = known_0 & (!own | knows_side(ahead.curve));  //? error
         let further = points_to_surface(ahead.value * course.half, ahead.curve.powers[0]);
-        begin_0 = begin_0 + select(i4(0), further, on_curve);
+        begin_0 = begin_0 + select(i4(0), further, course.on_curve);
         let higher = sought(caster);
         let trail = all_crossed(ahead.curve, higher, course.some, VEIL_STEPS, VEIL_LAST_STEP);
         let pairs = caster.pairs;

@@ -8,12 +8,14 @@ coinciding surfaces are found here, once for a scene.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from halfstep.contract import layout
 from halfstep.contract.arrays import U32, Bools, Floats, Ints, Records
+from halfstep.host.flush_higher import HigherSides, higher_sides, kinds_of, rows_of
 from halfstep.host.geometry import Geometry
 from halfstep.host.mirrors import has_mirrors
 from halfstep.host.world import GRID_BITS, World
@@ -54,31 +56,73 @@ def shared_sides(scene: Scene, geometry: Geometry, world: World) -> Records | No
 
     Surfaces have the same side if they coincide and F > 0 there. The opposite side has the number
     with another last bit. A surface has 0 if no solid or copy that overlaps its own has it, if no
-    light with shadows and no mirror asks for it, if it is of an order above two, or if it bounds a
-    patch.
+    light with shadows and no mirror asks for it, or if it bounds a patch.
     """
+    keyed = [_keyed(scene, geometry, world, is_flat=is_flat) for is_flat in (True, False)]
+    keyed.append(_keyed_higher(scene, geometry, world))
     sides = np.zeros(1 + int(world.surface_count.sum()), np.uint32)
     used = 0
-    for is_flat in (True, False):
-        of = _sides(geometry, world, is_flat=is_flat)
-        rows = _forms(geometry, of, world.grid.middle, 2.0**GRID_BITS * world.grid.unit, is_flat)
-        turned = _is_turned(rows[:, :-1] if is_flat else rows)
-        own = np.where(turned[:, None], -rows, rows)
-        if is_flat:
-            classes = _classes(own, ALIKE / 2.0**GRID_BITS)
-            wanted = _asked(scene, geometry, world, of.solid, rows)
-        else:
-            classes = _refined(geometry, world, of, _classes(own, 2.0**-GRID_BITS))
-            wanted = np.ones(len(of.solid), bool)
-        keys = 2 * classes + turned
-        some = _shared(geometry, world, of.solid, keys, wanted)
-        some |= _shared(geometry, world, of.solid, classes, _around(scene, world, of.solid))
+    for of in keyed:
+        some = _shared(geometry, world, of.solid, of.key, of.wanted)
+        some |= _shared(geometry, world, of.solid, of.key >> 1, _around(scene, world, of.solid))
         # A patch shows either side with the number of one.
-        some |= np.isin(keys ^ 1, keys[some]) & geometry.is_patch[of.solid]
-        kinds, among = np.unique(classes[some], return_inverse=True)
-        sides[of.number[some]] = 2 * (1 + used + among) + (turned ^ of.is_turned)[some]
+        some |= np.isin(of.key ^ 1, of.key[some]) & geometry.is_patch[of.solid]
+        kinds, among = np.unique(of.key[some] >> 1, return_inverse=True)
+        sides[of.number[some]] = 2 * (1 + used + among) + ((of.key & 1) ^ of.is_turned)[some]
         used += len(kinds)
     return _records(sides, geometry, world) if used else None
+
+
+class _Keyed(NamedTuple):
+    """Sides of surfaces (N,) behind which solids, or copies of groups, lie or may lie."""
+
+    number: Ints  # of the surface in the scene
+    solid: Ints  # row in ``Geometry``
+    key: Ints  # equal if the sides coincide; opposite sides differ in the last bit
+    is_turned: Bools  # F is the negative of the surface's function
+    wanted: Bools  # a light with shadows or a mirror asks for it
+
+
+def _keyed(scene: Scene, geometry: Geometry, world: World, *, is_flat: bool) -> _Keyed:
+    """The sides of planes or of quadrics."""
+    of = _sides(geometry, world, is_flat=is_flat)
+    rows = _forms(geometry, of, world.grid.middle, 2.0**GRID_BITS * world.grid.unit, is_flat)
+    turned = _is_turned(rows[:, :-1] if is_flat else rows)
+    own = np.where(turned[:, None], -rows, rows)
+    if is_flat:
+        classes = _classes(own, ALIKE / 2.0**GRID_BITS)
+        wanted = _asked(scene, geometry, world, of.solid, rows)
+    else:
+        classes = _refined(geometry, world, of, _classes(own, 2.0**-GRID_BITS))
+        wanted = np.ones(len(of.solid), bool)
+    return _Keyed(of.number, of.solid, 2 * classes + turned, of.is_turned, wanted)
+
+
+def _keyed_higher(scene: Scene, geometry: Geometry, world: World) -> _Keyed:
+    """The sides of surfaces of an order above two."""
+    of = higher_sides(scene, geometry, world)
+    key = np.zeros(len(of.forms), np.int64)
+    for kind in kinds_of(of.forms):
+        rows, turned = _higher_rows(of, kind, world.grid.middle, 2.0**GRID_BITS * world.grid.unit)
+        classes = _classes(rows, 2.0**-GRID_BITS)
+        key[kind] = 2 * kind + turned
+        for left in _alike(classes):
+            while len(left):
+                low, high = world.boxes[..., of.solid[kind[left[0]]]]
+                half = float((high - low).max()) / 2
+                rows, turned = _higher_rows(of, kind[left], (low + high) / 2, half)
+                near = np.abs(rows - rows[0]).max(axis=1) <= ALIKE * world.grid.unit / half
+                key[kind[left[near]]] = 2 * kind[left[0]] + turned[near]
+                left = left[~near]
+    wanted = np.ones(len(of.solid), bool)
+    return _Keyed(of.number, of.solid, key[of.form] ^ of.is_turned, of.is_turned, wanted)
+
+
+def _higher_rows(of: HigherSides, kind: Ints, middle: Floats, half: float) -> tuple[Floats, Bools]:
+    """The numbers of functions (N, C) of one kind, and whether all have the other sign."""
+    rows = rows_of([of.forms[place] for place in kind.tolist()], middle, half)
+    turned = _is_turned(rows) & of.forms[int(kind[0])].is_polynomial
+    return np.where(turned[:, None], -rows, rows), turned
 
 
 def _records(sides: U32, geometry: Geometry, world: World) -> Records:
@@ -135,11 +179,13 @@ def _of_planes(geometry: Geometry, world: World) -> _Sides:
 
 
 def _of_quadrics(geometry: Geometry, world: World) -> _Sides:
-    """The quadrics of solids."""
-    own = slice(geometry.solid_count)
-    solid = np.flatnonzero(geometry.has_quadric[own] & ~geometry.is_empty[own])
-    matrix = geometry.quadric[..., solid]
-    return _Sides(world.first_surface[solid], solid, matrix, np.zeros(len(solid), bool))
+    """The quadrics of solids, and the balls about formulas."""
+    has_quadric, is_in_ball = geometry.has_quadric.copy(), np.zeros(geometry.count, bool)
+    has_quadric[geometry.in_balls] = is_in_ball[geometry.in_balls] = True
+    solid = np.flatnonzero(has_quadric & ~geometry.is_empty)
+    number = world.first_surface[solid]
+    number = number + np.where(is_in_ball[solid], world.surface_count[solid] - 1, 0)
+    return _Sides(number, solid, geometry.quadric[..., solid], np.zeros(len(solid), bool))
 
 
 def _forms(geometry: Geometry, of: _Sides, middle: Floats, unit: float, is_flat: bool) -> Floats:
@@ -184,9 +230,7 @@ def _classes(rows: Floats, alike: float) -> Ints:
 def _refined(geometry: Geometry, world: World, of: _Sides, classes: Ints) -> Ints:
     """The classes of quadrics that are alike in the coordinates of one of their solids, too."""
     found = np.arange(len(classes))
-    order = np.argsort(classes, kind="stable")
-    for own in np.split(order, 1 + np.flatnonzero(np.diff(classes[order]))):
-        left = own if len(own) > 1 else own[:0]
+    for left in _alike(classes):
         while len(left):
             low, high = world.boxes[..., of.solid[left[0]]]
             half = float((high - low).max()) / 2
@@ -196,6 +240,14 @@ def _refined(geometry: Geometry, world: World, of: _Sides, classes: Ints) -> Int
             found[left[near]] = left[0]
             left = left[~near]
     return found
+
+
+def _alike(classes: Ints) -> Iterator[Ints]:
+    """The places of each class that has several."""
+    order = np.argsort(classes, kind="stable")
+    for own in np.split(order, 1 + np.flatnonzero(np.diff(classes[order]))):
+        if len(own) > 1:
+            yield own
 
 
 def _asked(scene: Scene, geometry: Geometry, world: World, solid: Ints, rows: Floats) -> Bools:
@@ -234,9 +286,8 @@ def _around(scene: Scene, world: World, solid: Ints) -> Bools:
 def _shared(geometry: Geometry, world: World, solid: Ints, keys: Ints, wanted: Bools) -> Bools:
     """Which sides (N,) of solids that overlap have a key in common, which a wanted one has."""
     found = np.zeros(len(keys), bool)
-    order = np.argsort(keys, kind="stable")
-    for own in np.split(order, 1 + np.flatnonzero(np.diff(keys[order]))):
-        if len(own) > 1 and wanted[own].any():
+    for own in _alike(keys):
+        if wanted[own].any():
             found[own] = _overlapping(geometry, world, solid[own])
     return found
 

@@ -136,7 +136,6 @@ class MirrorTables:
             rows = np.concatenate(faces)
             self._faces["normal"], self._faces["beyond"] = rows[:, :3], rows[:, 3]
         never_change([self._bodies, self._faces, self._balls, self._casters])
-        never_change([] if self._formulas is None else [self._formulas.records])
 
     def _filled(self, body: np.void, copy: int, to_local: Floats, face_start: int) -> Floats:
         """Fill the record of a copy of a group. Returns its planes (P, 4), with unit normals."""

@@ -58,7 +58,6 @@ class ShadowTables:
         casters = caster_records(casting)
         formulas = caster_formulas(casting, shadows.expressions)
         never_change([views, occluders, slabs, boxes, sides, casters])
-        never_change([] if formulas is None else [formulas.records])
         return PackedShadows(
             views=views,
             occluders=occluders,
@@ -262,5 +261,6 @@ def caster_formulas(
             level = np.diag(np.abs(one.center)) + along
             errors = counted(form.program, form.numbers, level, along, one.point_error)
             record["value_error"], record["slope_error"], record["bend_error"] = errors
+    never_change([records])
     none = np.zeros(0, layout.HALF_SPACE.dtype())
     return PackedExpressions(records, none, known.programs, known.numbers, has_balls=False)

@@ -16,7 +16,14 @@ from halfstep.contract.layout import Shade
 from halfstep.contract.mirrors import MIRROR_STEPS, PackedMirrors
 from halfstep.twin.chosen import Chosen
 from halfstep.twin.expression import Formula, formula_of
-from halfstep.twin.flush import Shared, is_same_side, side_of, sides_seen
+from halfstep.twin.flush import (
+    Shared,
+    is_flush_with,
+    is_same_side,
+    side_of,
+    sides_seen,
+    turned_to,
+)
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import F32, I32, U32, Bools, Form
 from halfstep.twin.meet import Meeting, bend_at, meeting_of, passage_of
@@ -159,13 +166,23 @@ def meet_caster(
     piece: Piece,
     asked: Bools,
     rays: Rays,
+    facts: Collection[str],
 ) -> Meeting:
     """Where rays first meet a body of an order above two; the others are those of `passage_of`."""
     caster, formula = caster_at(mirrors, body)
-    passage = passage_of(caster, body, glance, piece, asked, rays.surface)
+    own, turned = rays.surface == body["surface"], rays.turned
+    flush = np.zeros(own.shape, bool)
+    if "flush" in facts:
+        seen, sides = rays.shared.seen, rays.shared
+        # What a ball ends lies behind it.
+        asked = asked & ~is_same_side(seen, side_of(sides, int(body["curve"])))
+        side = side_of(sides, int(body["surface"]))
+        flush = ~own & is_flush_with(seen, side, bool(caster["sheet"]))
+        turned = np.where(flush, turned_to(seen, side), turned)
+    passage = passage_of(caster, body, glance, piece, asked, rays.surface, flush)
     if formula is None:
-        return meeting_of(caster, passage, rays.turned)
-    return meeting_of_formula(formula, caster, passage, rays.turned)
+        return meeting_of(caster, passage, turned)
+    return meeting_of_formula(formula, caster, passage, turned)
 
 
 def try_body(
@@ -223,7 +240,7 @@ def try_body(
         doubt = np.where(seen.sure, NO_DOUBT, distance_of(body, glance, seen.begin))
         old = old._replace(doubt=np.minimum(old.doubt, doubt))
     if body["caster"]:
-        met = meet_caster(mirrors, body, glance, within, asked, rays)
+        met = meet_caster(mirrors, body, glance, within, asked, rays, facts)
         root = root._replace(hit=met.hit, surface=met.face)
         place, inside = met.u, met.inside
         doubt = np.where(met.sure, NO_DOUBT, distance_of(body, glance, met.begin))

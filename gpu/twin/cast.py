@@ -58,6 +58,7 @@ class Rest(NamedTuple):
     trace: Trace  # from u = 0 to 2
     some: Bools  # something is asked of them
     beside: Bools  # the light is inside the solid, and the point is not in its box
+    on_curve: Bools  # they begin on F
 
 
 class Cast(NamedTuple):
@@ -140,7 +141,8 @@ def rest_of_ray(
     ray: Ray,
     piece: Piece,
     asked: Bools,
-    on_curve: Bools,
+    on_f: Bools,
+    flush: Bools,
 ) -> Rest:
     """The rests of rays to a light.
 
@@ -150,7 +152,9 @@ def rest_of_ray(
         ray: the whole rays, from points to the light.
         piece: the parts within its half-spaces.
         asked: the pixels that ask for it.
-        on_curve: those whose points lie on F.
+        on_f: those whose points lie on F.
+        flush: those whose points lie on a surface that F = 0 coincides with; these lie on F if
+            they are within the other bounds of the solid.
     """
     flags = int(occluder["flags"])
     at_lamp, encloses = bool(flags & Shade.AT_LAMP), bool(flags & Shade.ENCLOSES)
@@ -164,18 +168,20 @@ def rest_of_ray(
     chord = chord_of(form.a, form.g, form.c, none, none, none)
     start = np.where(is_ball, np.maximum(start, chord.enter), start)
     stop = np.where(is_ball, np.minimum(stop, chord.leave), stop)
-    free = on_curve | encloses
-    start = np.where(free, line_place(whole.c_in, whole.b_in), start)
+    near = line_place(whole.c_in, whole.b_in)
+    free = on_f | encloses
+    start = np.where(free, near, start)
     stop = np.where(encloses, line_place(whole.c_out, whole.b_out), stop)
     trace = lamp_trace(caster, ray) if at_lamp else far_trace(caster, ray)
     way = boxed_way(trace, Way(start, stop))
+    on_curve = on_f | (flush & (way.begin <= near))
     begin, end = np.where(on_curve, start, way.begin), way.end
     ahead = ((ray.t > 0) & (ray.c_in <= _ONE)) | at_lamp
     some = asked & ahead & (chord.met | (not is_ball) | free)
     # A light inside is hidden from what is not in the box.
     beside = some & encloses & ((way.begin > start) | (way.begin >= way.end))
     half = np.maximum((end - begin) * np.float32(0.5), SHORTEST)
-    return Rest(moved_trace(trace, begin, half), some & (begin < end) & ~beside, beside)
+    return Rest(moved_trace(trace, begin, half), some & (begin < end) & ~beside, beside, on_curve)
 
 
 def cast_of(caster: np.void, rest: Rest, encloses: Bools, on_curve: Bools, turned: U32) -> Cast:

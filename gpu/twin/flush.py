@@ -50,3 +50,16 @@ def is_same_surface(seen: U32, side: np.uint32) -> Bools:
 def is_same_side(seen: U32, side: np.uint32) -> Bools:
     """Whether sides that are seen are those of one surface."""
     return np.asarray((seen > 0) & (seen == side))
+
+
+def is_flush_with(seen: U32, side: np.uint32, either: bool) -> Bools:
+    """Whether points that show the side ``seen`` lie on F = 0 of a solid that has ``side``.
+
+    From there the solid is behind F. If ``either`` side of F counts, they may also show the other.
+    """
+    return is_same_side(seen, side) | (is_same_surface(seen, side) & either)
+
+
+def turned_to(seen: U32, side: np.uint32) -> U32:
+    """From which side of F these points are seen: 0 from where F > 0."""
+    return np.where(is_same_side(seen, side), np.uint32(0), np.uint32(1))

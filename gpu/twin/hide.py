@@ -13,7 +13,14 @@ from halfstep.contract.shadows import PackedShadows
 from halfstep.twin.cast import Cast, Rest, cast_of, rest_of_ray
 from halfstep.twin.cast_formula import cast_formula_of
 from halfstep.twin.expression import formula_of
-from halfstep.twin.flush import Shared, is_same_side, is_same_surface, side_of
+from halfstep.twin.flush import (
+    Shared,
+    is_flush_with,
+    is_same_side,
+    is_same_surface,
+    side_of,
+    turned_to,
+)
 from halfstep.twin.keep import Nearest
 from halfstep.twin.lanes import U32, Bools, Form
 from halfstep.twin.piece import Piece, remains
@@ -142,7 +149,7 @@ def hide(
     piece, leaves, is_flush = within_slabs(occluder, shadows, ray, nearest.surface, shared, facts)
     whole = whole_ray(ray)
     own = is_own(nearest.surface, occluder["first"], occluder["count"])
-    again = away = np.zeros(own.shape, bool)
+    again = away = never = np.zeros(own.shape, bool)
     hidden = remains(piece) & ray.near
     if "curves" in facts:
         form = curve_to_light(occluder, ray, facts)
@@ -160,10 +167,17 @@ def hide(
         caster = shadows.casters[int(occluder["caster"]) - 1]
         on_f = own & (nearest.surface == np.uint32(surface))
         asked = (nearest.surface > 0) & (~own | on_f | encloses)
-        ahead = rest_of_ray(caster, occluder, ray, piece, asked, on_f)
-        found = _cast_by(shadows.formulas, caster, ahead, encloses, on_f, nearest.turned)
+        flush, turned = never, nearest.turned
+        if "flush" in facts:
+            either_side = bool(caster["sheet"]) or encloses
+            side = side_of(shared, surface)
+            flush = ~own & is_flush_with(shared.seen, side, either_side)
+            turned = np.where(flush, turned_to(shared.seen, side), turned)
+        ahead = rest_of_ray(caster, occluder, ray, piece, asked, on_f, flush)
+        found = _cast_by(shadows.formulas, caster, ahead, encloses, turned)
         away = on_f & is_away(found.faces, nearest.turned)
-        again = on_f & found.met
+        again = ahead.on_curve & found.met
+        is_flush = is_flush | (flush & ahead.on_curve)
         hidden = found.met
         leaves |= found.met
         unsure = (~found.sure & casts) | (on_f & ~found.faced)
@@ -182,10 +196,10 @@ def _cast_by(
     caster: np.void,
     rest: Rest,
     encloses: bool,
-    on_curve: Bools,
     turned: U32,
 ) -> Cast:
     """What a solid of an order above two does to a light; arguments are those of ``cast_of``."""
+    on_curve = rest.on_curve
     may_be_inside = np.full(on_curve.shape, encloses)
     row = int(caster["formula"])
     if formulas is None or not row:

@@ -134,6 +134,7 @@ def passage_of(
     piece: Piece,
     asked: Bools,
     surface: U32,
+    flush: Bools,
 ) -> Passage:
     """The passages of rays through the box of a solid.
 
@@ -144,9 +145,10 @@ def passage_of(
         piece: the parts of the rays within its half-spaces.
         asked: the pixels that ask for it.
         surface: the surfaces that mirror.
+        flush: whether these coincide with that of the solid.
     """
     is_ball = bool(caster["ball"])
-    on_f = surface == body["surface"]
+    own = surface == body["surface"]
     on_ball = (surface == body["curve"]) & is_ball
     form = curve_of(body["second"], body["slope"], body["value"], glance)
     none = np.zeros_like(form.a)
@@ -156,13 +158,15 @@ def passage_of(
     other = -(form.a * glance.start + form.g) / bend
     leave = np.where(on_ball, other, chord.leave)
     start, stop = line_place(piece.c_in, piece.b_in), line_place(piece.c_out, piece.b_out)
-    enters = is_ball & ~on_ball & ~on_f & (chord.enter > start)
+    enters = is_ball & ~on_ball & ~own & (chord.enter > start)
     leaves = is_ball & (leave < stop)
     of_ball = np.int32(int(body["face_count"]) + 1)
-    start = np.where(enters, chord.enter, np.where(on_f, glance.start, start))
+    start = np.where(enters, chord.enter, np.where(own, glance.start, start))
     stop = np.where(leaves, leave, stop)
     trace = glance_trace(caster, glance)
     way = boxed_way(trace, Way(start, stop))
+    # On a surface that coincides with F = 0, a ray begins on F if the solid ends there.
+    on_f = own | (flush & (way.begin <= glance.start))
     begin, end = np.where(on_f, start, way.begin), way.end
     half = np.maximum((end - begin) * np.float32(0.5), SHORTEST)
     return Passage(
@@ -171,7 +175,7 @@ def passage_of(
         on_f,
         start,
         stop,
-        np.where(enters, of_ball, np.where(on_f, 0, piece.id_in)),
+        np.where(enters, of_ball, np.where(own, 0, piece.id_in)),
         np.where(leaves, of_ball, piece.id_out),
         begin,
         half,

@@ -38,6 +38,7 @@ class Course(NamedTuple):
     some: Bools  # there is such a part
     begin: F32  # v where s = 0
     half: F32  # change of v for 1 of s
+    on_curve: Bools  # rays begin on the surface
 
 
 class Ahead(NamedTuple):
@@ -47,14 +48,18 @@ class Ahead(NamedTuple):
     curve: Curve  # F, or the rest of it if the ray begins on F
 
 
-def course_of(caster: np.void, ray: Ray, asked: Bools, on_curve: Bools, at_lamp: bool) -> Course:
+def course_of(
+    caster: np.void, ray: Ray, asked: Bools, on_f: Bools, flush: Bools, at_lamp: bool
+) -> Course:
     """The courses of rays.
 
     Args:
         caster: the form of the surface.
         ray: the whole rays, from points to the light.
         asked: the pixels that ask for it.
-        on_curve: those whose points lie on F.
+        on_f: those whose points lie on F.
+        flush: those whose points lie on a surface that F = 0 coincides with; these lie on F if
+            they are in the box.
         at_lamp: whether rays count from a lamp.
     """
     whole = whole_ray(ray)
@@ -62,10 +67,11 @@ def course_of(caster: np.void, ray: Ray, asked: Bools, on_curve: Bools, at_lamp:
     stop = line_place(whole.c_out, whole.b_out)
     trace = lamp_trace(caster, ray) if at_lamp else far_trace(caster, ray)
     way = boxed_way(trace, Way(start, stop))
+    on_curve = on_f | (flush & (way.begin <= start))
     begin = np.where(on_curve, start, way.begin)
     half = np.maximum((way.end - begin) * np.float32(0.5), SHORTEST)
     some = asked & ((ray.t > 0) | at_lamp) & (begin < way.end)
-    return Course(moved_trace(trace, begin, half), some, begin, half)
+    return Course(moved_trace(trace, begin, half), some, begin, half, on_curve)
 
 
 def points_size(caster: np.void, trace: Trace) -> F32:
@@ -75,8 +81,9 @@ def points_size(caster: np.void, trace: Trace) -> F32:
     return (x + y) + z
 
 
-def curve_ahead(caster: np.void, course: Course, on_curve: Bools) -> Ahead:
-    """F along courses; rays of pixels ``on_curve`` begin on F."""
+def curve_ahead(caster: np.void, course: Course) -> Ahead:
+    """F along courses."""
+    on_curve = course.on_curve
     powers = powers_along(caster["terms"], *course.trace)
     sizes = rest_of_powers(sizes_along(caster["terms"], *course.trace), on_curve)
     # The error from that of points counts as a size. The rest changes by more, as F's slope does.

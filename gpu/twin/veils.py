@@ -172,21 +172,22 @@ def _higher_crossed(
     facts: Collection[str],
 ) -> tuple[Crossings, Begun]:
     """The crossings of the surfaces of a veil of an order above two."""
-    at_lamp = bool(int(veils.copies[int(veil["copy"])]["flags"]) & Shade.AT_LAMP)
+    copy = veils.copies[int(veil["copy"])]
+    at_lamp = bool(int(copy["flags"]) & Shade.AT_LAMP)
     all_of = Crossings([], [], [])
     before = int(veil["flat_count"]) + int(veil["curved_count"])
     for number in listed[before:][: int(veil["higher_count"])].tolist():
         assert veils.higher is not None
         caster = veils.higher[int(veil["higher_start"]) + number - int(veil["lower"])]
-        on_curve = old.own & shows_surface(nearest.met, number)
-        asked = np.ones(on_curve.shape, bool)
-        course = course_of(caster, ray, asked, on_curve, at_lamp)
-        ahead = curve_ahead(caster, course, on_curve)
+        on_it = _on_surface(copy, number, nearest, old, facts)
+        asked = np.ones(on_it.own.shape, bool)
+        course = course_of(caster, ray, asked, on_it.own, on_it.any, at_lamp)
+        on_it = on_it._replace(any=course.on_curve)
+        ahead = curve_ahead(caster, course)
         curve, pairs = ahead.curve, int(caster["pairs"])
         faced = faced_side(curve, nearest.met.side)
-        on_it = On(on_curve, on_curve)
         old = _began(old, on_it, faced, ahead.value * course.half, curve.powers[0])
-        old = old._replace(known=old.known & (~on_curve | knows_side(curve)))
+        old = old._replace(known=old.known & (~on_it.own | knows_side(curve)))
         search = sought(caster), course.some, VEIL_STEPS, VEIL_LAST_STEP, 2 * pairs, facts
         trail = all_crossed(curve, *search)
         found = found_ends(trail.found, course)
