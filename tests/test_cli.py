@@ -157,6 +157,22 @@ def test_what_is_not_given_comes_from_the_scene(
     assert (out, err) == ("", f"{output}: 3x2 in 1.23 s on a card\n")
 
 
+def test_a_picture_without_a_hit_is_told(
+    scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The sphere is before the camera, and then behind it."""
+    text = scene_file.read_text()
+    options = ["--backend", "numpy", "--size", "8x8", "-o", str(tmp_path / "out.png")]
+    for scene, told in (
+        (text, False),
+        (text.replace("look_at = [0, 0, 0]", "look_at = [0, 0, 9]"), True),
+    ):
+        scene_file.write_text(scene)
+        assert main(["render", str(scene_file), *options]) == 0
+        message = "warning: no ray meets anything: only the background is seen\n"
+        assert capsys.readouterr().err.startswith(message) == told
+
+
 def test_every_option_is_passed_on(scene_file: Path, tmp_path: Path, fake_render: Fake) -> None:
     calls = fake_render(frame)
     options = "--size 320x200 --steps 20 --format fixed32 --method article --samples 2"
@@ -702,7 +718,7 @@ def test_a_picture_may_go_to_stdout(scene_file: Path, tmp_path: Path, unbuffered
     assert len(found.stdout) > 1 << 16
     assert sorted(os.listdir(tmp_path)) == ["a.png", "sphere.toml"]
     for redirection, code, said in (
-        (">&-", 0, "-: "),
+        (">&-", 2, "-o -: stdout is closed; name a file\n"),
         ("| true", 0, "-: "),
         (">/dev/full", 1, "stdout: No space left on device\n"),
     ):

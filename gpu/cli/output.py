@@ -42,6 +42,11 @@ def open_closed_streams() -> None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
 
 
+def is_nowhere(stream: TextIO) -> bool:
+    """Whether `open_closed_streams` opened the stream."""
+    return getattr(stream, "name", None) == os.devnull
+
+
 def print_json(value: object) -> None:
     """Print ``value`` as JSON. It may contain NumPy numbers and arrays.
 

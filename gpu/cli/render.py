@@ -16,7 +16,7 @@ from halfstep.cli.options import (
     names,
     overrides,
 )
-from halfstep.cli.output import print_bytes, print_json, say, telling
+from halfstep.cli.output import is_nowhere, print_bytes, print_json, say, telling
 from halfstep.errors import UsageError
 
 
@@ -46,10 +46,12 @@ def _check_stdout(arguments: argparse.Namespace) -> None:
     """Check before rendering that a picture can go to stdout.
 
     Raises:
-        UsageError: JSON goes to stdout, or stdout is a terminal.
+        UsageError: JSON goes to stdout, or stdout is a terminal or closed.
     """
     if arguments.json:
         raise UsageError("--json: stdout is the picture where -o is -")
+    if is_nowhere(sys.stdout):
+        raise UsageError("-o -: stdout is closed; name a file")
     if sys.stdout.isatty():
         raise UsageError("-o -: stdout is a terminal, which shows no picture; name a file")
 
@@ -78,6 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
         begin(f"writing {arguments.output}")
         facts = write(file, frame, arguments.outputs, format=format_)
+    if (frame.solid < 0).all():
+        say("warning: no ray meets anything: only the background is seen")
     if isinstance(file, BytesIO):
         print_bytes(file.getvalue())
     height, width = getattr(frame, outputs[0]).shape[:2]

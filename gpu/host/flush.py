@@ -101,8 +101,11 @@ def _keyed(scene: Scene, geometry: Geometry, world: World, *, is_flat: bool) -> 
 def _keyed_higher(scene: Scene, geometry: Geometry, world: World) -> _Keyed:
     """The sides of surfaces of an order above two."""
     of = higher_sides(scene, geometry, world)
-    key = np.zeros(len(of.forms), np.int64)
-    for kind in kinds_of(of.forms):
+    key = 2 * np.arange(len(of.forms))
+    solids, among = np.unique(of.solid[: len(of.forms)], return_inverse=True)
+    near = np.flatnonzero(_overlapping(geometry, world, solids)[among])
+    for own in kinds_of([of.forms[place] for place in near.tolist()]):
+        kind = near[own]
         rows, turned = _higher_rows(of, kind, world.grid.middle, 2.0**GRID_BITS * world.grid.unit)
         classes = _classes(rows, 2.0**-GRID_BITS)
         key[kind] = 2 * kind + turned
