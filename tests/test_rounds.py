@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import halfstep
+from halfstep.contract.arrays import Bools
 from halfstep.contract.layout import TILE
 from halfstep.device import probe
 from halfstep.device.adapters import Adapter, open_device
@@ -42,11 +43,11 @@ def compute(adapter: Adapter) -> Iterator[Compute]:
 
 
 @pytest.fixture
-def splits(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
-    """Whether each dispatch of a frame was found to take too many rounds, in order."""
+def splits(monkeypatch: pytest.MonkeyPatch) -> list[Bools]:
+    """The tiles of each dispatch of a frame that were found to take too many rounds, in order."""
     exceed, found = rounds.exceed, []
 
-    def noted(*arguments: Any) -> bool:
+    def noted(*arguments: Any) -> Bools:
         found.append(exceed(*arguments))
         return found[-1]
 
@@ -169,7 +170,7 @@ def barrels(count: int) -> Scene:
     ids=["float32", "fixed32", "article"],
 )
 def test_many_solids_in_one_tile_are_those_of_numpy(
-    scene: Scene, outputs: tuple[str, ...], splits: list[bool], monkeypatch: pytest.MonkeyPatch
+    scene: Scene, outputs: tuple[str, ...], splits: list[Bools], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # No frame of these may be rendered at once where 65,535 rounds are all that is granted.
     monkeypatch.setattr(run_gpu, "MOST_ROUNDS", 65_535)
@@ -179,7 +180,7 @@ def test_many_solids_in_one_tile_are_those_of_numpy(
     with halfstep.Renderer(scene, backend="gpu", outputs=outputs) as renderer:
         for _ in range(3):
             assert not different(renderer.render(), expected)
-    assert any(splits)
+    assert any(tiles.any() for tiles in splits)
 
 
 @pytest.mark.parametrize("outputs", [("image",), ("surface", "t", "depth_exit", "normal", "error")])
@@ -188,7 +189,7 @@ def test_frames_in_parts_are_those_of_one_piece(
     number_format: str,
     outputs: tuple[str, ...],
     adapter: Adapter,
-    splits: list[bool],
+    splits: list[Bools],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = with_overrides(load("gallery"), size=SIZE, number_format=number_format)
@@ -199,7 +200,9 @@ def test_frames_in_parts_are_those_of_one_piece(
     ) as renderer:
         for _ in range(3):
             assert not different(renderer.render(), whole)
-    assert sum(splits) >= 3
+    assert sum(tiles.any() for tiles in splits) >= 3
+    # Tiles that take too many are rendered apart from the others, in as few rows as have them.
+    assert len({len(tiles) for tiles in splits}) >= 2
 
 
 def test_a_solid_that_takes_too_many_rounds_is_told(

@@ -251,7 +251,21 @@ class Device(Turns):
             halves = split.halves(packed)
             keyed = first_row, rows, outputs | {"key"}
             return split.joined([self.render_band(scene, half, *keyed) for half in halves], outputs)
-        if rounds.exceed(needs, packed, lists, self.loop_rounds):
+        too_long = rounds.exceed(needs, packed, lists, self.loop_rounds)
+        if too_long.any():
+            columns = -(-packed.setup.view.width // TILE)
+            apart = split.Apart.of(lists, too_long, columns)
+            if apart is not None:
+                planes, first_ms = self._render_lists(
+                    scene, packed, apart.rest, first_row, rows, outputs
+                )
+                own_rows = min(len(apart.tiles) * TILE, rows - apart.first)
+                own_first = first_row + apart.first
+                own, own_ms = self._render_lists(
+                    scene, packed, apart.lists, own_first, own_rows, outputs
+                )
+                apart.put(planes, own)
+                return planes, split.both_times(first_ms, own_ms)
             fits = rounds.fits(needs, packed, lists, self.loop_rounds)
             if not fits.any():
                 raise DeviceError(

@@ -266,15 +266,16 @@ def _walks_of_veils(needs: Needs) -> int:
     return needs.quads * walks * (3 if {"veil_higher", "error"} <= needs.facts else 1)
 
 
-def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> bool:
-    """Whether an invocation of some tile may take more than ``granted`` rounds."""
+def exceed(needs: Needs, packed: Packed, lists: Lists, granted: int) -> Bools:
+    """The tiles (T,) of which an invocation may take more than ``granted`` rounds."""
     left = granted - rounds_of_finish(needs) - rounds_of_light(needs, packed)
     edges = _edges(lists)
-    longest = int(np.diff(edges).max(initial=0))
+    counts = np.diff(edges)
+    longest = int(counts.max(initial=0))
     if longest * _most_rounds(needs, packed, lists.regions) <= left:
-        return False  # most frames need no sums
+        return np.zeros(len(counts), bool)  # most frames need no sums
     total = _sums(rounds_of_members(needs, packed, lists))
-    return int(np.diff(total[edges]).max(initial=0)) > left
+    return np.asarray(np.diff(total[edges]) > left)
 
 
 def _most_rounds(needs: Needs, packed: Packed, regions: PackedRegions | None) -> int:
