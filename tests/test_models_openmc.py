@@ -6,6 +6,7 @@ import json
 import os
 import threading
 import time
+import tracemalloc
 import warnings
 from contextlib import suppress
 from pathlib import Path
@@ -330,15 +331,21 @@ def test_a_huge_file_is_refused_before_it_is_read(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.write(b"<geometry>")
         file.truncate(1 << 30)
-    begin = time.process_time()
-    with pytest.raises(SceneError, match=r"geometry\.xml: larger than 256 MiB"):
-        load(path)
-    with path.open("wb") as file:
-        file.write(b"<geometry>" + b"<a>" * (1 << 20))
-        file.truncate(1 << 27)
-    with pytest.raises(SceneError, match="lies in more than 64 elements"):
-        load(path)
-    assert time.process_time() - begin < 1
+    tracemalloc.start()
+    try:
+        begin = time.process_time()
+        with pytest.raises(SceneError, match=r"geometry\.xml: larger than 256 MiB"):
+            load(path)
+        with path.open("wb") as file:
+            file.write(b"<geometry>" + b"<a>" * (1 << 20))
+            file.truncate(1 << 27)
+        before = tracemalloc.get_traced_memory()[0]
+        with pytest.raises(SceneError, match="lies in more than 64 elements"):
+            load(path)
+        assert time.process_time() - begin < 1
+        assert tracemalloc.get_traced_memory()[1] - before < 16 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_many_faults_end_the_reading(tmp_path: Path) -> None:
