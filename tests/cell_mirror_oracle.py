@@ -1,6 +1,6 @@
 """What mirrors show of scenes with cells, in extended precision.
 
-Along a ray every function is a quadratic. All roots are sorted; between two neighbours no cell
+Along a ray every function is a polynomial. All roots are sorted; between two neighbours no cell
 begins or ends. A reflected ray begins at a root of its own surface; that root is left out.
 `tests.mirror_oracle` answers for solids. There are no grids, programs or bodies here.
 """
@@ -14,13 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from halfstep.host.camera import view
-from halfstep.scene import PlanePatch, Scene
+from halfstep.scene import Algebraic, PlanePatch, Scene
 from halfstep.scene.copies import Layout
 from halfstep.scene.groups import Fragment
 from halfstep.scene.region import Intersection, Region
-from tests.mirror_oracle import LD, Bools, Ints, Wide, _changes, _crosses, _normals, _unit
+from tests.higher_shadow_oracle import roots_of, value_at
+from tests.mirror_oracle import LD, Bools, Ints, Wide, _changes, _crosses, _normals, _turns, _unit
 from tests.region_oracle import holds
-from tests.veil_oracle import CHUNK, _renamed
+from tests.veil_oracle import CHUNK, Bent, _renamed
 
 # Functions vanish together where their roots differ by less than this part of the scene's size.
 TOGETHER = 1e-11
@@ -32,6 +33,7 @@ class Copy:
 
     place: int  # its number
     matrices: Wide
+    bent: tuple[Bent, ...]  # functions whose matrices are 0
     cells: tuple[tuple[int, Region], ...]  # numbers among solids and cells, and regions
 
 
@@ -80,7 +82,13 @@ class CellMirrorOracle:
             x = np.column_stack([met.point[own], np.ones(len(own), LD)])
             slope = np.einsum("nab,nb->na", copy.matrices[surface[own]], x)
             size = np.sqrt((slope[:, :3] ** 2).sum(axis=1)) * (1 + np.abs(x[:, :3]).max(axis=1))
-            found[own] |= np.abs((slope * x).sum(axis=1)) <= TOGETHER * size
+            zero = np.abs((slope * x).sum(axis=1)) <= TOGETHER * size
+            for one in copy.bent:
+                steep = np.sqrt((one.gradient(x[:, :3]) ** 2).sum(axis=1))
+                value = one.along(x[:, :3], np.zeros_like(x[:, :3]))[0]
+                off = TOGETHER * steep * (1 + np.abs(x[:, :3]).max(axis=1))
+                zero = np.where(surface[own] == one.number, np.abs(value) <= off, zero)
+            found[own] |= zero
         return np.asarray(found)
 
     def _next(self, old: Met) -> Met:
@@ -92,7 +100,11 @@ class CellMirrorOracle:
         for ix, copy in enumerate(self.copies):
             own = old.copy == ix
             x = np.column_stack([old.point[own], np.ones(int(own.sum()), LD)])
-            normal[own] = np.einsum("nab,nb->na", copy.matrices[old.surface[own]], x)[:, :3]
+            slope = np.einsum("nab,nb->na", copy.matrices[old.surface[own]], x)[:, :3]
+            for one in copy.bent:
+                mine = (old.surface[own] == one.number)[:, None]
+                slope = np.where(mine, one.gradient(x[:, :3]), slope)
+            normal[own] = slope
         normal[old.solid < 0, 2] = 1
         normal = _unit(normal)
         along = (old.direction * normal).sum(axis=1, keepdims=True)
@@ -106,7 +118,8 @@ class CellMirrorOracle:
         for ix, solid in enumerate(self.scene.solids):
             of_own = np.where(old.solid == ix, old.surface, -1)
             find: Any = _crosses if isinstance(solid, PlanePatch) else _changes
-            at, surface = find(solid, old.point, old.direction, of_own)
+            find = _turns if isinstance(solid, Algebraic) else find
+            at, surface = find(solid, old.point, old.direction, of_own)[:2]
             nearer = (at < time) & some
             time = np.where(nearer, at, time)
             solids[nearer], surfaces[nearer] = ix, surface[nearer]
@@ -144,12 +157,18 @@ def copies_of(scene: Scene) -> Iterator[Copy]:
         ]
         if not shown:
             continue
-        own = np.array([each.matrix for each in group.functions()]).reshape(-1, 4, 4)
+        listed = group.functions()
+        own = np.array([each.matrix for each in listed]).reshape(-1, 4, 4)
         for ix, one in enumerate(copies.maps):
             to_world = np.eye(4)
             to_world[:3] = one
             back = np.linalg.inv(to_world).astype(LD)
             matrices = [back.T @ m.astype(LD) @ back for m in own]
+            bent = [
+                Bent.of(number, each.shape, to_world)
+                for number, each in enumerate(listed)
+                if each.shape is not None
+            ]
             around: list[Region] = []
             for cut in copies.within:
                 into = np.eye(4)
@@ -159,7 +178,21 @@ def copies_of(scene: Scene) -> Iterator[Copy]:
                 functions = [np.asarray(each.matrix).astype(LD) for each in cut.group.functions()]
                 matrices += [moved.T @ m @ moved for m in functions]
             cells = tuple((k, Intersection((region, *around))) for k, region in shown)
-            yield Copy(int(copies.number[ix]), np.array(matrices), cells)
+            yield Copy(int(copies.number[ix]), np.array(matrices), tuple(bent), cells)
+
+
+def _along(one: Bent, points: Wide, ways: Wide, own: Bools) -> tuple[Wide, Wide]:
+    """Coefficients of a function along rays, and the distance at which these count from 0.
+
+    Rays that are ``own`` begin on it, and it is divided by the distance. Others count from the
+    place nearest to its middle, where terms are small.
+    """
+    turn = one.own_from_world[:, :3].T
+    x, d = points @ turn + one.own_from_world[:, 3], ways @ turn
+    at = np.where(own, 0, -(x * d).sum(axis=1) / (d * d).sum(axis=1))
+    terms = one.along(points + at[:, None] * ways, ways)
+    lower = np.concatenate([terms[1:], np.zeros((1, len(x)), LD)])
+    return np.where(own, lower, terms), at
 
 
 def _enters(copy: Copy, points: Wide, ways: Wide, on: Ints) -> tuple[Wide, Ints, Ints]:
@@ -187,7 +220,12 @@ def _enters(copy: Copy, points: Wide, ways: Wide, on: Ints) -> tuple[Wide, Ints,
         root = np.sqrt(b * b - 4 * a * c)
         q = -(b + np.where(b >= 0, root, -root)) / 2
         events = np.concatenate([q / a, np.where(q == 0, 0, c / q)])
-    numbers = np.broadcast_to(np.tile(np.arange(len(m)), 2)[:, None], events.shape)
+    order_two = np.tile(np.arange(len(m)), 2)
+    bent = {one.number: _along(one, points, ways, on == one.number) for one in copy.bent}
+    roots = [roots_of(terms) + at for terms, at in bent.values()]
+    events = np.concatenate([events, *roots])
+    of_roots = [np.full(len(each), k) for k, each in zip(bent, roots, strict=True)]
+    numbers = np.broadcast_to(np.concatenate([order_two, *of_roots])[:, None], events.shape)
     events = np.where(np.isfinite(events) & (events > 0), events, np.inf)
     order = np.argsort(events, axis=0)
     events = np.take_along_axis(events, order, axis=0)
@@ -198,6 +236,8 @@ def _enters(copy: Copy, points: Wide, ways: Wide, on: Ints) -> tuple[Wide, Ints,
     begin = np.where(there, begin, 0)
     middle = np.where(np.isfinite(end), (begin + end) / 2, 2 * begin + 1)
     values = (a[:, None] * middle + b[:, None]) * middle + c[:, None]
+    for number, (terms, at) in bent.items():
+        values[number] = value_at(terms[:, None], middle - at)
     # Between the roots of one surface that is given twice there is nothing.
     some = there & ~(end - begin <= 1e-12 * (1 + begin))
     claims = np.array([holds(region, values) for _, region in copy.cells]) & there

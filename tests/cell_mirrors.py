@@ -22,7 +22,7 @@ from tests.mirror_sweeps import DISTANCES, MIRROR, caught
 from tests.shadow_sweeps import DELTA, Count
 from tests.veil_sweeps import BUNDLED, random_cells
 
-SIZE = (96, 72)
+SIZE, SMALL = (96, 72), (48, 36)
 Table = dict[str, Any]
 Random = np.random.Generator
 
@@ -81,12 +81,15 @@ def _alike(
     return same
 
 
-def reflected(rng: Random, distance: float) -> Scene:
-    """A floor that mirrors some cells, which are ``distance`` of their sizes away."""
+def reflected(rng: Random, distance: float, *, bent: bool = False) -> Scene:
+    """A floor that mirrors some cells, which are ``distance`` of their sizes away.
+
+    If they are ``bent``, some of their parts are tori, or have polynomials.
+    """
     toward = np.array([-2.0, 5.0, 4.0]) / np.sqrt(45)
     place = toward * distance + 0.05 * rng.normal(size=3)
     while True:
-        scene = random_cells(rng, "far")
+        scene = random_cells(rng, "far", bent=bent)
         if not scene.places:
             break
     tables = scene.model_dump(by_alias=True, exclude_none=True)
@@ -116,11 +119,11 @@ def main() -> None:
     rng = np.random.default_rng(arguments.seed)
     wrong = 0
 
-    def tell(what: str, scenes: list[Scene]) -> None:
+    def tell(what: str, scenes: list[Scene], size: tuple[int, int] = SIZE) -> None:
         nonlocal wrong
         total = Count()
         for scene in scenes:
-            count(total, scene)
+            count(total, scene, size)
         wrong += total.wrong
         sys.stdout.write(f"{what}: {total}\n")
         sys.stdout.flush()
@@ -131,6 +134,13 @@ def main() -> None:
         tell(f"cells at {distance:g}", [reflected(rng, distance) for _ in range(arguments.scenes)])
     scenes = [mirroring(random_cells(rng, "far"), 2) for _ in range(arguments.scenes)]
     tell("random cells, two bounces", scenes)
+    tell("tokamak", [mirroring(halfstep.load("tokamak"), 2)])
+    few, rng = range(max(arguments.scenes // 4, 1)), np.random.default_rng(arguments.seed)
+    for distance in DISTANCES:
+        shown = [reflected(rng, distance, bent=True) for _ in few]
+        tell(f"cells of tori and polynomials at {distance:g}", shown, SMALL)
+    scenes = [mirroring(random_cells(rng, "far", bent=True), 2) for _ in few]
+    tell("random cells of tori and polynomials, two bounces", scenes, SMALL)
     sys.exit(bool(wrong))
 
 

@@ -276,7 +276,7 @@ SCENE: dict[str, Any] = {
     "solid": [BALL],
 }
 CELLS = {
-    "part": [{"name": "ball", "kind": "torus", "major": 1, "minor": 0.3}],
+    "part": [{"name": "ball", "kind": "torus", "major": 0.3, "minor": 0.5}],
     "cell": [{"region": "ball", "material": "chrome"}],
 }
 BAD = [
@@ -288,8 +288,8 @@ BAD = [
     ({"material": [{**CHROME, "reflection": 1.5}]}, "material[0].reflection: 1.5 is not <= 1"),
     (
         CELLS,
-        "material[0].reflection: 0.75: mirrors are not drawn of cells of tori and formulas yet, "
-        "and the scene has some",
+        "material[0].reflection: 0.75: mirrors are not drawn of cells of formulas that are "
+        "no polynomials yet, and the scene has some",
     ),
     (
         {"accuracy": {"number_format": "fixed32"}},

@@ -127,6 +127,7 @@ SHADOWED = replace(
     body_polynomials=True,
     body_formulas=True,
     body_cells=True,
+    body_pairs=2,
     flush=True,
     veils=True,
     veil_pairs=2,
@@ -336,7 +337,7 @@ def _combinations() -> Iterator[Needs]:
     for form, far, encloses in product(FORMATS, (0, 1, 2), (False, True)):
         bounces = int(form is not FIXED32)  # which cannot draw mirrors
         lit = replace(SHADOWED, format=form, bounces=bounces, veils=False, **NO_CASTERS)
-        lit = replace(lit, veil_pairs=0, body_cells=False)
+        lit = replace(lit, veil_pairs=0, body_cells=False, body_pairs=0)
         yield replace(lit, far_lights=far, encloses=encloses, flush=far != 1)
         if form is not FIXED32:  # which cannot draw shadows of cells and polynomials
             yield replace(lit, far_lights=far, encloses=encloses, veils=True)
@@ -346,6 +347,8 @@ def _combinations() -> Iterator[Needs]:
             higher = replace(lit, cast_formulas=True, body_formulas=True)
             yield replace(higher, far_lights=far, encloses=encloses)
             yield replace(lit, far_lights=far, encloses=encloses, body_cells=True)
+            higher = replace(lit, body_cells=True, body_pairs=2)
+            yield replace(higher, far_lights=far, encloses=encloses)
     for continued, classes in product((False, True), ((Class.PATCH,), (Class.REGION,))):
         counted = replace(SHADOWED, bounces=0, veil_rounds=64, continued=continued)
         yield replace(counted, classes=classes, outputs=ALL)
@@ -394,7 +397,7 @@ def as_it_lies(name: str) -> str:
         classes = (Class.QUADRIC, Class.PATCH)[: 1 if name == "store_bytes_four" else 2]
     need = replace(NEEDS if name in WIDE else SHADOWED, classes=classes, format=form)
     if form is FIXED32:  # cannot draw shadows of cells and polynomials
-        need = replace(need, veils=False, veil_pairs=0, body_cells=False)
+        need = replace(need, veils=False, veil_pairs=0, body_cells=False, body_pairs=0)
         need = replace(need, **NO_CASTERS)
     if name in WIDE:
         need = replace(need, outputs=WIDE[name], broadcast=4)

@@ -658,6 +658,7 @@ FAULTS = [
     ("cast.shaded", "(powers[0] < -error)", "(powers[0] > error)"),
     ("cast.rest_of_ray", "on_f | encloses", "on_f"),
     ("cast.cast_of", "== u4(1u)", "== u4(2u)"),
+    ("reflect.course_along", "glance.start, on_curve", "way.end, on_curve"),
     ("reflect.grid_point_beyond", "floor(", "ceil("),
     ("reflect.u_before", "0.5 /", "1.0 /"),
     ("reflect.rest_along", "+ form.g", "- form.g"),

@@ -369,9 +369,12 @@ struct Reflected {
   curved_start: u32,  // its first quadric
   looks_start: u32,  // appearance of its first cell; its surfaces follow
   cells: u32,  // cells of its program
-  list_start: u32,  // its list: numbers of planes, of quadrics
+  list_start: u32,  // its list: numbers of planes, of quadrics, of others
   flat_count: u32,  // planes in the list
   curved_count: u32,  // quadrics in the list
+  higher_count: u32,  // surfaces in the list of an order above two
+  higher_start: u32,  // the first form of such a surface, among those of bodies
+  lower: u32,  // surfaces of its group before these
   first_group: u32,  // where its program begins, in groups of words
   end_group: u32,  // where it ends
 }

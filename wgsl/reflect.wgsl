@@ -59,6 +59,16 @@ fn curve_doubted(form: Form, by: f32) -> Crossing {
   return curve_crossed(shifted_form(form, f4(by)));
 }
 
+// The courses of rays from mirrors through the box of a surface of an order above two, which some
+// pixels ask for; rays of pixels `on_curve` begin on it.
+fn course_along(caster: Caster, glance: Glance, asked: b4, on_curve: b4) -> Course {
+  let trace = glance_trace(caster, glance);
+  let way = boxed_way(trace, Way(glance.start, f4(1.0)));
+  let begin = select(way.begin, glance.start, on_curve);
+  let half = max((way.end - begin) * 0.5, f4(SHORTEST));
+  return Course(moved_trace(trace, begin, half), asked & (begin < way.end), begin, half);
+}
+
 // What rays meet. `asked`: the pixels that ask for it. `begin`: where the walk begins. `entry` and
 // `beyond`: where it enters a cell, and leaves it. `into`: the range of the exact point. `certain`:
 // whether all signs that matter are certain.

@@ -19,6 +19,10 @@ fn meet_copy(body: Body) {
   // each quad
   let glance_0 = glance_at(body, point_0, ray_0);
   // each quad
+  let asked_0 = glance_0.near & (weight_0 > f4(0.0));
+  // each quad
+  var known_0 = b4(true);  //? body_higher & error
+  // each quad
   let own_0 = is_own(nearest_0.surface, body.surface, copy.count);
   // each quad
   var begin_0 = grid_point_beyond(glance_0.start);
@@ -59,10 +63,34 @@ fn meet_copy(body: Body) {
       keep_crossing(PERHAPS + k, curve_doubted(ahead, -bowl.error));  //? error
     }
   }
+  var place = count;  //? body_higher
+  for (var k = 0u; k < copy.higher_count; k++) {  //? body_higher
+    let number = programs[copy.list_start + count + k];
+    let caster = body_caster_at(copy.higher_start + (number - copy.lower));
+    let pairs = caster.pairs;
+    // each quad
+    {
+      let on_curve = own_0 & shows_surface(nearest_0.met, number);
+      let course = course_along(caster, glance_0, asked_0, on_curve);
+      let ahead = curve_ahead(caster, course, on_curve);
+      let way = points_to_surface(ahead.value * course.half, ahead.curve.powers[0]);
+      begin_0 += select(i4(0), way, on_curve);
+      known_0 = known_0 & (!on_curve | knows_side(ahead.curve));  //? error
+      let higher = sought(caster);
+      let trail = all_crossed(ahead.curve, higher, course.some, VEIL_STEPS, VEIL_LAST_STEP);
+      keep_ends(place, found_ends(trail.found, course), pairs, VEIL_STEPS, true);
+      {  //? error
+        let surely = unsure_ends(trail.surely, course, false);
+        keep_ends(SURELY + place, surely, pairs, VEIL_STEPS, false);
+        let perhaps = unsure_ends(trail.perhaps, course, true);
+        keep_ends(PERHAPS + place, perhaps, pairs, VEIL_STEPS, true);
+      }
+    }
+    place += pairs;
+  }
   // each quad
   {
-    let asked = glance_0.near & (weight_0 > f4(0.0));
-    let begin = select(i4(NEVER), begin_0, asked);
+    let begin = select(i4(NEVER), begin_0, asked_0);
     var entry = Place(begin, i4(0), i4(ANY_CELL));
     var beyond = entry;
     var into = Between(begin, begin);  //? error
@@ -114,8 +142,21 @@ fn meet_copy(body: Body) {
       let is_shown = (side >> u4(1u)) == i4(i32(programs[copy.list_start + k]));
       certain &= settled(crossing_at(SURELY + k), crossing_at(PERHAPS + k), into) | is_shown;
     }
+    {  //? body_higher & error
+      var spot = count;
+      for (var k = 0u; k < copy.higher_count; k++) {
+        let number = programs[copy.list_start + count + k];
+        let pairs = body_caster_at(copy.higher_start + (number - copy.lower)).pairs;
+        let is_shown = (side >> u4(1u)) == i4(i32(number));
+        certain &= keeps_side(spot, pairs, into) | is_shown;
+        spot += pairs;
+      }
+      // Where it is not certain where a ray goes, it may meet something at once.
+      certain &= known_0;
+      into.cell = select(max(begin - i4(1), i4(0)), into.cell, known_0);
+    }
     encounter_0 = encounter(
-      asked,
+      asked_0,
       begin,
       entry,
       beyond,
@@ -171,6 +212,17 @@ fn look_at_copy(number: u32, body: Body) {
       let bend = gradient_of(bowl.second, bowl.slope, at_0);
       let normal = either(b4(is_flat), normal_of_face(face), bend);
       caught_0.slope = either(here, normal, caught_0.slope);
+      caught_0 = painted_anew(caught_0, look, here & b4(look.is_own != 0u));
+    }
+  }
+  for (var k = 0u; k < copy.higher_count; k++) {  //? body_higher
+    let surface = programs[copy.list_start + copy.flat_count + copy.curved_count + k];
+    let look = appearance_at(copy.looks_start + copy.cells + surface);
+    let caster = body_caster_at(copy.higher_start + (surface - copy.lower));
+    // each quad
+    {
+      let here = mine_0 & (face_0 % u4(copy.surfaces) == u4(surface));
+      caught_0.slope = either(here, bend_at(caster, at_0), caught_0.slope);
       caught_0 = painted_anew(caught_0, look, here & b4(look.is_own != 0u));
     }
   }

@@ -20,8 +20,10 @@ class PackedReflected:
     copies: Records  # of all copies
     bowls: Records  # their quadrics; their planes are among the faces of bodies
     words: U32  # their lists, and their programs
-    most_surfaces: int  # the most surfaces of a group
+    most_crossings: int  # the most crossings of the surfaces of a group
     levels: int  # the most levels that a program opens at once
+    degree: int  # the highest degree of the scene's polynomials, if a surface has one; else 0
+    pairs: int  # the most stretches of a ray in which a polynomial of a surface is <= 0
 
     @property
     def arrays(self) -> tuple[Records, ...]:
@@ -37,7 +39,8 @@ class PackedMirrors:
     bodies: Records  # (K,)
     faces: Records
     balls: Records  # around the bodies, in their order, and before them around groups of them
-    casters: Records | None  # of bodies of an order above two, if there are some
+    # Of bodies of an order above two, and then of the surfaces of copies, if there are some.
+    casters: Records | None
     formulas: PackedExpressions | None  # of those that have no polynomial
     bounces: int  # how often a ray is reflected at most; at least 1
     reflected: PackedReflected | None  # the cells of bodies, if some are copies of groups

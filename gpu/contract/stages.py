@@ -202,6 +202,7 @@ FACTS = {
     "places": "positions of points on the grid of the world are needed, for shadows or mirrors",
     "mirrors": "colours are needed, and a material reflects",
     "body_casters": "colours are needed, and mirrors may show a polynomial or a formula",
+    "body_higher": "colours are needed, and mirrors may show cells of tori and polynomials",
     "body_polynomials": "colours are needed, and mirrors may show a solid with a polynomial",
     "body_formulas": "colours are needed, and mirrors may show another formula",
     "body_cells": "colours are needed, and mirrors may show cells",

@@ -91,7 +91,7 @@ class MirrorTables:
         self.body, self.flags = np.zeros((2, geometry.count), np.uint32)  # (K,)
         # Rays leave no copy for good.
         self.body[len(materials) :] = NO_BODY
-        self.reflected = reflected_of(scene, geometry.regions, start)
+        self.reflected = reflected_of(scene, geometry.regions, geometry.degree, start)
         shown = np.flatnonzero(~geometry.is_empty)
         middle = world.grid.whole(world.boxes[..., shown].mean(axis=0).T)
         radius = _radii(geometry, world, shown)
@@ -129,7 +129,8 @@ class MirrorTables:
             body["shininess"] = materials[ix].exponent
             self.body[ix], self.flags[ix] = record["body"], body["flags"]
             faces.append(own)
-        self._casters = caster_records(casters)
+        of_copies = [] if self.reflected is None else self.reflected.casters
+        self._own, self._casters = len(casters), caster_records([*casters, *of_copies])
         self._formulas = caster_formulas(casters, geometry.expressions)
         self._faces = np.zeros(face_start, layout.FACE.dtype())
         if face_start:
@@ -158,7 +159,7 @@ class MirrorTables:
             casters=self._casters,
             formulas=self._formulas,
             bounces=self._bounces,
-            reflected=None if self.reflected is None else self.reflected.packed(looks),
+            reflected=None if self.reflected is None else self.reflected.packed(looks, self._own),
         )
 
 

@@ -43,13 +43,14 @@ def needs_of(
         casters = shadows.casters["formula"]
     bodies = np.empty(0)
     if packed.mirrors is not None and packed.mirrors.casters is not None:
-        bodies = packed.mirrors.casters["formula"]
+        rows = packed.mirrors.bodies["caster"]
+        bodies = packed.mirrors.casters["formula"][rows[rows > 0] - 1]
     algebraic = [each for each in (packed.polynomials, packed.expressions) if each is not None]
     reflected = None if packed.mirrors is None else packed.mirrors.reflected
     others = [each for each in (veils, reflected) if each is not None]
     most_surfaces = max(
         0 if veils is None else veils.most_crossings,
-        0 if reflected is None else reflected.most_surfaces,
+        0 if reflected is None else reflected.most_crossings,
     )
     levels = max((each.levels for each in others), default=0)
     return Needs(
@@ -72,10 +73,7 @@ def needs_of(
         pairs=0 if regions is None else regions.pairs,
         higher_polynomials=bool((is_formula == 0).any()),
         higher_formulas=bool((is_formula == 1).any()),
-        degree=max(
-            0 if packed.polynomials is None else packed.polynomials.degree,
-            0 if veils is None else veils.degree,
-        ),
+        degree=max([each.degree for each in (packed.polynomials, *others) if each], default=0),
         shadows=0 if shadows is None else len(shadows.views),
         bounces=0 if packed.mirrors is None else packed.mirrors.bounces,
         far_lights=0 if shadows is None else shadows.far_lights,
@@ -83,6 +81,7 @@ def needs_of(
         body_polynomials=bool((bodies == 0).any()),
         body_formulas=bool((bodies > 0).any()),
         body_cells=reflected is not None,
+        body_pairs=0 if reflected is None else reflected.pairs,
         cast_polynomials=bool((casters == 0).any()),
         cast_formulas=bool((casters > 0).any()),
         encloses=(shadows is not None and shadows.encloses)

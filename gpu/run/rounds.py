@@ -190,16 +190,15 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
 def _rounds_of_copies(needs: Needs, reflected: PackedReflected) -> int:
     """The most rounds that an invocation takes for all copies of groups in one bounce."""
     copies = reflected.copies
-    flat, curved, cells, first, end = (
-        copies[name].astype(np.int64)
-        for name in ("flat_count", "curved_count", "cells", "first_group", "end_group")
-    )
+    names = ("flat_count", "curved_count", "higher_count", "cells", "first_group", "end_group")
+    flat, curved, higher, cells, first, end = (copies[name].astype(np.int64) for name in names)
     # A walk as in `rounds_of_regions`: in and out, and for `error` twice more. All surfaces are
     # crossed and looked at, and for `error` looked at once more.
     certified = "error" in needs.facts
-    looks = 2 * curved + (1 + certified) * flat + 2
+    looks = 2 * curved + (1 + certified) * flat + 2 * reflected.pairs * higher + 2
     walks = needs.quads * (6 if certified else 2)
     surfaces = (2 + certified * needs.quads) * (flat + curved)
+    surfaces += (rounds_of_higher(reflected.pairs) + certified * reflected.pairs + 4) * higher
     return int((surfaces + cells + walks * (looks * (end - first + 2) + 2) + 12).sum())
 
 

@@ -134,7 +134,7 @@ def mirror_faults(
 ) -> list[Fault]:
     """Faults of mirrors that are not drawn."""
     faults: list[Fault] = []
-    has_higher_cells = next(_shapes_of_cells(scene, ()), None) is not None
+    has_formulas = not all(shape.has_polynomial for _, shape in _shapes_of_cells(scene, ()))
     for index, material in enumerate(materials):
         loc = ("material", index, "reflection")
         if material.reflection == 0:
@@ -142,8 +142,8 @@ def mirror_faults(
         shown = show(material.reflection)
         if image.bounces == 0:
             faults.append((loc, f"{shown}: image.bounces is 0, and a mirror needs 1 or more"))
-        if has_higher_cells:
-            text = "mirrors are not drawn of cells of tori and formulas yet"
+        if has_formulas:
+            text = "mirrors are not drawn of cells of formulas that are no polynomials yet"
             faults.append((loc, f"{shown}: {text}, and the scene has some"))
     reflects = any(material.reflection for material in materials)
     if reflects and accuracy.number_format != "float32":

@@ -79,6 +79,7 @@ class Needs:
     body_polynomials: bool = False  # a body has a polynomial
     body_formulas: bool = False  # a body has a formula that is not a polynomial
     body_cells: bool = False  # a body is a copy of a group of cells
+    body_pairs: int = 0  # the most pairs of ends of a surface of such a copy of an order above two
     cast_polynomials: bool = False  # an occluder has a polynomial
     cast_formulas: bool = False  # an occluder has a formula that is not a polynomial
     many: bool = False  # a light has so many occluders that groups of boxes pay
@@ -114,6 +115,7 @@ class Needs:
             wanted |= {*casters, "body_polynomials"} if self.body_polynomials else set()
             wanted |= {*casters, "body_formulas"} if self.body_formulas else set()
             wanted |= {"placed", "body_cells"} if self.body_cells else set()
+            wanted |= {"body_casters", "body_higher"} if self.body_pairs else set()
         if wanted & {"shadows", "mirrors"}:
             wanted |= {"places", "flush"} if self.flush else {"places"}
         if self.broadcast > 1:

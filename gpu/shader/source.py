@@ -160,7 +160,7 @@ def _definitions(needs: Needs) -> list[Definition]:
 def _expanded(needs: Needs, name: str) -> str:
     """The expanded text of a stage."""
     terms = caster_terms(needs.degree)
-    pairs = max(needs.pairs, needs.veil_pairs)
+    pairs = max(needs.pairs, needs.veil_pairs, needs.body_pairs)
     bounds = {"DEGREE": needs.degree, "PAIRS": pairs, "CASTER_TERMS": terms}
     bounds["BROADCAST"] = needs.broadcast
     return expand(stage(name), needs.facts, needs.quads, bounds)
@@ -202,7 +202,7 @@ def constants(needs: Needs) -> str:
         "TERMS": (term_count(needs.degree), "terms of a polynomial"),
         "CASTER_TERMS": (caster_terms(needs.degree), "terms of a polynomial in x, y and z"),
         "PAIRS": (
-            max(needs.pairs, needs.veil_pairs),
+            max(needs.pairs, needs.veil_pairs, needs.body_pairs),
             "the most pairs of ends of a surface of an order above two",
         ),
         "NUMBERS": (needs.numbers, "constants that a formula has room for"),

@@ -9,6 +9,7 @@ mirror's position adds.
 some roundings. The terms of A, G and C are rounded to float32 on the host, and again at most six
 times in a sum. The closed form of a root gives that of a polynomial whose coefficients differ by at
 most four roundings. All of this is less than 64 roundings of the sum of all coefficients.
+Surfaces of an order above two are crossed as in ``veil_higher``.
 """
 
 from __future__ import annotations
@@ -18,12 +19,17 @@ from typing import NamedTuple
 import numpy as np
 
 from halfstep.contract.veils import VEIL_STEPS
+from halfstep.twin.cast import SHORTEST
 from halfstep.twin.certify_region import Between, shifted_form
 from halfstep.twin.crossings import Crossing
 from halfstep.twin.lanes import F32, I32, Bools, Form
+from halfstep.twin.meet import glance_trace
+from halfstep.twin.mirror import Glance
 from halfstep.twin.piece import Line
 from halfstep.twin.region import position_before
+from halfstep.twin.trace import Way, boxed_way, moved_trace
 from halfstep.twin.veil import curve_crossed, flat_crossed
+from halfstep.twin.veil_higher import Course
 from halfstep.twin.walk import Place
 
 # What rounding adds to F of a plane, for the sum of its coefficients.
@@ -81,6 +87,22 @@ def flat_doubted(line: Line, by: np.float32) -> Crossing:
 def curve_doubted(form: Form, by: np.float32) -> Crossing:
     """The same of a quadric."""
     return curve_crossed(shifted_form(form, np.full_like(form.c, by)))
+
+
+def course_along(caster: np.void, glance: Glance, asked: Bools, on_curve: Bools) -> Course:
+    """The courses of rays from mirrors through the box of a surface of an order above two.
+
+    Args:
+        caster: its form.
+        glance: the rays about the copy.
+        asked: the pixels that ask for it.
+        on_curve: those whose rays begin on the surface.
+    """
+    trace, start = glance_trace(caster, glance), glance.start
+    way = boxed_way(trace, Way(start, np.ones_like(start)))
+    begin = np.where(on_curve, start, way.begin)
+    half = np.maximum((way.end - begin) * np.float32(0.5), SHORTEST)
+    return Course(moved_trace(trace, begin, half), asked & (begin < way.end), begin, half)
 
 
 def encounter(

@@ -13,9 +13,12 @@ from halfstep.contract.mirrors import PackedMirrors
 from halfstep.contract.program import GROUP
 from halfstep.contract.veils import VEIL_STEPS
 from halfstep.twin.certify_region import Between, settled
+from halfstep.twin.cross_higher import keeps_side, kept_ends
 from halfstep.twin.crossings import Crossing
 from halfstep.twin.flush import Shared, is_same_surface, side_of
+from halfstep.twin.higher import all_crossed
 from halfstep.twin.lanes import I32, U32, Bools
+from halfstep.twin.meet import bend_at
 from halfstep.twin.mirror import (
     Glance,
     curve_of,
@@ -29,6 +32,7 @@ from halfstep.twin.place import is_own
 from halfstep.twin.reflect import (
     NEVER,
     Encounter,
+    course_along,
     curve_doubted,
     encounter,
     error_of_face,
@@ -47,6 +51,14 @@ from halfstep.twin.veil import (
     line_ahead,
     points_to_surface,
 )
+from halfstep.twin.veil_higher import (
+    VEIL_LAST_STEP,
+    curve_ahead,
+    found_ends,
+    knows_side,
+    unsure_ends,
+)
+from halfstep.twin.veils import sought
 from halfstep.twin.walk import ANY_CELL, Place
 from halfstep.twin.walks import Crossed, Walk, is_out, path_of, walk
 
@@ -74,7 +86,7 @@ def _crossings(
     shared: Shared,
     facts: Collection[str],
 ) -> tuple[I32, dict[Crossed, list[Crossing]]]:
-    """The first grid points ahead, and the crossings of the ``listed`` surfaces of a copy.
+    """The first grid points ahead, and the crossings of the planes and quadrics ``listed``.
 
     The other arguments are those of `meet_copy`.
     """
@@ -119,6 +131,57 @@ def _crossings(
     return begin, found
 
 
+class Higher(NamedTuple):
+    """What is known of the surfaces of a copy of an order above two."""
+
+    further: I32  # grid points between the start of a ray and the surface on which it begins
+    known: Bools  # it is certain where a ray goes that begins on one
+    found: dict[Crossed, list[Crossing]]
+
+
+def _higher_crossings(
+    mirrors: PackedMirrors,
+    copy: np.void,
+    numbers: list[int],
+    glance: Glance,
+    asked: Bools,
+    bearer: Bearer,
+    own: Bools,
+    facts: Collection[str],
+) -> Higher:
+    """The crossings of surfaces of a copy of an order above two.
+
+    ``own``: whether what mirrors the rays is of the copy; other arguments as of `meet_copy`.
+    """
+    known, further = np.ones(asked.shape, bool), np.zeros(asked.shape, np.int32)
+    found: dict[Crossed, list[Crossing]] = {kind: [] for kind in Crossed}
+    for number in numbers:
+        caster = higher_at(mirrors, copy, number)
+        on_curve, pairs = own & shows_surface(bearer.met, number), int(caster["pairs"])
+        course = course_along(caster, glance, asked, on_curve)
+        ahead = curve_ahead(caster, course, on_curve)
+        way = points_to_surface(ahead.value * course.half, ahead.curve.powers[0])
+        further = further + np.where(on_curve, way, np.int32(0))
+        known = known & (~on_curve | knows_side(ahead.curve))
+        search = sought(caster), course.some, VEIL_STEPS, VEIL_LAST_STEP, 2 * pairs, facts
+        trail = all_crossed(ahead.curve, *search)
+        ends = found_ends(trail.found, course)
+        found[Crossed.CROSSED] += kept_ends(ends, pairs, VEIL_STEPS, reopens=True)
+        if "error" in facts:
+            surely = unsure_ends(trail.surely, course, perhaps=False)
+            perhaps = unsure_ends(trail.perhaps, course, perhaps=True)
+            found[Crossed.SURELY] += kept_ends(surely, pairs, VEIL_STEPS, reopens=False)
+            found[Crossed.PERHAPS] += kept_ends(perhaps, pairs, VEIL_STEPS, reopens=True)
+    return Higher(further, known, found)
+
+
+def higher_at(mirrors: PackedMirrors, copy: np.void, number: int) -> np.void:
+    """The form of a surface of a copy of an order above two."""
+    assert mirrors.casters is not None
+    caster: np.void = mirrors.casters[int(copy["higher_start"]) + number - int(copy["lower"])]
+    return caster
+
+
 def meet_copy(
     mirrors: PackedMirrors,
     cells: Cells,
@@ -145,11 +208,16 @@ def meet_copy(
     assert reflected is not None
     copy = reflected.copies[int(body["copy"]) - 1]
     first = int(copy["list_start"])
-    count = int(copy["flat_count"]) + int(copy["curved_count"])
-    listed = cells.words[first : first + count].tolist()
-    begin, found = _crossings(mirrors, listed, body, glance, bearer, shared, facts)
-    begin = np.where(asked, begin, NEVER)
+    lower = int(copy["flat_count"]) + int(copy["curved_count"])
+    listed = cells.words[first : first + lower + int(copy["higher_count"])].tolist()
+    begin, found = _crossings(mirrors, listed[:lower], body, glance, bearer, shared, facts)
+    own = is_own(bearer.surface, int(body["surface"]), int(copy["count"]))
+    of_higher = listed[lower:], glance, asked, bearer, own, facts
+    higher = _higher_crossings(mirrors, copy, *of_higher)
+    begin = np.where(asked, begin + higher.further, NEVER)
+    found = {kind: found[kind] + higher.found[kind] for kind in Crossed}
     crossings = [each for kind in Crossed for each in found[kind]]
+    count = len(found[Crossed.CROSSED])
     program = cells.words[int(copy["first_group"]) * GROUP : int(copy["end_group"]) * GROUP]
     nothing, any_cell = np.zeros_like(begin), np.full(begin.shape, ANY_CELL)
 
@@ -175,9 +243,19 @@ def meet_copy(
         )
         side = np.where(inside, beyond.side, entry.side)
         shown = bearer.met._replace(side=side)
-        for place, number in enumerate(listed):
-            sure, maybe = crossings[count + place], crossings[2 * count + place]
+        surely, perhaps = found[Crossed.SURELY], found[Crossed.PERHAPS]
+        for number, sure, maybe in zip(listed[:lower], surely, perhaps, strict=False):
             certain = certain & (settled(sure, maybe, into) | shows_surface(shown, number))
+        spot = lower
+        for number in listed[lower:]:
+            pairs = int(higher_at(mirrors, copy, number)["pairs"])
+            ends = slice(spot, spot + pairs)
+            keeps = keeps_side(surely[ends], perhaps[ends], into)
+            certain = certain & (keeps | shows_surface(shown, number))
+            spot += pairs
+        # Where it is not certain where a ray goes, it may meet something at once.
+        certain = certain & higher.known
+        into = into._replace(cell=np.where(higher.known, into.cell, before))
     return encounter(asked, begin, entry, beyond, into, certain)
 
 
@@ -213,6 +291,8 @@ def look_at_copy(
         here = mine & (slot == number)
         if number < copy["planes"]:
             slope = normal_of_face(mirrors.faces[int(copy["flat_start"]) + number])
+        elif number >= copy["lower"]:
+            slope = bend_at(higher_at(mirrors, copy, number), at)
         else:
             bowl = reflected.bowls[int(copy["curved_start"]) + number - int(copy["planes"])]
             slope = gradient_of(bowl["second"], bowl["slope"], at)
