@@ -103,9 +103,9 @@ def _keyed_higher(scene: Scene, geometry: Geometry, world: World) -> _Keyed:
     of = higher_sides(scene, geometry, world)
     key = 2 * np.arange(len(of.forms))
     solids, among = np.unique(of.solid[: len(of.forms)], return_inverse=True)
-    near = np.flatnonzero(_overlapping(geometry, world, solids)[among])
-    for own in kinds_of([of.forms[place] for place in near.tolist()]):
-        kind = near[own]
+    some = np.flatnonzero(_overlapping(geometry, world, solids)[among])
+    for own in kinds_of([of.forms[place] for place in some.tolist()]):
+        kind = some[own]
         rows, turned = _higher_rows(of, kind, world.grid.middle, 2.0**GRID_BITS * world.grid.unit)
         classes = _classes(rows, 2.0**-GRID_BITS)
         key[kind] = 2 * kind + turned
