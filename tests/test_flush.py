@@ -224,6 +224,30 @@ def test_device_and_twin_are_equal(number_format: str, copies: int) -> None:
     assert different(*frames) == []
 
 
+AROUND: list[Table] = [
+    {"kind": "sphere", "radius": 2},
+    {"kind": "cylinder", "radius": 2, "z_min": -2, "z_max": 2},
+    {"kind": "implicit", "formula": "x^4 + y^4 + z^4 - 16", "bounds": {"radius": 3}},
+]
+
+
+@pytest.mark.parametrize("solid", AROUND)
+@pytest.mark.parametrize("backend", ["numpy", "gpu"])
+@pytest.mark.usefixtures("adapter")
+def test_a_lamp_shines_inside_of_solids_that_coincide(solid: Table, backend: str) -> None:
+    """They are convex and around the eye, too, so all that is seen is lit."""
+    placed = {**solid, "rotation_degrees": [10, 20, 30], "color": [0.5] * 3}
+    tables = {
+        "format": 1,
+        "camera": {"center": [0.3, 0.2, 0.1], "look_at": [1, 2, 0.4], "fov_degrees": 80},
+        "light": [{"position": [-0.3, 0.4, 0.2], "shadows": True}],
+        "solid": [placed, placed],
+    }
+    frame = halfstep.render(tables, size=SIZE, outputs=("shadow",), backend=backend)
+    assert (frame.solid == 0).all()
+    assert (frame.shadow == 0).all()
+
+
 HIGHER: dict[str, Table] = {
     "torus": {"kind": "torus", "major": 1.0, "minor": 0.35},
     "polynomial": {

@@ -121,15 +121,18 @@ fn hide(occluder: Occluder) {
       let form = curve_to_light(occluder, ray_0);
       let rest = rest_of(form, ray_0, at_lamp);
       var on_curve = own & (nearest_0.surface == u4(occluder.curve));
+      var begins = on_curve;  //? encloses
       {  //? flush
-        let curved = is_same_side(side_0, side_of(occluder.curve));
+        let side = side_of(occluder.curve);
+        let curved = is_same_side(side_0, side);
         on_curve = on_curve | curved;
+        begins = on_curve | is_same_surface(side_0, side);  //? encloses
         is_flush_0 = is_flush_0 | curved;
       }
       let may_meet_again = b4((occluder.flags & SHADE_SELF) != 0u);
       again = on_curve & may_meet_again & is_met_again(rest, piece_0);
       hidden = is_met(form, piece_0) & ray_0.near;
-      leaves_0 = leaves_0 | comes_out(form, rest, whole_ray(ray_0), on_curve);  //? encloses
+      leaves_0 = leaves_0 | comes_out(form, rest, whole_ray(ray_0), begins);  //? encloses
     }
     var enclosed = b4(!is_flat);
     {  //? casters

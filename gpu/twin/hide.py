@@ -155,12 +155,15 @@ def hide(
         form = curve_to_light(occluder, ray, facts)
         rest = rest_of(form, ray, bool(flags & Shade.AT_LAMP))
         on_curve = own & (nearest.surface == occluder["curve"])
+        begins = on_curve
         if "flush" in facts:
-            curved = is_same_side(shared.seen, side_of(shared, int(occluder["curve"])))
+            side = side_of(shared, int(occluder["curve"]))
+            curved = is_same_side(shared.seen, side)
             is_flush, on_curve = is_flush | curved, on_curve | curved
+            begins = on_curve | is_same_surface(shared.seen, side)
         again = on_curve & bool(flags & Shade.SELF) & is_met_again(rest, piece)
         hidden = is_met(form, piece) & ray.near
-        leaves |= comes_out(form, rest, whole, on_curve)
+        leaves |= comes_out(form, rest, whole, begins)
     enclosed = np.full(own.shape, not flags & Shade.FLAT)
     unsure = np.zeros(own.shape, bool)
     if shadows.casters is not None and occluder["caster"]:
