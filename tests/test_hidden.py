@@ -230,9 +230,10 @@ def test_copies_that_tell_to_be_farther_are_lost(monkeypatch: pytest.MonkeyPatch
     right = halfstep.render(pins("solid"), backend="gpu", outputs=("solid",))
     written = Written.regions
 
-    def slipped(self: Written, distinct: Ints) -> tuple[PackedRegions, U64]:
+    def slipped(self: Written, distinct: Ints, rectangle: Ints) -> tuple[PackedRegions, U64]:
         *others, near = distinct
-        return written(self, np.stack([*others, near + distinct[0] % 2 * distinct[3]]))
+        own = np.stack([*others, near + distinct[0] % 2 * distinct[3]])
+        return written(self, own, rectangle)
 
     monkeypatch.setattr(Written, "regions", slipped)
     wrong = halfstep.render(pins("solid"), backend="gpu", outputs=("solid",))

@@ -65,6 +65,14 @@ def bounds(geometry: Geometry, view: View) -> Bounds:
     return _clipped(extent[:2], extent[2], parallel)
 
 
+def bounds_of_boxes(view: View, origin: Floats, world_from_local: Floats, ends: Floats) -> Bounds:
+    """Bounds of boxes (2, 3, K) along turned axes (3, 3, K) from origins (3, K)."""
+    axes = np.einsum("ij,jlk->ilk", view.camera_from_world, world_from_local)
+    center = np.einsum("ij,jk->ik", view.camera_from_world, origin - view.eye[:, None])
+    extent = _boxes(axes, center, ends, view.parallel)
+    return _clipped(extent[:2], extent[2], view.parallel)
+
+
 def _from_local(geometry: Geometry, view: View, ix: Ints | slice) -> tuple[Floats, Floats]:
     """Axes (3, 3, K) and origins (3, K) of K solids in camera axes."""
     axes = np.einsum("ij,jlk->ilk", view.camera_from_world, geometry.world_from_local[..., ix])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from halfstep.contract.arrays import Floats, Ints
 from halfstep.host.formulas import Formula
-from halfstep.scene.region import Intersection, Literal
+from halfstep.scene.region import Intersection, Literal, Region
 
 # The boxes that are tried, in parts of the program's box: of a box, of cylinders, and of a ball.
 SHARES = (
@@ -93,6 +93,26 @@ def full_box(formula: Formula, matrices: Floats, lower: int, box: Floats) -> Flo
     thin = THIN * np.ptp(found, axis=0)
     inner = np.array([found[0] + thin, found[1] - thin])
     return found if trial.holds(trial.signs(inner), inner) else None
+
+
+def are_filled(
+    regions: Sequence[Region], matrices: Floats, box: Floats, known: Sequence[Literal]
+) -> bool:
+    """Whether regions fill all of a box, or its part where some literals hold.
+
+    Args:
+        regions: in normal form.
+        matrices: (F, 4, 4), the functions that they are over.
+        box: (2, 3).
+        known: the literals.
+    """
+    thin = THIN * np.ptp(box, axis=0)
+    inner = np.array([box[0] + thin, box[1] - thin])
+    trial = _Trial(Formula(regions), np.moveaxis(matrices, 0, -1), len(matrices), inner)
+    signs = trial.signs(inner)
+    for one in known:
+        signs[one.surface] = 1 if one.positive else -1
+    return trial.holds(signs, inner)
 
 
 def _widest_in(box: Floats) -> float:

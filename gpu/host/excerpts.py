@@ -79,8 +79,14 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     copies = packed.setup.copies
     if packed.regions is None or copies is None:
         return Lists(packed.present, *tile_lists(packed, packed.present, first_row, rows), None)
-    pairs, members = tile_members(packed, packed.present, first_row, rows)
     across, down = -(-packed.setup.view.width // TILE), -(-rows // TILE)
+    first_tile = first_row // TILE
+    front, rectangle = None, packed.setup.rectangle
+    # What is hidden or not there may still tell how sure others are.
+    if outputs.isdisjoint(LOOKING_BEHIND | {"error"}):
+        front = Front(packed, copies, first_tile, down)
+        rectangle = front.rectangle
+    pairs, members = tile_members(packed, packed.present, first_row, rows, rectangle)
     tile = pairs.y * across + pairs.x
     slot = np.searchsorted(packed.present, packed.classes)[pairs.row]
     # The regions follow one another.
@@ -88,12 +94,7 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
     begin, end = np.searchsorted(pairs.row, np.searchsorted(packed.classes, ends)).tolist()
     own = slice(begin, end)
     written = Written(packed, copies)
-    first_tile = first_row // TILE
     blocks = _blocks(packed, copies, Pairs(*(each[own] for each in pairs)), first_tile)
-    front = None
-    # What is hidden or not there may still tell how sure others are.
-    if outputs.isdisjoint(LOOKING_BEHIND | {"error"}):
-        front = Front(packed, copies, first_tile, down)
     tried = _tried(packed, copies, blocks, tile[own], written, outputs, front)
 
     places, record = tried.places, tried.which
@@ -109,7 +110,7 @@ def lists_of(packed: Packed, first_row: int, rows: int, outputs: frozenset[str])
         known,
         is_known[record],
     )
-    regions, keys = written.regions(tried.columns)
+    regions, keys = written.regions(tried.columns, tried.rectangle)
     # Each list of regions goes from front to back, so that later regions are often hidden.
     order = np.argsort(keys, kind="stable")
     rank = np.empty(len(order), np.int64)
@@ -144,6 +145,7 @@ class _Tried(NamedTuple):
     places: Ints  # (P,), of the tiles and copies that were given
     which: Ints  # (P,), the record of each
     columns: Ints  # (5, E), what `Written.regions` takes for the records
+    rectangle: Ints  # (E, 4), in which pixels each may be seen
 
 
 def _tried(
@@ -191,26 +193,41 @@ def _tried(
     ]
     # What covers more of the picture was looked at first, and may hide the others.
     whole = np.flatnonzero(~large)
+    near, rectangle = blocks.first.copy(), packed.setup.rectangle[copies.row[blocks.copy]]
     if front is not None:
-        some = whole
-        whole = some[front.sees(tile[places[some]], blocks.copy[some], blocks.first[some])]
-    found.append(_whole(packed, copies, blocks, whole, is_stretched, written))
+        rectangle = front.rectangle[copies.row[blocks.copy]]
+        whole = whole[front.sees(tile[places[whole]], blocks.copy[whole], blocks.first[whole])]
+        alone = whole[is_stretched[blocks.copy[whole]]]
+        near[alone] = np.maximum(near[alone], front.points(tile[places[alone]], blocks.copy[alone]))
+        rectangle[alone] = front.rectangles(*blocks.take(alone)[:3])
+        left, right, top, bottom = rectangle[whole].T
+        whole = whole[(left <= right) & (top <= bottom)]
+    found.append(_whole(packed, copies, blocks, whole, near, is_stretched, written))
     counts = np.cumsum([0, *(columns.shape[1] for _, _, columns in found)])
     tried = np.concatenate([own for own, _, _ in found])
     which = np.concatenate([of + first for (_, of, _), first in zip(found, counts, strict=False)])
-    return _Tried(places[tried], which, np.concatenate([part for *_, part in found], axis=-1))
+    *columns, place = np.concatenate([part for *_, part in found], axis=-1)
+    return _Tried(places[tried], which, np.stack(columns), rectangle[place])
 
 
 def _whole(
-    packed: Packed, copies: Copies, blocks: Blocks, own: Ints, is_stretched: Bools, written: Written
+    packed: Packed,
+    copies: Copies,
+    blocks: Blocks,
+    own: Ints,
+    near: Ints,
+    is_stretched: Bools,
+    written: Written,
 ) -> tuple[Ints, Ints, Ints]:
     """The tiles ``own`` of copies that are tried whole, the record of each, and these.
+
+    Tiles (P,) see nothing of the copies before the grid points ``near``.
 
     A stretched copy has a record for each tile, which tells how near it may be there. Any other
     copy has one record. Rays start alike in all tiles, so that surfaces get the same names.
     """
     assert packed.regions is not None
-    blocks = blocks.take(own)
+    blocks, near = blocks.take(own), near[own]
     alone = is_stretched[blocks.copy]
     _, places = np.unique(blocks.copy[~alone], return_index=True)
     shared = np.flatnonzero(~alone)[places]
@@ -223,7 +240,7 @@ def _whole(
         row[places] = written.add_whole(number)
     records = packed.regions.records
     first, last = (records[name].astype(np.int64)[copy] for name in ("first", "last"))
-    return own, record, np.stack([copy, row, first, last, blocks.first[own_place]])
+    return own, record, np.stack([copy, row, first, last, near[own_place], own[own_place]])
 
 
 def _narrowed(
@@ -260,7 +277,7 @@ def _narrowed(
             front.hide(tile[by], *blocks.take(by)[:3], filled.point)
         own = part[left.tile]
         row = written.add_all(number, left)
-        columns = np.stack([blocks.copy[own], row, left.first, left.last, left.first])
+        columns = np.stack([blocks.copy[own], row, left.first, left.last, left.first, own])
         yield own, np.arange(len(own)), columns
 
 
@@ -305,7 +322,8 @@ def _seen(
     some = np.flatnonzero(asked)
     first, last = blocks.first.copy(), blocks.last.copy()
     first[some], last[some] = hiding.stretch(*blocks.take(some))
-    places = np.flatnonzero((first <= last) & front.sees(tile, blocks.copy, first))
+    begin = np.maximum(first, front.points(tile, blocks.copy))
+    places = np.flatnonzero((begin <= last) & front.sees(tile, blocks.copy, first))
     blocks, tile = Blocks(*blocks[:3], first, last).take(places), tile[places]
     stays = ~_crowded(tile, covers[blocks.copy])
     many = np.flatnonzero(~stays)

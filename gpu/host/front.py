@@ -1,4 +1,7 @@
-"""How far tiles are seen: the depth behind which copies of groups hide everything."""
+"""How far tiles are seen: the depth behind which copies of groups hide everything.
+
+If the scene has a body, tiles see no copy before it either.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,14 @@ from halfstep.contract.keys import FAR_KEY, joined_key
 from halfstep.contract.layout import TILE
 from halfstep.host.copies import Copies
 from halfstep.host.pack import Packed
+from halfstep.host.shell import Shell
 
 
 class Front:
     """The depth key behind which each tile of a band sees nothing, as far as it is known."""
 
     def __init__(self, packed: Packed, copies: Copies, first_tile: int, rows: int) -> None:
-        """Begin with the walls of the scene.
+        """Begin with the body of the scene, or else with its walls.
 
         Args:
             packed: the frame.
@@ -25,6 +29,12 @@ class Front:
         """
         setup = packed.setup
         self._setup, self._row = setup, copies.row
+        self._shell = shell = Shell.of(setup, copies, packed.steps.count)
+        # The pixels (V, 4) in which each solid may be seen.
+        self.rectangle = setup.rectangle
+        if shell is not None:
+            self.rectangle = setup.rectangle.copy()
+            self.rectangle[copies.row] = shell.rectangles()
         solid = np.empty(setup.count, np.int64)
         solid[packed.order] = np.arange(len(packed.order))
         high, low, shift = (
@@ -32,12 +42,32 @@ class Front:
             for name in ("key_high", "key_low", "key_shift")
         )
         self._start, self._shift = joined_key(high, low), shift.astype(np.uint64)
-        depth = copies.regions.walls.depths(setup.view, setup.near, first_tile, rows)
-        self._behind = _keys_behind(depth.ravel(), setup.far, packed.key_bits)
+        if shell is None:
+            behind = copies.regions.walls.depths(setup.view, setup.near, first_tile, rows)
+            before = np.zeros(behind.shape)
+        else:  # all walls are in the body
+            before, behind = shell.depths(first_tile, rows)
+        self._before = _keys_before(before.ravel(), setup.far, packed.key_bits)
+        self._behind = _keys_behind(behind.ravel(), setup.far, packed.key_bits)
 
     def keys(self, copy: Ints, point: Ints) -> U64:
         """Depth keys of grid points of copies (P,)."""
         return np.asarray(self._start[copy] + (2 * point.astype(np.uint64) << self._shift[copy]))
+
+    def rectangles(self, copy: Ints, x: Ints, y: Ints) -> Ints:
+        """The pixels (P, 4) of a tile in which each copy may be seen. There may be none.
+
+        ``x`` and ``y`` are the numbers of the tile from the left and from the top of the picture.
+        """
+        if self._shell is None:
+            return self.rectangle[self._row[copy]]
+        return self._shell.in_tiles(copy, x, y)
+
+    def points(self, tile: Ints, copy: Ints) -> Ints:
+        """Grid points of copies (P,) before which tiles see none of them."""
+        before, start = self._before[tile], self._start[copy]
+        past = np.maximum(before, start) - start
+        return np.asarray((past >> (self._shift[copy] + np.uint64(1))).astype(np.int64))
 
     def sees(self, tile: Ints, copy: Ints, first: Ints) -> Bools:
         """Whether tiles (P,) may see copies, which their rays meet from a grid point on."""
@@ -60,6 +90,12 @@ class Front:
         whole &= (j0 <= top) & (np.minimum(top + TILE, view.height) - 1 <= j1)
         own = np.flatnonzero(whole)
         np.minimum.at(self._behind, tile[own], self.keys(copy[own], point[own]))
+
+
+def _keys_before(depth: Floats, far: float, bits: int) -> U64:
+    """The greatest depth keys before depths (T,)."""
+    part = np.minimum(depth / far, 1.0)
+    return np.asarray(np.maximum(np.floor(part * 2.0**bits) - 1, 0.0).astype(np.uint64))
 
 
 def _keys_behind(depth: Floats, far: float, bits: int) -> U64:

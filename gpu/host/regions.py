@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from halfstep.contract.arrays import Bools, Floats, Ints
 from halfstep.errors import SceneError
+from halfstep.host.body import Body, body_of
 from halfstep.host.boxes import box_of
 from halfstep.host.cores import Cores, core_of
 from halfstep.host.formulas import (
@@ -67,6 +68,7 @@ class Regions:
     all_cells: tuple[Cell, ...]  # cells of the scene and its groups, in the order of the file
     origin: Floats  # (3, I), the program's middle, world
     world_from_local: Floats  # (3, 3, I)
+    body: Body | None  # what visible cells fill together
 
     @functools.cached_property
     def programs(self) -> list[Program]:
@@ -219,6 +221,7 @@ def regions_of(scene: Scene, *, hidden: bool = False) -> Regions | None:
         all_cells=tuple(_cells_of(scene)),
         origin=np.einsum("nij,nj->in", maps[:, :, :3], middle) + maps[:, :, 3].T,
         world_from_local=np.ascontiguousarray(np.moveaxis(maps[:, :, :3], 0, -1)),
+        body=body_of(layout.root, functions),
     )
 
 
@@ -251,6 +254,11 @@ class _Functions:
     matrices: Floats  # (F, 4, 4)
     higher: Mapping[int, Higher]  # those of an order above two
     regions: Sequence[Region]  # of its cells, in normal form
+
+    @property
+    def is_lower(self) -> bool:
+        """Whether no function has an order above two."""
+        return not self.higher
 
     @classmethod
     def of(cls, group: Fragment) -> _Functions:

@@ -56,13 +56,23 @@ def tile_lists(packed: Packed, classes: Classes, first_row: int, rows: int) -> t
     return starts, members[by_group]
 
 
-def tile_members(packed: Packed, classes: Classes, first_row: int, rows: int) -> tuple[Pairs, U32]:
+def tile_members(
+    packed: Packed, classes: Classes, first_row: int, rows: int, rectangle: Ints | None = None
+) -> tuple[Pairs, U32]:
     """Every solid with every tile that may see it, in the order of the solids, and as members.
+
+    Args:
+        packed: the frame.
+        classes: the classes of the lists.
+        first_row: row of the picture where the band begins.
+        rows: number of rows of the band.
+        rectangle: (V, 4), where each solid may be seen; by default its own rectangle.
 
     Raises:
         SceneError: the members have no room for the number of solids.
     """
-    pairs = tile_pairs(packed, first_row, rows)
+    own = packed.setup.rectangle if rectangle is None else rectangle
+    pairs = tile_pairs(packed, own, first_row, rows)
     if STRETCHED.isdisjoint(classes):
         return pairs, pairs.row.astype(np.uint32)
     if len(packed.order) > MOST_ROWS:
@@ -201,10 +211,10 @@ class _Spans(NamedTuple):
         return _Spans(*(edge >> level for edge in self))
 
 
-def tile_pairs(packed: Packed, first_row: int, rows: int) -> Pairs:
-    """Every solid with every tile of its rectangle that may see it, in the order of the solids."""
-    i0, i1, j0, j1 = packed.setup.rectangle[packed.order].T
-    within = (j1 >= first_row) & (j0 < first_row + rows)
+def tile_pairs(packed: Packed, rectangle: Ints, first_row: int, rows: int) -> Pairs:
+    """Every solid with every tile of a rectangle that may see it, in the order of the solids."""
+    i0, i1, j0, j1 = rectangle[packed.order].T
+    within = (j1 >= np.maximum(j0, first_row)) & (j0 < first_row + rows) & (i1 >= i0)
     j0, j1 = np.maximum(j0 - first_row, 0), np.minimum(j1 - first_row, rows - 1)
     spans = _Spans(i0 // TILE, i1 // TILE, j0 // TILE, j1 // TILE)
     tiles = (spans.right - spans.left + 1) * (spans.bottom - spans.top + 1) * within

@@ -79,11 +79,8 @@ class Walls:
             first_tile: the first row of tiles.
             rows: how many rows of tiles.
         """
-        columns = -(-view.width // TILE)
-        found = np.full((rows, columns), np.inf)
-        i, j = _corners(0, columns, view.width), _corners(first_tile, rows, view.height)
-        i, j = i[None, :], j[:, None]
-        starts, directions = view.eye + view.starts(i, j), view.directions(i, j)
+        found = np.full((rows, -(-view.width // TILE)), np.inf)
+        starts, directions = corner_rays(view, first_tile, rows)
         for turn, boxes in self.turned:
             start = np.moveaxis(starts @ turn, -1, 0)
             with np.errstate(divide="ignore"):
@@ -121,6 +118,27 @@ def _rectangles(boxes: Floats, turn: Floats, view: View) -> Ints:
     return np.array(found).astype(np.int64)
 
 
+def corner_rays(view: View, first_tile: int, rows: int) -> tuple[Floats, Floats]:
+    """Where rays of the corners of tiles start, and how they go on, (2R, 2C, 3), world.
+
+    Args:
+        view: of the frame.
+        first_tile: the first of R rows of tiles.
+        rows: R.
+    """
+    columns = -(-view.width // TILE)
+    i, j = _corners(0, columns, view.width), _corners(first_tile, rows, view.height)
+    i, j = i[None, :], j[:, None]
+    return view.eye + view.starts(i, j), view.directions(i, j)
+
+
+def of_corners(found: Floats) -> Floats:
+    """What is known of corners (…, 2R, 2C) by tiles, (…, R, C, 4)."""
+    *others, rows, columns = found.shape
+    parts = found.reshape(*others, rows // 2, 2, columns // 2, 2)
+    return parts.swapaxes(-3, -2).reshape(*others, rows // 2, columns // 2, 4)
+
+
 def _corners(first: int, count: int, size: int) -> Ints:
     """The first and the last pixel of each of some tiles in a row (2 · count,)."""
     begin = (first + np.arange(count)) * TILE
@@ -140,9 +158,7 @@ def _hidden_from(box: Floats, start: Floats, pace: Floats, near: float) -> Float
         one, other = ((face[:, None, None] - start) * pace for face in box)
         enter, leave = np.minimum(one, other).max(axis=0), np.maximum(one, other).min(axis=0)
     meets = (enter + deep < leave) & (enter > near)
-    depth = np.where(meets, enter + deep, np.inf)
-    rows, columns = depth.shape[0] // 2, depth.shape[1] // 2
-    return np.asarray(depth.reshape(rows, 2, columns, 2).max(axis=(1, 3)))
+    return np.asarray(of_corners(np.where(meets, enter + deep, np.inf)).max(axis=-1))
 
 
 def _joined(boxes: Floats) -> Floats:

@@ -117,12 +117,13 @@ class Written:
         """The length of each excerpt's program."""
         return self._all.lengths
 
-    def regions(self, distinct: Ints) -> tuple[PackedRegions, U64]:
+    def regions(self, distinct: Ints, rectangle: Ints) -> tuple[PackedRegions, U64]:
         """The regions with E records, and the depth keys (E,) from which each may be seen.
 
         Args:
             distinct: (5, E), the copy of each, its excerpt, the grid points where its rays start
                 and end, and the one from which it may be seen.
+            rectangle: (E, 4), the pixels in which each may be seen.
         """
         regions, order = self._packed.regions, self._packed.order
         assert regions is not None
@@ -160,6 +161,7 @@ class Written:
                 "last": last,
                 "near_high": key >> np.uint64(32),
                 "near_low": key & np.uint64(0xFFFFFFFF),
+                **dict(zip(_RECTANGLE, rectangle.T, strict=True)),
                 **dict(zip(_WRITTEN, written, strict=True)),
             },
         )
@@ -167,6 +169,7 @@ class Written:
         return replace(regions, records=records, words=words, most_surfaces=most), key
 
 
+_RECTANGLE = "left", "right", "top", "bottom"
 # Members of records that tell the position of an excerpt.
 _WRITTEN = (
     "first_group",

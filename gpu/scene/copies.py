@@ -55,16 +55,17 @@ class Layout:
     """The groups of a scene, with the names in them resolved.
 
     Attributes:
+        root: the scene itself.
         count: number of copies.
     """
 
     def __init__(self, scene: Fragment) -> None:
-        self._root = _Node(scene, None)
-        self.count = self._root.total
+        self.root = Node(scene, None)
+        self.count = self.root.total
 
     def copies(self) -> list[Copies]:
         """The scene itself, if it has cells, and all copies of groups with cells."""
-        return [*self._root.visit(np.array([-1]), np.eye(3, 4)[None], ())]
+        return [*self.root.visit(np.array([-1]), np.eye(3, 4)[None], ())]
 
     def path(self, number: int) -> list[str]:
         """Where a copy is, for people: a line for each level, from the scene inward.
@@ -75,7 +76,7 @@ class Layout:
         if not 0 <= number < self.count:
             raise IndexError(f"there are {self.count} copies, and none has number {number}")
         lines: list[str] = []
-        node, inside = self._root, number
+        node, inside = self.root, number
         while inside >= 0:
             elements = node.elements
             element = int(np.searchsorted(elements.starts, inside, side="right")) - 1
@@ -92,7 +93,7 @@ class _Elements:
     An element is a place, a point of a lattice (empty points too) or a filled cell.
     """
 
-    targets: list[_Node]
+    targets: list[Node]
     target: Ints  # (E,), index among the targets, -1 for none
     regions: list[Region]
     cut: Ints  # (E,), index of the region that cuts the element, -1 for none
@@ -100,15 +101,16 @@ class _Elements:
     starts: Ints  # (E,), how many copies come before it
 
 
-class _Node:
+class Node:
     """A scene or group where it is defined. Its position decides what the names in it mean."""
 
-    def __init__(self, fragment: Fragment, around: _Node | None) -> None:
+    def __init__(self, fragment: Fragment, around: Node | None) -> None:
         self.fragment = fragment
         self._around = around
-        self._inside = {group.name: _Node(group, self) for group in fragment.groups}
+        self._inside = {group.name: Node(group, self) for group in fragment.groups}
 
-    def named(self, name: str) -> _Node:
+    def named(self, name: str) -> Node:
+        """The group that a name means here."""
         if name in self._inside:
             return self._inside[name]
         if self._around is None:
