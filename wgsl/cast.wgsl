@@ -93,10 +93,7 @@ fn rest_of_powers(p: array<f4, POWERS>, some: b4) -> array<f4, POWERS> {
 // The first cell that shows that F <= 0 somewhere, from s = 0 to 2; F > 0 at 0.
 fn shaded(curve: Curve, going: b4) -> Cell {
   var cell = cells_from(i4(0), going, CAST_STEPS);
-  for (var clock = 0u; clock < CLOCKS; clock++) {
-    if !any(cell.going) {
-      break;
-    }
+  for (var clock = 0u; clock < select(0u, CLOCKS, any(cell.going)); clock++) {
     let span = span_of(cell, f4(-1.0), f4(1.0), CAST_LAST_STEP);
     let m = span.middle - curve.middle;
     let error = curve_error(curve, abs(m) + span.half);

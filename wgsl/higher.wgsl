@@ -237,12 +237,10 @@ fn all_crossed(curve: Curve, higher: Higher, some: b4, steps: u32, last_step: f3
   search.cell = cells_from(i4(higher.first), some, steps);
   search.clocks = i4(i32(CLOCKS * higher.pairs));
   let rounds = higher.pairs + higher.pairs + 1u;
+  let most = CLOCKS * higher.pairs + 1u;
   for (var k = 0u; k < rounds; k++) {
     let seen = opposite(search.trail.inside, curve);
-    loop {
-      if !any(search.cell.going) {
-        break;
-      }
+    for (var clock = 0u; clock < select(0u, most, any(search.cell.going)); clock++) {
       let span = span_of(search.cell, start, stop, last_step);
       let m = span.middle - seen.middle;
       let off = curve_error(seen, abs(m) + span.half);
