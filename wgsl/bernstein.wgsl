@@ -10,6 +10,8 @@ const END: i32 = 1073741824;
 const SLOPE_UNIT: f32 = 0x1p-46f;
 // A unit of a place.
 const PLACE_UNIT: f32 = 0x1p-30f;
+// A distance that times any slope exceeds all weights, and still fits float32.
+const FARTHEST: f32 = 0x1p48f;
 
 // Weights on both halves of an interval.
 struct Halves {

@@ -144,8 +144,8 @@ fn visit_polynomial_fixed(solid: Solid, y: i32, member: u32) {
     let off = f32(error);  //? error
     let start_slope = slope_about(weights, off, start, start_slack);  //? error
     let stop_slope = slope_about(weights, off, stop, stop_slack);  //? error
-    let start_error = ROOM * (off + start_slack * start_slope);  //? error
-    let stop_error = ROOM * (off + stop_slack * stop_slope);  //? error
+    let start_error = ROOM * (off + min(start_slack, f4(FARTHEST)) * start_slope);  //? error
+    let stop_error = ROOM * (off + min(stop_slack, f4(FARTHEST)) * stop_slope);  //? error
     let sure_start = select(  //? error
       abs(f4(first)) > start_error, b4(eye_sure(solid)), from_eye
     );

@@ -57,6 +57,8 @@ END = np.int32(1 << 30)
 SLOPE_UNIT = np.float32(2.0**-46)
 # A unit of a place.
 PLACE_UNIT = np.float32(2.0**-30)
+# A distance that times any slope exceeds all weights, and still fits float32.
+FARTHEST = np.float32(2.0**48)
 # One half.
 HALF = np.float32(0.5)
 

@@ -14,6 +14,7 @@ from halfstep.contract.polynomials import PackedPolynomials
 from halfstep.twin.algebraic import outline_of, world_slope
 from halfstep.twin.arithmetic_fixed import steps_from_middle
 from halfstep.twin.bernstein import (
+    FARTHEST,
     PLACE_UNIT,
     bound_of,
     gap_between,
@@ -198,8 +199,8 @@ def visit_polynomial_fixed(
         off = np.float32(error)
         start_slope = slope_about(weights, off, start, start_slack)
         stop_slope = slope_about(weights, off, stop, stop_slack)
-        start_error = ROOM * (off + start_slack * start_slope)
-        stop_error = ROOM * (off + stop_slack * stop_slope)
+        start_error = ROOM * (off + np.minimum(start_slack, FARTHEST) * start_slope)
+        stop_error = ROOM * (off + np.minimum(stop_slack, FARTHEST) * stop_slope)
         sure_start = np.where(
             from_eye, eye_sure(solid), np.abs(first.astype(np.float32)) > start_error
         )
