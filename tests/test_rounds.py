@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -140,6 +141,19 @@ def test_no_tile_takes_more_rounds_than_are_counted(
             if lists.regions is None:
                 assert of_tile.max() >= counted / 6, "the count is far too high"
     assert seen > 0
+
+
+def test_cells_in_mirrors_leave_rounds_for_what_is_seen() -> None:
+    """For all that a walk could cross, a bracket would be refused."""
+    scene = with_overrides(mirroring(load("bracket"), 2), size=SIZE, shadows=True)
+    packed, wanted = prepare(scene), frozenset({"color", "error", "tag"})
+    lists = lists_of(packed, 0, SIZE[1], wanted)
+    needs = needs_of(packed, lists, "visible", wanted, broadcast=8)
+    granted = 65_535
+    left = rounds.left_for_cells(needs, packed, granted, 1)
+    assert left > 0
+    assert rounds.rounds_of_light(needs, packed) > granted
+    assert rounds.rounds_of_light(replace(needs, counted_rounds=left), packed) < 0.75 * granted
 
 
 def barrels(count: int) -> Scene:

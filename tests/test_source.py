@@ -350,7 +350,7 @@ def _combinations() -> Iterator[Needs]:
             higher = replace(lit, body_cells=True, body_pairs=2)
             yield replace(higher, far_lights=far, encloses=encloses)
     for continued, classes in product((False, True), ((Class.PATCH,), (Class.REGION,))):
-        counted = replace(SHADOWED, bounces=0, veil_rounds=64, continued=continued)
+        counted = replace(SHADOWED, bounces=0, counted_rounds=64, continued=continued)
         yield replace(counted, classes=classes, outputs=ALL)
     for shadows, image in product((0, 2), (False, True)):
         wanted = frozenset({"tag", "image" if image else "color"})

@@ -14,7 +14,8 @@ from halfstep.errors import DeviceError
 from halfstep.run import gpu as run_gpu
 from halfstep.run import rounds
 from halfstep.run import veils as run_veils
-from halfstep.scene import Scene
+from halfstep.scene import Scene, with_overrides
+from tests.cell_mirrors import mirroring
 from tests.different import different
 from tests.test_veils import GRAY, lit_room
 
@@ -36,7 +37,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def leave(count: int, patch: pytest.MonkeyPatch) -> None:
     """Leave so many rounds for veils, whatever a driver grants."""
-    patch.setattr(rounds, "left_for_veils", lambda *_: count)
+    patch.setattr(rounds, "left_for_cells", lambda *_: count)
 
 
 def tunnel(count: int) -> Scene:
@@ -131,6 +132,26 @@ def test_frames_in_parts_are_those_of_numpy(
     assert len(parts) > 10
 
 
+def test_what_mirrors_show_of_frames_in_parts_is_that_of_numpy(
+    parts: list[int],
+    adapter: Adapter,
+    monkeypatch: pytest.MonkeyPatch,
+    plant: Callable[[str, str], list[str]],
+) -> None:
+    """Each part hides lights from points that mirrors show, too."""
+    scene = with_overrides(mirroring(lit_room(), 2), shadows=True)
+    options: dict[str, Any] = {"size": SIZE, "outputs": ("image", "shadow")}
+    expected = halfstep.render(scene, backend="numpy", **options)
+    leave(512, monkeypatch)
+    options |= {"backend": "gpu", "adapter": adapter.summary.index}
+    assert not different(halfstep.render(scene, **options), expected)
+    assert len(parts) > 2
+    slip = "nearest_0.dark = stored(PLANE_MIRRORED + bounce, place + QUAD_0);"
+    texts = plant(slip, "")
+    assert different(halfstep.render(scene, **options), expected) == ["image"]
+    assert slip in texts[-1]
+
+
 def test_a_fault_in_the_parts_is_seen(
     adapter: Adapter, monkeypatch: pytest.MonkeyPatch, plant: Callable[[str, str], list[str]]
 ) -> None:
@@ -147,11 +168,13 @@ def test_a_veil_that_takes_too_many_rounds_is_told(
     adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     leave(4, monkeypatch)
-    options: dict[str, Any] = {"size": SIZE, "outputs": ("shadow",), "backend": "gpu"}
+    options: dict[str, Any] = {"size": SIZE, "backend": "gpu", "adapter": adapter.summary.index}
+    with pytest.raises(DeviceError, match="or cells in mirrors, may take more"):
+        halfstep.render(mirroring(lit_room()), outputs=("color",), **options)
     with pytest.raises(DeviceError) as caught:
-        halfstep.render(tunnel(2), adapter=adapter.summary.index, **options)
+        halfstep.render(tunnel(2), outputs=("shadow",), **options)
     assert str(caught.value).startswith(f"adapter {adapter.summary}: the driver ends loops after ")
     assert str(caught.value).endswith(
-        " rounds, and one copy of a group of cells may take more to hide a light; use a group of "
-        "fewer surfaces, no shadows, or the backend numpy"
+        " rounds, and one copy of a group that may hide a light, or cells in mirrors, may take "
+        "more; use groups of fewer surfaces, fewer bounces, no shadows, or the backend numpy"
     )

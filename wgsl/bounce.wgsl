@@ -154,7 +154,9 @@ fn try_body(number: u32, body: Body) {
       spotted_0.doubt = min(spotted_0.doubt, select(doubt, f4(NO_DOUBT), meeting_0.sure));
     }
   }
-  for (var once = 0u; once < min(body.copy, 1u); once++) {  //? body_cells
+  var copies = min(body.copy, 1u);  //? body_cells
+  copies = select(copies, 0u, rounds_left < 0);  //? counted & body_cells
+  for (var once = 0u; once < copies; once++) {  //? body_cells
     meet_copy(body);
   }
   // each quad
@@ -322,7 +324,9 @@ fn catch_bodies() {
         select(caught_0.reflection, f4(body.reflection), mine),
       );
     }
-    for (var once = 0u; once < min(body.copy, 1u); once++) {  //? body_cells
+    var copies = min(body.copy, 1u);  //? body_cells
+    copies = select(copies, 0u, rounds_left < 0);  //? counted & body_cells
+    for (var once = 0u; once < copies; once++) {  //? body_cells
       look_at_copy(number, body);
     }
     number = next_body(number) - 1u;
@@ -330,7 +334,10 @@ fn catch_bodies() {
 }
 
 // The light that mirrors add to the colours of a block, bounce after bounce.
-fn follow_mirrors(j: i32) {
+fn follow_mirrors(
+  j: i32,
+  place: u32,  // of the block's words  //? continued
+) {
   let mirrors = mirrors_at(0u);
   // each quad
   {
@@ -362,9 +369,17 @@ fn follow_mirrors(j: i32) {
       nearest_0.turned = spotted_0.turned;
       nearest_0.met = Met(u4(NO_REGION), spotted_0.side, i4(0));  //? body_cells
       nearest_0.dark = u4(0u);  //? shadows
+      nearest_0.dark = stored(PLANE_MIRRORED + bounce, place + QUAD_0);  //? continued
       point_0 = caught_0.point;
     }
     find_shadows();  //? shadows
+    // each quad
+    {  //? continued
+      // Without some cells, mirrors may show other points.
+      let old = stored(PLANE_MIRRORED + bounce, place + QUAD_0);
+      let dark = select(old, nearest_0.dark, rounds_left >= 0);
+      store(PLANE_MIRRORED + bounce, place + QUAD_0, dark);
+    }
     // each quad
     {
       let back = Vector(-ray_0.x, -ray_0.y, -ray_0.z);

@@ -60,13 +60,15 @@ fn curve_doubted(form: Form, by: f32) -> Crossing {
 }
 
 // The courses of rays from mirrors through the box of a surface of an order above two, which some
-// pixels ask for; rays of pixels `on_curve` begin on it.
-fn course_along(caster: Caster, glance: Glance, asked: b4, on_curve: b4) -> Course {
+// pixels ask for. Rays of pixels `on_f` begin on it, and those of `flush` where it is in the box.
+fn course_along(caster: Caster, glance: Glance, asked: b4, on_f: b4, flush: b4) -> Course {
   let trace = glance_trace(caster, glance);
   let way = boxed_way(trace, Way(glance.start, f4(1.0)));
+  let on_curve = on_f | (flush & (way.begin <= glance.start));
   let begin = select(way.begin, glance.start, on_curve);
   let half = max((way.end - begin) * 0.5, f4(SHORTEST));
-  return Course(moved_trace(trace, begin, half), asked & (begin < way.end), begin, half);
+  let some = asked & (begin < way.end);
+  return Course(moved_trace(trace, begin, half), some, begin, half, on_curve);
 }
 
 // What rays meet. `asked`: the pixels that ask for it. `begin`: where the walk begins. `entry` and

@@ -68,11 +68,15 @@ fn meet_copy(body: Body) {
     let number = programs[copy.list_start + count + k];
     let caster = body_caster_at(copy.higher_start + (number - copy.lower));
     let pairs = caster.pairs;
+    let side = side_of(body.surface + number);  //? flush
     // each quad
     {
-      let on_curve = own_0 & shows_surface(nearest_0.met, number);
-      let course = course_along(caster, glance_0, asked_0, on_curve);
-      let ahead = curve_ahead(caster, course, on_curve);
+      let on_f = own_0 & shows_surface(nearest_0.met, number);
+      var flush = b4(false);
+      flush = is_same_surface(side_0, side);  //? flush
+      let course = course_along(caster, glance_0, asked_0, on_f, flush);
+      let ahead = curve_ahead(caster, course);
+      let on_curve = course.on_curve;
       let way = points_to_surface(ahead.value * course.half, ahead.curve.powers[0]);
       begin_0 += select(i4(0), way, on_curve);
       known_0 = known_0 & (!on_curve | knows_side(ahead.curve));  //? error
@@ -88,6 +92,8 @@ fn meet_copy(body: Body) {
     }
     place += pairs;
   }
+  rounds_left -= i32(count) + 6;  //? counted
+  rounds_left -= i32(copy.higher_count * (HIGHER_ROUNDS + 4u));  //? counted & body_higher
   // each quad
   {
     let begin = select(i4(NEVER), begin_0, asked_0);
@@ -138,6 +144,7 @@ fn meet_copy(body: Body) {
     into.cell = select(into.cell, out_of.cell, inside);  //? error
     into.point = select(into.point, out_of.point, inside);  //? error
     let side = select(entry.side, beyond.side, inside);  //? error
+    rounds_left -= i32(count);  //? counted & error
     for (var k = 0u; k < count; k++) {  //? error
       let is_shown = (side >> u4(1u)) == i4(i32(programs[copy.list_start + k]));
       certain &= settled(crossing_at(SURELY + k), crossing_at(PERHAPS + k), into) | is_shown;
@@ -149,6 +156,7 @@ fn meet_copy(body: Body) {
         let pairs = body_caster_at(copy.higher_start + (number - copy.lower)).pairs;
         let is_shown = (side >> u4(1u)) == i4(i32(number));
         certain &= keeps_side(spot, pairs, into) | is_shown;
+        rounds_left -= i32(pairs) + 1;  //? counted
         spot += pairs;
       }
       // Where it is not certain where a ray goes, it may meet something at once.
@@ -200,6 +208,7 @@ fn look_at_copy(number: u32, body: Body) {
   let glance_0 = glance_at(body, point_0, ray_0);
   // each quad
   let at_0 = further(glance_0.base, glance_0.along, spotted_0.place);
+  rounds_left -= i32(copy.cells + copy.flat_count + copy.curved_count) + 3;  //? counted
   for (var k = 0u; k < copy.flat_count + copy.curved_count; k++) {
     let surface = programs[copy.list_start + k];
     let is_flat = surface < copy.planes;

@@ -265,6 +265,7 @@ fn render(
     }
   }
   finish_regions(j);  //? regions
+  rounds_left = COUNTED_ROUNDS;  //? counted
   {  //? places
     let first = tile.starts[0];
     let end = tile.starts[CLASSES];
@@ -283,7 +284,10 @@ fn render(
     light_0 = shown_0.color;
     // each quad
     let seen_0 = nearest_0;
-    follow_mirrors(j);
+    follow_mirrors(
+      j,
+      place,  //? continued
+    );
     // each quad
     shown_0.color = light_0;
     // each quad

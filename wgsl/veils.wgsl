@@ -1,14 +1,5 @@
 // The veils of a light -> the pixels from which copies of groups hide the light.
 
-// The rounds of loops that an invocation may still take for veils. It tries no more veils once they
-// are below 0, and its block is unfinished.
-var<private> rounds_left: i32 = VEIL_ROUNDS;
-
-// 1 if the invocation did not try all veils, else 0.
-fn unfinished() -> u4 {
-  return u4(select(0u, 1u, rounds_left < 0));
-}
-
 // Whether a region holds, or does not, as `want` says, at some point from `begin` to `last`.
 fn holds_ahead(path: Path, want: bool, begin: i4, last: i32) -> b4 {
   var q = begin;

@@ -1,5 +1,15 @@
 // The walks through a region: their input, leaps, aims and starts.
 
+// The rounds of loops that an invocation may still take for veils and for cells in mirrors. It
+// tries no more of these once they are below 0, and its block is unfinished. Cells that are seen
+// have enough.
+var<private> rounds_left: i32 = 0x7FFFFFFF;
+
+// 1 if the invocation did not try all veils and all cells in mirrors, else 0.
+fn unfinished() -> u4 {
+  return u4(select(0u, 1u, rounds_left < 0));
+}
+
 // The state of a look in the middle of a program: that of the cells that ended, and of the open
 // level; the first cell that holds; and the index of the next cell.
 struct Scan {
@@ -78,7 +88,10 @@ fn walk(path: Path, want: bool, begin: Place, only: i4) -> Place {
     place.cell = seen.cell;
     place.side = select(place.side, seen.held.side, goes);
     place.q = select(place.q, select(~seen.held.until, seen.held.until, holds), goes);
-    if !anywhere(goes) {
+    rounds_left -= i32(path.end_group - path.first_group) + 2;  //? counted
+    var ends = !anywhere(goes);
+    ends = ends | (rounds_left < 0);  //? counted
+    if ends {
       break;
     }
   }

@@ -9,6 +9,8 @@ from halfstep.contract.expressions import PackedExpressions
 
 # Halvings for a ray from a mirror, as many as for shadows.
 MIRROR_STEPS = 16
+# The most reflections of a ray that a scene may ask for.
+MOST_BOUNCES = 8
 # Above all numbers of bodies.
 NO_BODY = 0xFFFFFFFF
 

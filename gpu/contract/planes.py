@@ -13,6 +13,7 @@ import numpy as np
 
 from halfstep.contract.arrays import U32, Array
 from halfstep.contract.keys import joined_key
+from halfstep.contract.mirrors import MOST_BOUNCES
 
 
 class Kept(Enum):
@@ -111,6 +112,11 @@ DEVICE_OUTPUTS = {
         Plane("verdict", Kept.NUMBER), Plane("place", Kept.NUMBER), Plane("within", Kept.FLOAT)
     ),
     "shadow": _output(Plane("shadow", Kept.NUMBER, "nearest.dark"), only_if="shadows"),
+    # What hides lights from the points that mirrors show, bounce after bounce. A device keeps it
+    # between parts of a frame.
+    "mirrored": _output(
+        *(Plane(f"mirrored_{bounce}", Kept.NUMBER) for bounce in range(MOST_BOUNCES)),
+    ),
     "overlap": _output(
         Plane("overlap", Kept.KEY, "nearest.overlap", is_least=True), only_if="overlap"
     ),

@@ -9,13 +9,13 @@ Balls that are near each other lie in a larger ball. A ray that misses a ball mi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from halfstep.contract import layout
-from halfstep.contract.arrays import Floats, Ints, never_change
+from halfstep.contract.arrays import Floats, Ints, Records, never_change
 from halfstep.contract.layout import Shade
 from halfstep.contract.mirrors import NO_BODY, PackedMirrors
 from halfstep.host.camera import View
@@ -132,10 +132,7 @@ class MirrorTables:
         of_copies = [] if self.reflected is None else self.reflected.casters
         self._own, self._casters = len(casters), caster_records([*casters, *of_copies])
         self._formulas = caster_formulas(casters, geometry.expressions)
-        self._faces = np.zeros(face_start, layout.FACE.dtype())
-        if face_start:
-            rows = np.concatenate(faces)
-            self._faces["normal"], self._faces["beyond"] = rows[:, :3], rows[:, 3]
+        self._faces = _face_records(faces, face_start)
         never_change([self._bodies, self._faces, self._balls, self._casters])
 
     def _filled(self, body: np.void, copy: int, to_local: Floats, face_start: int) -> Floats:
@@ -225,6 +222,15 @@ def _balls(center: Floats, radius: Floats, rows: Ints, first: int = 0) -> Iterat
         yield _Ball(middle, float(reach.max()), first + 1 + len(members), None)
         yield from members
         first += 1 + len(members)
+
+
+def _face_records(faces: Sequence[Floats], count: int) -> Records:
+    """The records (P,) of the planes (P, 4) of all bodies, ``count`` in all."""
+    records = np.zeros(count, layout.FACE.dtype())
+    if count:
+        rows = np.concatenate(faces)
+        records["normal"], records["beyond"] = rows[:, :3], rows[:, 3]
+    return records
 
 
 def _to_local(body: np.void, geometry: Geometry, world: World, ix: int) -> Floats:

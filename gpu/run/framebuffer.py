@@ -48,10 +48,11 @@ class FrameBuffer:
         """Size of the buffer in bytes."""
         return self.times_at + 16
 
-    def span_of(self, output: str) -> tuple[int, int]:
-        """Offset and size in bytes of an output of words."""
+    def span_of(self, outputs: frozenset[str]) -> tuple[int, int]:
+        """Offset and size in bytes of those outputs of words, one after another, that it has."""
         height, stride = self.shape
-        first, words = plane_offsets(self.written)[output], DEVICE_OUTPUTS[output].words
+        first = min(plane_offsets(self.written)[name] for name in outputs & self.written)
+        words = sum(DEVICE_OUTPUTS[name].words for name in outputs & self.written)
         return 4 * first * height * stride, 4 * words * height * stride
 
     def milliseconds(self, content: Bytes) -> float:

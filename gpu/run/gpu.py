@@ -242,9 +242,9 @@ class Device(Turns):
         )
         if self._conveyor != needs.conveyor:
             needs = replace(needs, conveyor=self._conveyor)
-        left = rounds.left_for_veils(needs, packed, self.loop_rounds, self._counted)
+        left = rounds.left_for_cells(needs, packed, self.loop_rounds, self._counted)
         if left:
-            needs = replace(needs, outputs=needs.outputs | {veils.UNFINISHED}, veil_rounds=left)
+            needs = replace(needs, outputs=needs.outputs | {veils.UNFINISHED}, counted_rounds=left)
         needs = self._shaders.of(needs).needs  # equal, and knows its facts already
         self._check_rounds_of_light(needs, packed)
         if len(packed.order) > 1 and self._is_too_large(packed, lists):
@@ -287,8 +287,8 @@ class Device(Turns):
             needs,
             lambda part, wanted, clears: self._draw(drawn, part, wanted, asked, clears),
             f"adapter {self.adapter.summary}: the driver ends loops after {self.loop_rounds:,} "
-            "rounds, and one copy of a group of cells may take more to hide a light; use a group "
-            "of fewer surfaces, no shadows, or the backend numpy",
+            "rounds, and one copy of a group that may hide a light, or cells in mirrors, may take "
+            "more; use groups of fewer surfaces, fewer bounces, no shadows, or the backend numpy",
         )
 
     def _draw(
@@ -301,7 +301,7 @@ class Device(Turns):
     ) -> tuple[Planes, float | None]:
         """Dispatch what can be rendered at once, and read it back.
 
-        ``clears``: empty the output ``shadow`` before.
+        ``clears``: empty what parts of a frame leave to the next one before.
         """
         shaders, lists = self._shaders.of(needs), drawn.lists
         layout = FrameBuffer(needs.outputs, packed.setup.view.width, drawn.rows)
@@ -313,7 +313,7 @@ class Device(Turns):
         tiles_x = layout.shape[1] // TILE
         records, parts = parts_of(shaders, packed, lists, tiles_x, left_out)
         contents = contents_of(packed, lists, drawn.record, records)
-        cleared = layout.span_of("shadow") if clears else None
+        cleared = layout.span_of(veils.CONTINUED) if clears else None
         read = self._read(buffer, layout, shaders, contents, parts, outputs, cleared)
         self._blank = ground, blank
         return read

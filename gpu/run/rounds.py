@@ -170,25 +170,79 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
             asks = 1 + 2 * len(needs.programs) if needs.cast_formulas else 1
             of_form = (CLOCKS + 1) * asks + 2
             of_shadows += len(casters) * (needs.quads * of_form + 1)
-    if packed.veils is not None and "veils" in needs.facts:
-        of_shadows += _rounds_of_veils(needs, packed.veils)
     if packed.mirrors is not None and "mirrors" in needs.facts:
         # All balls, and the half-spaces of all bodies to find what is met, and to look at it.
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
-        of_mirrors = 2 * len(packed.mirrors.balls) + 2 * int((faces + 3).sum()) + MIRROR_STEPS
+        of_mirrors = 2 * len(packed.mirrors.balls) + 2 * int((faces + 5).sum()) + MIRROR_STEPS
+        of_mirrors += needs.quads * needs.light_rounds + 1
         if packed.mirrors.casters is not None:
             # Cells and halvings to find what is met, and a round each time to fetch a form.
             asks = 1 + 2 * len(needs.programs) if needs.body_formulas else 1
             asked = needs.quads * ((CLOCKS + CAST_STEPS + 1) * asks + 2) + 2 * asks + 4
             of_mirrors += len(packed.mirrors.casters) * asked
-        if packed.mirrors.reflected is not None:
-            of_mirrors += _rounds_of_copies(needs, packed.mirrors.reflected)
-    bounces = needs.bounces if of_mirrors else 0
-    return of_shadows + bounces * (of_mirrors + of_shadows + needs.quads * needs.light_rounds + 1)
+    of_cells, beyond = _rounds_of_cells(needs, packed), 0
+    if needs.counted_rounds:
+        beyond = _rounds_beyond(needs, packed)
+        of_cells = min(of_cells, needs.counted_rounds + beyond)
+    bounces = _bounces(needs, packed)
+    of_cells += (1 + bounces) * _rounds_of_boxes(needs, packed)
+    return (1 + bounces) * of_shadows + bounces * of_mirrors + of_cells
 
 
-def _rounds_of_copies(needs: Needs, reflected: PackedReflected) -> int:
-    """The most rounds that an invocation takes for all copies of groups in one bounce."""
+def _bounces(needs: Needs, packed: Packed) -> int:
+    """How often an invocation follows rays from mirrors."""
+    return needs.bounces if packed.mirrors is not None and "mirrors" in needs.facts else 0
+
+
+def left_for_cells(needs: Needs, packed: Packed, granted: int, together: int) -> int:
+    """The rounds after which an invocation tries no more veils, and no more cells in mirrors.
+
+    0 if it takes fewer for all. They are about half of the rounds ``granted``, and a power of two,
+    so that scenes share shaders. A driver may count the rounds of ``together`` invocations that
+    branch one by one.
+    """
+    of_cells = _rounds_of_cells(needs, packed)
+    if not of_cells:
+        return 0
+    room = granted // 2 // together - _rounds_beyond(needs, packed)
+    room -= (1 + _bounces(needs, packed)) * _rounds_of_boxes(needs, packed)
+    left = 1 << (max(room, 1).bit_length() - 1)
+    return left if of_cells > left else 0
+
+
+def _rounds_of_cells(needs: Needs, packed: Packed) -> int:
+    """The most rounds for all veils of all lights and all copies in mirrors, as shaders count."""
+    bounces = _bounces(needs, packed)
+    veils, copies = _veils(needs, packed), _copies(needs, packed)
+    of_veils = 0 if veils is None else _rounds_of_all(needs, veils)
+    of_copies = 0 if copies is None else int(_rounds_of_copies(needs, copies, whole=True).sum())
+    return (1 + bounces) * of_veils + bounces * of_copies
+
+
+def _rounds_beyond(needs: Needs, packed: Packed) -> int:
+    """The most rounds that veils and copies in mirrors take after the rounds have run out."""
+    veils, copies = _veils(needs, packed), _copies(needs, packed)
+    of_veils = 0 if veils is None else _rounds_beyond_veils(needs, veils)
+    of_copies = 0
+    if copies is not None:
+        of_copies = int(_rounds_of_copies(needs, copies, whole=False).max(initial=0))
+    return max(of_veils, of_copies)
+
+
+def _veils(needs: Needs, packed: Packed) -> PackedVeils | None:
+    return packed.veils if "veils" in needs.facts else None
+
+
+def _copies(needs: Needs, packed: Packed) -> PackedReflected | None:
+    is_there = packed.mirrors is not None and "body_cells" in needs.facts
+    return packed.mirrors.reflected if is_there and packed.mirrors is not None else None
+
+
+def _rounds_of_copies(needs: Needs, reflected: PackedReflected, *, whole: bool) -> Ints:
+    """The most rounds (I,) that an invocation takes for each copy of a group in one bounce.
+
+    Without the ``whole``, each walk takes one look.
+    """
     copies = reflected.copies
     names = ("flat_count", "curved_count", "higher_count", "cells", "first_group", "end_group")
     flat, curved, higher, cells, first, end = (copies[name].astype(np.int64) for name in names)
@@ -196,36 +250,18 @@ def _rounds_of_copies(needs: Needs, reflected: PackedReflected) -> int:
     # crossed and looked at, and for `error` looked at once more.
     certified = "error" in needs.facts
     looks = 2 * curved + (1 + certified) * flat + 2 * reflected.pairs * higher + 2
+    looks = looks if whole else np.ones_like(looks)
     walks = needs.quads * (6 if certified else 2)
     surfaces = (2 + certified * needs.quads) * (flat + curved)
     surfaces += (rounds_of_higher(reflected.pairs) + certified * reflected.pairs + 4) * higher
-    return int((surfaces + cells + walks * (looks * (end - first + 2) + 2) + 12).sum())
+    return np.asarray(surfaces + cells + walks * (looks * (end - first + 2) + 2) + 12)
 
 
-def left_for_veils(needs: Needs, packed: Packed, granted: int, together: int) -> int:
-    """The rounds after which an invocation tries no more veils; 0 if it takes fewer for all.
-
-    They are about half of the rounds ``granted``, and a power of two, so that scenes share shaders.
-    A driver may count the rounds of ``together`` invocations that branch one by one.
-    """
-    if packed.veils is None or "veils" not in needs.facts:
-        return 0
-    beyond = _rounds_beyond(needs, packed.veils)
-    room = granted // 2 // together - beyond - _rounds_of_boxes(needs, packed.veils)
-    left = 1 << (max(room, 1).bit_length() - 1)
-    return left if _rounds_of_all(needs, packed.veils) > left else 0
-
-
-def _rounds_of_veils(needs: Needs, veils: PackedVeils) -> int:
-    """The most rounds that an invocation takes for shadows of copies."""
-    of_veils = _rounds_of_all(needs, veils)
-    if needs.veil_rounds:
-        of_veils = min(of_veils, needs.veil_rounds + _rounds_beyond(needs, veils))
-    return of_veils + _rounds_of_boxes(needs, veils)
-
-
-def _rounds_of_boxes(needs: Needs, veils: PackedVeils) -> int:
+def _rounds_of_boxes(needs: Needs, packed: Packed) -> int:
     """The most rounds for the boxes of all veils, of which invocations look at some together."""
+    veils = _veils(needs, packed)
+    if veils is None:
+        return 0
     return 2 * (len(veils.records) // needs.broadcast) + 4 * len(veils.views)
 
 
@@ -239,8 +275,8 @@ def _rounds_of_all(needs: Needs, veils: PackedVeils) -> int:
     return int((flat + curved + 6 + rounds_of_higher(veils.pairs) * higher + looks).sum())
 
 
-def _rounds_beyond(needs: Needs, veils: PackedVeils) -> int:
-    """The most rounds that a veil takes after the rounds for veils have run out."""
+def _rounds_beyond_veils(needs: Needs, veils: PackedVeils) -> int:
+    """The most rounds that a veil takes after the rounds have run out."""
     flat, curved, higher = _counts_of_veils(veils)
     surfaces = flat + curved + rounds_of_higher(veils.pairs) * higher
     return int((surfaces + 6 + _walks_of_veils(needs) * _rounds_of_look(veils)).max())

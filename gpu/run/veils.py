@@ -1,10 +1,11 @@
 """Frames whose invocations cannot try all veils of lights within the rounds of loops granted.
 
-The shader counts the rounds that it takes for veils. An invocation that has too few tries no more
-veils, and says so in the output ``unfinished``. Then the frame is rendered again and again, each
-time with some of the veils, and what those before hide stays in the frame buffer. What hides a
-light from a point does so whatever else is tried, so the bits do not depend on the parts. The last
-rendering has all bits, and so it has the colours. Doubts are joined here.
+The shader counts the rounds that it takes for veils, and for cells in mirrors. An invocation that
+has too few tries no more of them, and says so in the output ``unfinished``. Then the frame is
+rendered again and again, each time with some of the veils, and what those before hide stays in the
+frame buffer, also from the points that mirrors show. What hides a light from a point does so
+whatever else is tried, so the bits do not depend on the parts. The last rendering has all bits, and
+so it has the colours. Doubts are joined here.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from halfstep.errors import DeviceError
 from halfstep.host.pack import Packed
 from halfstep.shader.needs import Needs
 
-# The output that is not 0 where an invocation did not try all veils.
+# The output that is not 0 where an invocation did not try all veils, or cells in mirrors.
 UNFINISHED = "unfinished"
+# The outputs that parts of a frame leave to the next one; neighbours in the frame buffer.
+CONTINUED = frozenset({"shadow", "mirrored"})
 # Planes, and the device time in ms if measured.
 Drawn = tuple[Planes, float | None]
 
@@ -38,8 +41,8 @@ def draw_all(
         packed: the frame's records, with veils.
         needs: the needs of a shader that counts rounds.
         draw: renders a frame with some of the veils; the bool tells to empty the output
-            ``shadow`` in the frame buffer before.
-        refused: what to say if the driver grants too few rounds for one veil.
+            `CONTINUED` in the frame buffer before.
+        refused: what to say if the driver grants too few rounds for one veil, or for mirrors.
 
     Raises:
         DeviceError: it does.
@@ -47,8 +50,10 @@ def draw_all(
     drawn = draw(packed, needs, False)
     if _is_finished(drawn):
         return drawn
-    assert packed.veils is not None
-    in_parts = replace(needs, outputs=needs.outputs | {"shadow"}, continued=True)
+    if packed.veils is None:
+        raise DeviceError(refused)
+    kept = CONTINUED if "mirrors" in needs.facts else CONTINUED - {"mirrored"}
+    in_parts = replace(needs, outputs=needs.outputs | kept, continued=True)
     times, waiting = [drawn[1]], halves(0, len(packed.veils.records))
     is_first = True
     doubt = drawn[0].get("doubt")

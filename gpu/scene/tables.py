@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from halfstep.contract.choices import ColorBy, Method, NumberFormat
+from halfstep.contract.mirrors import MOST_BOUNCES
 from halfstep.scene.faults import SMALLEST_LENGTH, TABLE_FAULT, fault, show
 from halfstep.scene.formula import MAX_ID
 from halfstep.scene.placement import PARALLEL_SINE, unit
@@ -97,7 +98,7 @@ class Image(Table):
     height: Annotated[int, Field(ge=1, le=MAX_SIDE)] = 480
     samples: Annotated[int, Field(ge=1, le=8)] = 1
     background: Color = (0.02, 0.02, 0.03)
-    bounces: Annotated[int, Field(ge=0, le=8)] = 1
+    bounces: Annotated[int, Field(ge=0, le=MOST_BOUNCES)] = 1
     color_by: ColorBy = "material"
 
     @field_validator("samples")

@@ -85,9 +85,10 @@ class Needs:
     many: bool = False  # a light has so many occluders that groups of boxes pay
     veils: bool = False  # a copy of a group of cells may hide a light
     veil_pairs: int = 0  # the most pairs of ends of a surface of such a copy of an order above two
-    veil_rounds: int = 0  # loop rounds after which no more veils are tried; 0: all are tried
+    # Loop rounds after which no more veils, and no cells in mirrors, are tried; 0: all are tried.
+    counted_rounds: int = 0
     judges: bool = False  # the shader asks integers about listed quads, and draws nothing
-    continued: bool = False  # `shadow` in the frame buffer has what other veils hide
+    continued: bool = False  # the frame buffer has what other veils hide
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -118,6 +119,8 @@ class Needs:
             wanted |= {"body_casters", "body_higher"} if self.body_pairs else set()
         if wanted & {"shadows", "mirrors"}:
             wanted |= {"places", "flush"} if self.flush else {"places"}
+        # Shaders for tiles that see no mirror tell that they finish.
+        wanted |= {"counted"} if self.counted_rounds else set()
         if self.broadcast > 1:
             wanted.add("broadcast")
         if self.has_regions:
@@ -151,7 +154,6 @@ class Needs:
         wanted |= {"veil_higher"} if self.veil_pairs else set()
         if "error" in self.outputs and wanted & {"casters", "veil_higher"}:
             wanted.add("shadow_doubts")
-        wanted |= {"counted"} if self.veils and self.veil_rounds else set()
         wanted |= {"continued"} if self.continued else set()
         wanted |= {"many_shadows"} if self.many and self.broadcast >= GROUP else set()
         return wanted

@@ -224,8 +224,8 @@ def constants(needs: Needs) -> str:
         "CAST_STEPS": (CAST_STEPS, "halvings of the rest of a ray to a light"),
         "VEIL_STEPS": (VEIL_STEPS, "halvings for a crossing of a veil"),
         "HIGHER_ROUNDS": (
-            rounds_of_higher(needs.veil_pairs),
-            "the most rounds that a surface of an order above two takes of a veil",
+            rounds_of_higher(max(needs.veil_pairs, needs.body_pairs)),
+            "the most rounds for a surface of an order above two of a veil or of a cell in mirrors",
         ),
         **{name: (getattr(program, name), "of a word of a program") for name in WORD},
     }
@@ -236,8 +236,8 @@ def constants(needs: Needs) -> str:
     for name, first in byte_offsets(needs.outputs).items():
         numbers[f"BYTES_{name.upper()}"] = first, "bytes of a pixel before this output"
     lines = [f"const {name}: u32 = {n}u;  // {meaning}" for name, (n, meaning) in numbers.items()]
-    rounds = needs.veil_rounds
-    lines.append(f"const VEIL_ROUNDS: i32 = {rounds};  // after so many, no more veils are tried")
+    meaning = "after so many, no more veils and no cells in mirrors are tried"
+    lines.append(f"const COUNTED_ROUNDS: i32 = {needs.counted_rounds};  // {meaning}")
     lines.append(f"const HALVINGS: Run = {halvings};  // roundings of the method's halvings")
     lines.append(f"const SEARCHES: Run = {needs.format.run};  // roundings of the conveyor")
     return "".join(f"{line}\n" for line in lines)

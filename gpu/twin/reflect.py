@@ -89,20 +89,26 @@ def curve_doubted(form: Form, by: np.float32) -> Crossing:
     return curve_crossed(shifted_form(form, np.full_like(form.c, by)))
 
 
-def course_along(caster: np.void, glance: Glance, asked: Bools, on_curve: Bools) -> Course:
+def course_along(
+    caster: np.void, glance: Glance, asked: Bools, on_f: Bools, flush: Bools
+) -> Course:
     """The courses of rays from mirrors through the box of a surface of an order above two.
 
     Args:
         caster: its form.
         glance: the rays about the copy.
         asked: the pixels that ask for it.
-        on_curve: those whose rays begin on the surface.
+        on_f: those whose rays begin on the surface.
+        flush: those whose rays begin on one that coincides with it; these begin on F if they are
+            in the box.
     """
     trace, start = glance_trace(caster, glance), glance.start
     way = boxed_way(trace, Way(start, np.ones_like(start)))
+    on_curve = on_f | (flush & (way.begin <= start))
     begin = np.where(on_curve, start, way.begin)
     half = np.maximum((way.end - begin) * np.float32(0.5), SHORTEST)
-    return Course(moved_trace(trace, begin, half), asked & (begin < way.end), begin, half)
+    some = asked & (begin < way.end)
+    return Course(moved_trace(trace, begin, half), some, begin, half, on_curve)
 
 
 def encounter(

@@ -100,9 +100,7 @@ def _crossings(
     def begins_on(number: int) -> Bools:
         """Whether a ray begins on a surface of the copy, or on one that coincides with it."""
         here = own & shows_surface(bearer.met, number)
-        if "flush" in facts:
-            here |= is_same_surface(shared.seen, side_of(shared, int(body["surface"]) + number))
-        return here
+        return here | _is_flush(body, number, shared, facts)
 
     found: dict[Crossed, list[Crossing]] = {kind: [] for kind in Crossed}
     for number in listed[:flat_count]:
@@ -131,6 +129,13 @@ def _crossings(
     return begin, found
 
 
+def _is_flush(body: np.void, number: int, shared: Shared, facts: Collection[str]) -> Bools:
+    """Whether rays begin on a surface that coincides with one of a copy."""
+    if "flush" not in facts:
+        return np.zeros(shared.seen.shape, bool)
+    return is_same_surface(shared.seen, side_of(shared, int(body["surface"]) + number))
+
+
 class Higher(NamedTuple):
     """What is known of the surfaces of a copy of an order above two."""
 
@@ -141,25 +146,29 @@ class Higher(NamedTuple):
 
 def _higher_crossings(
     mirrors: PackedMirrors,
-    copy: np.void,
     numbers: list[int],
+    body: np.void,
     glance: Glance,
     asked: Bools,
     bearer: Bearer,
-    own: Bools,
+    shared: Shared,
     facts: Collection[str],
 ) -> Higher:
-    """The crossings of surfaces of a copy of an order above two.
+    """The crossings of surfaces of a copy of an order above two, those of ``numbers``.
 
-    ``own``: whether what mirrors the rays is of the copy; other arguments as of `meet_copy`.
+    The other arguments are those of `meet_copy`.
     """
+    assert mirrors.reflected is not None
+    copy = mirrors.reflected.copies[int(body["copy"]) - 1]
+    own = is_own(bearer.surface, int(body["surface"]), int(copy["count"]))
     known, further = np.ones(asked.shape, bool), np.zeros(asked.shape, np.int32)
     found: dict[Crossed, list[Crossing]] = {kind: [] for kind in Crossed}
     for number in numbers:
         caster = higher_at(mirrors, copy, number)
-        on_curve, pairs = own & shows_surface(bearer.met, number), int(caster["pairs"])
-        course = course_along(caster, glance, asked, on_curve)
-        ahead = curve_ahead(caster, course, on_curve)
+        on_f, pairs = own & shows_surface(bearer.met, number), int(caster["pairs"])
+        flush = _is_flush(body, number, shared, facts)
+        course = course_along(caster, glance, asked, on_f, flush)
+        ahead, on_curve = curve_ahead(caster, course), course.on_curve
         way = points_to_surface(ahead.value * course.half, ahead.curve.powers[0])
         further = further + np.where(on_curve, way, np.int32(0))
         known = known & (~on_curve | knows_side(ahead.curve))
@@ -211,9 +220,8 @@ def meet_copy(
     lower = int(copy["flat_count"]) + int(copy["curved_count"])
     listed = cells.words[first : first + lower + int(copy["higher_count"])].tolist()
     begin, found = _crossings(mirrors, listed[:lower], body, glance, bearer, shared, facts)
-    own = is_own(bearer.surface, int(body["surface"]), int(copy["count"]))
-    of_higher = listed[lower:], glance, asked, bearer, own, facts
-    higher = _higher_crossings(mirrors, copy, *of_higher)
+    of_higher = listed[lower:], body, glance, asked, bearer, shared, facts
+    higher = _higher_crossings(mirrors, *of_higher)
     begin = np.where(asked, begin + higher.further, NEVER)
     found = {kind: found[kind] + higher.found[kind] for kind in Crossed}
     crossings = [each for kind in Crossed for each in found[kind]]
