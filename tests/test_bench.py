@@ -53,6 +53,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "_PINS", (2,))
     monkeypatch.setattr(parts, "_RINGS", 1)
     monkeypatch.setattr(parts, "_SHADOWED", ("figure",))
+    monkeypatch.setattr(parts, "_MIRRORING", ("figure",))
     monkeypatch.setattr(parts, "_own_process", lambda _, count: 12.0 / count)
     monkeypatch.setattr(machine, "cores", lambda: 3)
 
@@ -176,8 +177,18 @@ def test_the_scene_for_povray_is_the_same_scene() -> None:
         "sphere { 0, 1 scale <1.2, 0.90000000000000002, 1> translate <-0.75,"
         " 0.40000000000000002, -2.25> pigment { rgb <0.20000000000000001, 0.5,"
         " 0.80000000000000004> } finish { ambient rgb <0.10000000000000001,"
-        " 0.10000000000000001, 0.10000000000000001> diffuse 1 } }"
+        " 0.10000000000000001, 0.10000000000000001> diffuse 1 reflection 0 } }"
     )
+
+
+def test_mirrors_for_povray_have_the_same_shares() -> None:
+    lines = povray.text(scenes.mirroring(scenes.overlapping(), 3), aspect=2.0).splitlines()
+    assert "max_trace_level 4 " in lines[1]
+    spheres = [line for line in lines if line.startswith("sphere")]
+    assert len(spheres) == 16
+    for line in spheres:
+        assert line.endswith(" diffuse 0.75 reflection 0.25 } }")
+        assert "ambient rgb <0.07" in line
 
 
 def test_solids_of_half_spaces_for_povray_are_the_same_solids() -> None:
@@ -386,6 +397,8 @@ def test_every_part_measures(adapter: Adapter, tmp_path: Path) -> None:
     assert [row["backend"] for row in by_name["twin"].rows] == ["gpu", "numpy"]
     shadowed = [(row["scene"], row["shadows"]) for row in by_name["shadows"].rows]
     assert shadowed[:3] == [("figure", "without"), ("figure", "with"), ("16 solids", "with")]
+    mirrored = [(row["scene"], row["mirrors"]) for row in by_name["mirrors"].rows]
+    assert mirrored == [("figure", "without"), ("figure", "with")]
     assert whole.machine["adapter"] == adapter.summary.name
     plot.write(whole, tmp_path / "bench.png")
     assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")

@@ -30,6 +30,7 @@ _SIDES = (256, 512, 1024, 2048)
 _LATTICES = (10, 100, 1000, 5000, 100_000)
 _SET_UP = (100, 1000, 10_000)
 _SHADOWED = ("figure", "gallery", "crowd", "bracket")  # the last one has cells
+_MIRRORING = ("figure", "gallery", "crowd")
 _SMALL = (256, 256)
 _REGIONS = ("die", "bracket", "nut_and_bolt", "assembly_17x17")
 _PINS = (17, 100, 316)
@@ -462,6 +463,29 @@ def shadows(bench: Bench) -> Part:
     return Part("shadows", title, rows, summary, notes=notes)
 
 
+def mirrors(bench: Bench) -> Part:
+    """Frame time of bundled scenes with one bounce of the whole picture, and without."""
+    notes = ["A bounce: what the frame takes longer, against the frame without."]
+    with ExitStack() as stack:
+        cases: dict[tuple[str, str], Callable[[], float | None]] = {}
+        for name in _MIRRORING:
+            plain = with_overrides(load(name), size=(640, 480))
+            for what, drawn in (("without", plain), ("with", scenes.mirroring(plain))):
+                renderer = stack.enter_context(bench.renderer(drawn))
+                cases[name, what] = partial(_frame, renderer, drawn)
+        times = bench.times(cases, turn=50.0)
+    rows: list[dict[str, Value]] = [
+        {"scene": name, "mirrors": what, **_row(each)} for (name, what), each in times.items()
+    ]
+    summary = {
+        f"{name}, 640×480, a bounce of the whole picture, against the rest": (
+            f"{times[name, 'with'].best / times[name, 'without'].best - 1:.1f} ×"
+        )
+        for name in _MIRRORING
+    }
+    return Part("mirrors", "Mirrors, 640×480, one bounce", rows, summary, notes=notes)
+
+
 def threads(bench: Bench) -> Part:
     """Frame time against the threads of a software driver."""
     title = "A frame against threads"
@@ -521,6 +545,7 @@ PARTS: dict[str, Callable[[Bench], Part]] = {
     "frames": frames,
     "regions": regions,
     "shadows": shadows,
+    "mirrors": mirrors,
     "solids": solids,
     "setup": setup,
     "pixels": pixels,

@@ -94,9 +94,10 @@ def text(scene: Scene, aspect: float) -> str:
     """
     camera = scene.camera
     assert camera.fov_degrees is not None
+    levels = scene.image.bounces + 1 if any(each.reflection for each in scene.materials) else 1
     lines = [
         "#version 3.7;",
-        "global_settings { assumed_gamma 1 max_trace_level 1 ambient_light rgb 1 }",
+        f"global_settings {{ assumed_gamma 1 max_trace_level {levels} ambient_light rgb 1 }}",
         f"background {{ rgb {vector(scene.image.background)} }}",
         # POV-Ray's axes are left-handed. A negative right vector makes them right-handed.
         f"camera {{ perspective location {vector(camera.center)} sky {vector(camera.up)}"

@@ -144,9 +144,11 @@ def _bounds(box: Floats) -> str:
 
 def finish(material: Material, scene: Scene) -> str:
     """The text of a material without highlights: POV-Ray gives none for lights without shadows."""
+    own = 1 - material.reflection
+    ambient = vector([own * part for part in scene.ambient.color])
     return (
         f"pigment {{ rgb {vector(material.color)} }} finish {{ ambient rgb"
-        f" {vector(scene.ambient.color)} diffuse 1 }}"
+        f" {ambient} diffuse {own:.17g} reflection {material.reflection:.17g} }}"
     )
 
 

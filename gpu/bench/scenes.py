@@ -8,6 +8,8 @@ from typing import Any
 from halfstep.scene import Scene
 
 _COLORS = ((0.8, 0.5, 0.2), (0.2, 0.5, 0.8), (0.6, 0.7, 0.3), (0.7, 0.3, 0.4))
+# The weight of what mirrors show.
+_REFLECTION = 0.25
 # Side of the square that holds the lattices of `equal_coverage`. Its area is the total area of
 # their spheres.
 _SIDE = 8.0
@@ -189,6 +191,19 @@ def _tilted(solids: list[dict[str, Any]]) -> Scene:
     camera = {"center": (1.6, -3.6, 2.6), "look_at": (0.0, 0.0, 0.0), "fov_degrees": 36.0}
     light = {"direction": (1.0, -1.0, 2.0)}
     return Scene.from_dict({"format": 1, "camera": camera, "light": [light], "solid": solids})
+
+
+def mirroring(scene: Scene, bounces: int = 1) -> Scene:
+    """A scene of solids, each of which reflects a part of the light, besides its own colour."""
+    tables = scene.model_dump(by_alias=True, exclude_none=True)
+    materials: list[dict[str, Any]] = []
+    for solid, table in zip(scene.solids, tables["solid"], strict=True):
+        material = scene.material_of(solid).model_dump(exclude_none=True)
+        table.pop("color", None)
+        table["material"] = f"mirror_{len(materials)}"
+        materials.append({**material, "name": table["material"], "reflection": _REFLECTION})
+    image = {**tables["image"], "bounces": bounces}
+    return Scene.from_dict({**tables, "image": image, "material": materials})
 
 
 def _seen(solids: list[dict[str, Any]], distance: float = 11.0) -> Scene:

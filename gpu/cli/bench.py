@@ -19,6 +19,7 @@ PARTS = (
     "frames",
     "regions",
     "shadows",
+    "mirrors",
     "solids",
     "setup",
     "pixels",
