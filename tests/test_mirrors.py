@@ -215,8 +215,8 @@ def test_loops_that_a_driver_would_cut_short_are_refused(adapter: Adapter) -> No
 
 # A word of the kernel, and what a slip would make of it.
 FAULTS = [
-    ("number + 1u, is_wanted", "ball.next, is_wanted"),
-    ("next_ball(number + 1u, end)", "next_ball(number + 2u, end)"),
+    ("number + 1u, is_wanted", "hull.next, is_wanted"),
+    ("next_hull(number + 1u, end)", "next_hull(number + 2u, end)"),
     ("number = next_body(number) - 1u;", "number = next_body(NO_BODY) - 1u;"),
     ("distance < old.distance", "distance > old.distance"),
     ("point_0 = caught_0.point;", ""),

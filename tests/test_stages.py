@@ -74,7 +74,10 @@ LIT = ("ambient", "specular")
 SHADERS = ("shade", "finish")
 
 # Records of what hides lights, and files of functions that read them.
-SHADOWED = ("location.", "occluder.", "slab.", "body.", "face.", "veil.", "flat.", "caster.")
+SHADOWED = (
+    *("location.", "occluder.", "slab.", "body.", "face.", "hull."),
+    *("veil.", "flat.", "caster."),
+)
 SHADOWS = ("place", "beam", "beam_fixed", "shadow", "mirror", "veil")
 
 # Values that make products, sums and roots coincide exactly.
@@ -432,7 +435,12 @@ FAULTS = [
     ("shadow.between", "-slope, later", "slope, later"),
     ("mirror.mirrored", "f4(2.0)", "f4(1.0)"),
     ("mirror.further", "u * along.z", "u * along.y"),
-    ("mirror.may_meet", "start < f4(ball.radius)", "start > f4(ball.radius)"),
+    ("mirror.over_slope", "< f4(LEAST_SLOPE)", "> f4(LEAST_SLOPE)"),
+    ("mirror.over_slopes", "along.z", "along.y"),
+    ("mirror.common_stay", "second.leaves <", "second.leaves >"),
+    ("mirror.stay_between", "middle - reach", "middle + reach"),
+    ("mirror.stay_in", "hull.half[1]", "hull.half[0]"),
+    ("mirror.may_meet", "stay.enters <=", "stay.enters >"),
     ("mirror.glance_at", "start < f4(body.bound)", "start > f4(body.bound)"),
     ("mirror.from_middle_of", "c[0], c[1]", "c[1], c[0]"),
     ("mirror.is_left", "turned == u4(0u)", "turned != u4(0u)"),

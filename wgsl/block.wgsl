@@ -44,6 +44,10 @@ var<private> ray_0: Vector;  // along which it is seen  //? mirrors
 // each quad
 var<private> from_0: Vector;  // where that begins  //? mirrors
 // each quad
+var<private> over_0: Vector;  // one over each component of it  //? mirrors
+// each quad
+var<private> stay_0: Stay;  // its way in a box  //? mirrors
+// each quad
 var<private> gone_0: u4;  // number of the body that it has left for good  //? mirrors
 // each quad
 var<private> spotted_0: Spotted;  // what it meets first so far  //? mirrors

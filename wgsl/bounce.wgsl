@@ -42,9 +42,10 @@ const NOTHING_CAUGHT: Caught = Caught(
   f4(0.0),
 );
 
-// The way from the mirror to u, at least that to the ball of the body.
-fn distance_of(body: Body, glance: Glance, u: f4) -> f4 {
-  return (max(u, f4(-body.bound)) - glance.start) * (1.0 / body.unit);
+// The way from the mirror to u, at least that to the box of the body.
+fn distance_of(body: Body, glance: Glance, u: f4, stay: Stay) -> f4 {
+  let way = (u - glance.start) * (1.0 / body.unit);
+  return select(way, stay.enters, stay.enters > way);
 }
 
 // What a ray meets first, and a body, which it meets at a root, at u.
@@ -53,16 +54,18 @@ fn spot_first(
   number: u32,
   body: Body,
   glance: Glance,
+  stay: Stay,
   root: Root,
   u: f4,
   inside: b4,
   side: i4,  //? body_cells
 ) -> Spotted {
-  let distance = distance_of(body, glance, u);
+  let distance = distance_of(body, glance, u, stay);
   let is_flat = b4((body.flags & SHADE_FLAT) != 0u);
   let face = u4(root.surface);
   let surface = u4(body.surface) + select(face, u4(1u), is_flat);
   let nearer = root.hit
+    & may_meet(stay)
     & ((distance < old.distance) | ((distance == old.distance) & (surface < old.surface)));
   let other = inside | (is_flat & (face == u4(2u)));
   return Spotted(
@@ -150,8 +153,9 @@ fn try_body(number: u32, body: Body) {
         let form = body_formula_at(caster.formula - 1u);
         meeting_0 = meeting_of_formula(form, caster, passage, turned);
       }
-      let doubt = distance_of(body, glance_0, meeting_0.begin);
-      spotted_0.doubt = min(spotted_0.doubt, select(doubt, f4(NO_DOUBT), meeting_0.sure));
+      let doubt = distance_of(body, glance_0, meeting_0.begin, stay_0);
+      let sure = meeting_0.sure | !may_meet(stay_0);
+      spotted_0.doubt = min(spotted_0.doubt, select(doubt, f4(NO_DOUBT), sure));
     }
   }
   var copies = min(body.copy, 1u);  //? body_cells
@@ -197,8 +201,9 @@ fn try_body(number: u32, body: Body) {
       place = seen.u;
       inside = seen.inside;
       side = seen.side;
-      let doubt = distance_of(body, glance_0, seen.begin);  //? error
-      let begins = select(doubt, f4(NO_DOUBT), seen.sure);  //? error
+      let doubt = distance_of(body, glance_0, seen.begin, stay_0);  //? error
+      let sure = seen.sure | !may_meet(stay_0);  //? error
+      let begins = select(doubt, f4(NO_DOUBT), sure);  //? error
       spotted_0.doubt = min(spotted_0.doubt, begins);  //? error
     }
     spotted_0 = spot_first(
@@ -206,6 +211,7 @@ fn try_body(number: u32, body: Body) {
       number,
       body,
       glance_0,
+      stay_0,
       root,
       place,
       inside,
@@ -214,24 +220,25 @@ fn try_body(number: u32, body: Body) {
   }
 }
 
-// The first ball from one on around a body that a ray may meet first, or else the end. A loop is
+// The first box from one on around a body that a ray may meet first, or else the end. A loop is
 // what invocations side by side skip code by.
-fn next_ball(first: u32, end: u32) -> u32 {
+fn next_hull(first: u32, end: u32) -> u32 {
   var number = first;
   loop {
     // The loop is left at the end of its body: what is looked at behind the last does not matter.
-    let ball = ball_at(min(number, end - 1u));
+    let hull = hull_at(min(number, end - 1u));
     var wanted = b4(false);
     // each quad
     {
-      let c = ball.center;
+      let c = hull.center;
       let from_middle = Vector(from_0.x - c[0], from_0.y - c[1], from_0.z - c[2]);
-      let near = may_meet(ball, from_middle, ray_0, spotted_0.distance);
-      wanted = wanted | (near & (gone_0 != u4(ball.body)));
+      stay_0 = stay_in(hull, from_middle, over_0);
+      let near = may_meet(stay_0) & (stay_0.enters <= spotted_0.distance);
+      wanted = wanted | (near & (gone_0 != u4(hull.body)));
     }
     let is_wanted = anywhere(wanted);
-    let found = is_wanted & (ball.body > 0u);
-    number = select(select(ball.next, number + 1u, is_wanted), number, found | (number >= end));
+    let found = is_wanted & (hull.body > 0u);
+    number = select(select(hull.next, number + 1u, is_wanted), number, found | (number >= end));
     if found | (number >= end) {
       break;
     }
@@ -242,11 +249,13 @@ fn next_ball(first: u32, end: u32) -> u32 {
 // What the rays from the mirrors of a block meet first.
 fn find_bodies() {
   let end = mirrors_at(0u).count;
-  let first = next_ball(0u, end);
+  // each quad
+  over_0 = over_slopes(ray_0);
+  let first = next_hull(0u, end);
   for (var number = first; number < end; number++) {
-    let body = ball_at(number).body;
+    let body = hull_at(number).body;
     try_body(body, tried_at(body - 1u));
-    number = next_ball(number + 1u, end) - 1u;
+    number = next_hull(number + 1u, end) - 1u;
   }
 }
 

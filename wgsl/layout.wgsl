@@ -387,12 +387,12 @@ struct Bowl {
   error: f32,  // error of F from rounding, along a ray
 }
 
-// A ball around a body, or around the balls that follow, up to `next`.
-struct Ball {
+// A box around a body, or around the boxes that follow, up to `next`.
+struct Hull {
   @align(32) center: array<f32, 3>,  // on the grid
-  radius: f32,  // in units of the grid
-  next: u32,  // the ball to look at after this one if no ray meets this one
-  body: u32,  // number of the body, from 1; 0 for a ball around balls
+  half: array<f32, 3>,  // from there to its sides, in units of the grid
+  next: u32,  // the box to look at after this one if no ray meets this one
+  body: u32,  // number of the body, from 1; 0 for a box around boxes
 }
 
 // The box of points that an occluder may hide from a light, in the light's axes.

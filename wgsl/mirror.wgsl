@@ -20,8 +20,11 @@ const LEAST_SQUARE: f32 = 1e-30;
 // And what its root is not below.
 const LEAST_TURN: f32 = 1e-15;
 
-// What is left of a sum of three squares, or products, if their rounding is taken from it.
-const EXACT: f32 = 1.0 - 0x1p-20;
+// What no component of a direction is below: a box is larger by more than such a ray deviates.
+const LEAST_SLOPE: f32 = 1e-9;
+
+// What rounding adds to a box, for the way to its middle.
+const SLACK: f32 = 0x1p-17;
 
 // What rounding adds to the square of the least distance from a ray, for the square of the way.
 const BLUR: f32 = 0x1p-36;
@@ -40,13 +43,50 @@ fn further(start: Vector, along: Vector, u: f4) -> Vector {
   return Vector(start.x + u * along.x, start.y + u * along.y, start.z + u * along.z);
 }
 
-// Whether a ray may meet what is in a ball, nearer than so far away.
-fn may_meet(ball: Ball, from_middle: Vector, along: Vector, distance: f4) -> b4 {
-  let start = dot_product(from_middle, along);
-  let square = dot_product(from_middle, from_middle);
-  let beside = square * f4(EXACT) - start * start <= f4(ball.radius * ball.radius);
-  let ahead = start < f4(ball.radius);
-  return beside & ahead & (-(start * f4(EXACT)) - ball.radius <= distance);
+// Where a ray comes into a box, and where it leaves the box.
+struct Stay {
+  enters: f4,
+  leaves: f4,
+}
+
+// One over a component of a direction.
+fn over_slope(slope: f4) -> f4 {
+  return f4(1.0) / select(slope, f4(LEAST_SLOPE), abs(slope) < f4(LEAST_SLOPE));
+}
+
+// One over each component of a direction.
+fn over_slopes(along: Vector) -> Vector {
+  return Vector(over_slope(along.x), over_slope(along.y), over_slope(along.z));
+}
+
+// What is common to two stays.
+fn common_stay(first: Stay, second: Stay) -> Stay {
+  return Stay(
+    select(first.enters, second.enters, second.enters > first.enters),
+    select(first.leaves, second.leaves, second.leaves < first.leaves),
+  );
+}
+
+// The way of a ray between two sides of a box.
+fn stay_between(half: f4, from_middle: f4, over: f4) -> Stay {
+  let middle = -(from_middle * over);
+  let reach = half * abs(over);
+  return Stay(middle - reach, middle + reach);
+}
+
+// The way of a ray within a box; `over`: one over each component of its direction.
+fn stay_in(hull: Hull, from_middle: Vector, over: Vector) -> Stay {
+  let m = from_middle;
+  let slack = f4(SLACK) * ((abs(m.x) + abs(m.y)) + abs(m.z));
+  let first = stay_between(f4(hull.half[0]) + slack, m.x, over.x);
+  let second = stay_between(f4(hull.half[1]) + slack, m.y, over.y);
+  let third = stay_between(f4(hull.half[2]) + slack, m.z, over.z);
+  return common_stay(common_stay(first, second), third);
+}
+
+// Whether a ray may meet what is in a box.
+fn may_meet(stay: Stay) -> b4 {
+  return (stay.enters <= stay.leaves) & (stay.leaves > f4(0.0));
 }
 
 // The ray from a point of the grid about a solid.

@@ -516,7 +516,7 @@ MIRRORS = Record(
     (
         Field("middle", "f32", 3, "of the grid of the world, from the eye"),
         Field("unit", "f32", 1, "of the grid"),
-        Field("count", "u32", 1, "balls"),
+        Field("count", "u32", 1, "boxes"),
     ),
 )
 
@@ -586,14 +586,14 @@ BOWL = Record(
     ),
 )
 
-BALL = Record(
-    "Ball",
-    "A ball around a body, or around the balls that follow, up to `next`.",
+HULL = Record(
+    "Hull",
+    "A box around a body, or around the boxes that follow, up to `next`.",
     (
         Field("center", "f32", 3, "on the grid"),
-        Field("radius", "f32", 1, "in units of the grid"),
-        Field("next", "u32", 1, "the ball to look at after this one if no ray meets this one"),
-        Field("body", "u32", 1, "number of the body, from 1; 0 for a ball around balls"),
+        Field("half", "f32", 3, "from there to its sides, in units of the grid"),
+        Field("next", "u32", 1, "the box to look at after this one if no ray meets this one"),
+        Field("body", "u32", 1, "number of the body, from 1; 0 for a box around boxes"),
     ),
 )
 
@@ -637,7 +637,7 @@ RECORDS = (
     FACE,
     REFLECTED,
     BOWL,
-    BALL,
+    HULL,
     BOX,
 )
 

@@ -40,7 +40,7 @@ class PackedMirrors:
     frame: Records  # (1,), the grid of the world relative to the eye
     bodies: Records  # (K,)
     faces: Records
-    balls: Records  # around the bodies, in their order, and before them around groups of them
+    hulls: Records  # around the bodies, in their order, and before them around groups of them
     # Of bodies of an order above two, and then of the surfaces of copies, if there are some.
     casters: Records | None
     formulas: PackedExpressions | None  # of those that have no polynomial
@@ -50,4 +50,4 @@ class PackedMirrors:
     @property
     def arrays(self) -> tuple[Records, ...]:
         """The content of the device's buffers, in the order of the bindings."""
-        return self.frame, self.bodies, self.faces, self.balls
+        return self.frame, self.bodies, self.faces, self.hulls

@@ -3,7 +3,8 @@
 A ray from a mirror can come from anywhere, so it has no base plane. Each solid lies in a ball. The
 ball's center is a point of the world's grid. F and the half-spaces are functions of the vector from
 that center, along the world's axes, divided by a power of two that is at least the ball's radius.
-Balls that are near each other lie in a larger ball. A ray that misses a ball misses all within.
+A solid also lies in a box along the axes, and boxes that are near each other in a larger one. A ray
+that misses a box misses all within.
 """
 
 from __future__ import annotations
@@ -31,16 +32,19 @@ from halfstep.scene.solids import Part
 
 # A ball is larger than its solid by this factor, against rounding.
 ROOM = 1 + 2.0**-9
-# The ball that rays are tested with is larger by this factor, and then by so many units of the
-# grid, because its center is rounded to float32.
-MORE_ROOM, MORE_UNITS = 1 + 2.0**-7, 128
+# The box that rays are tested with is larger by this factor, and then by so many units of the grid,
+# because its center and the points of rays are rounded to float32.
+MORE_ROOM, UNITS = 1 + 2.0**-10, 128
+# A box around others is larger by this part of the sum of its sides, and by so many units: rays
+# that meet one of them by float32 meet it, too.
+PART_OF_ALL, UNITS_OF_GROUP = 2.0**-12, 512
 # A quadric bounds a ball if its least curvature is above this part of its greatest.
 SLENDER = 1e-6
 # A quadric is convex if no curvature is below minus this part of its largest coefficient.
 CONVEX = 1e-12
-# Up to so many balls are not grouped further.
+# Up to so many boxes are not grouped further.
 FEW = 4
-# A ball whose radius is above this part of its group's is tried before the group.
+# A box whose diagonal is above this part of its group's is tried alone, after the group.
 LARGE = 0.3
 
 
@@ -95,22 +99,24 @@ class MirrorTables:
         shown = np.flatnonzero(~geometry.is_empty)
         middle = world.grid.whole(world.boxes[..., shown].mean(axis=0).T)
         radius = _radii(geometry, world, shown)
-        balls = list(_balls(middle.astype(float), radius, np.arange(len(shown))))
-        self._balls = np.zeros(len(balls), layout.BALL.dtype())
+        sides = (world.boxes[..., shown].transpose(0, 2, 1) - world.grid.middle) / world.grid.unit
+        half = np.abs(sides - middle).max(axis=0)  # (V, 3)
+        half = half * MORE_ROOM + UNITS
+        hulls = list(_hulls(middle.astype(float), half, np.arange(len(shown))))
+        self._hulls = np.zeros(len(hulls), layout.HULL.dtype())
         self._bodies = np.zeros(len(shown), layout.BODY.dtype())
         faces: list[Floats] = []
         casters: list[Caster] = []
         face_start = 0
-        for record, ball in zip(self._balls, balls, strict=True):
-            record["center"], record["next"] = ball.center, ball.next
-            record["radius"] = ball.radius * MORE_ROOM + MORE_UNITS
-            if ball.chosen is None:
+        for record, hull in zip(self._hulls, hulls, strict=True):
+            record["center"], record["half"], record["next"] = hull.center, hull.half, hull.next
+            if hull.chosen is None:
                 continue
-            ix, record["body"] = int(shown[ball.chosen]), len(faces) + 1
+            ix, record["body"] = int(shown[hull.chosen]), len(faces) + 1
             body = self._bodies[len(faces)]
-            half = max(ball.radius * ROOM, 1.0)
-            level = 2.0 ** math.ceil(math.log2(half))
-            body["center"], body["unit"], body["bound"] = ball.center, 1 / level, half / level
+            bound = max(radius[hull.chosen] * ROOM, 1.0)
+            level = 2.0 ** math.ceil(math.log2(bound))
+            body["center"], body["unit"], body["bound"] = hull.center, 1 / level, bound / level
             to_local = _to_local(body, geometry, world, ix)
             if ix >= geometry.solid_count:
                 faces.append(self._filled(body, ix - geometry.solid_count, to_local, face_start))
@@ -133,7 +139,7 @@ class MirrorTables:
         self._own, self._casters = len(casters), caster_records([*casters, *of_copies])
         self._formulas = caster_formulas(casters, geometry.expressions)
         self._faces = _face_records(faces, face_start)
-        never_change([self._bodies, self._faces, self._balls, self._casters])
+        never_change([self._bodies, self._faces, self._hulls, self._casters])
 
     def _filled(self, body: np.void, copy: int, to_local: Floats, face_start: int) -> Floats:
         """Fill the record of a copy of a group. Returns its planes (P, 4), with unit normals."""
@@ -147,12 +153,12 @@ class MirrorTables:
         frame = np.zeros(1, layout.MIRRORS.dtype())
         frame["middle"] = self._world.grid.middle - view.eye
         frame["unit"] = self._world.grid.unit
-        frame["count"] = len(self._balls)
+        frame["count"] = len(self._hulls)
         return PackedMirrors(
             frame=frame,
             bodies=self._bodies,
             faces=self._faces,
-            balls=self._balls,
+            hulls=self._hulls,
             casters=self._casters,
             formulas=self._formulas,
             bounces=self._bounces,
@@ -160,12 +166,12 @@ class MirrorTables:
         )
 
 
-class _Ball(NamedTuple):
-    """A ball around a body, or around all the balls between it and ``next``."""
+class _Hull(NamedTuple):
+    """A box around a body, or around all the boxes between it and ``next``."""
 
     center: Floats  # (3,), on the grid
-    radius: float  # in units of the grid
-    next: int  # number of the ball to try after a miss
+    half: Floats  # (3,), from there to its sides, in units of the grid
+    next: int  # number of the box to try after a miss
     chosen: int | None  # the body
 
 
@@ -188,40 +194,45 @@ def _radii(geometry: Geometry, world: World, shown: Ints) -> Floats:
     return np.asarray(radii / world.grid.unit)
 
 
-def _balls(center: Floats, radius: Floats, rows: Ints, first: int = 0) -> Iterator[_Ball]:
-    """The balls of bodies and of groups of bodies, each group before its members.
+def _hulls(center: Floats, half: Floats, rows: Ints, first: int = 0) -> Iterator[_Hull]:
+    """The boxes around bodies and around groups of bodies, each group before its members.
 
     Args:
-        center: of the bodies (V, 3).
-        radius: of the bodies (V,).
+        center: of the boxes of bodies (V, 3).
+        half: from there to their sides (V, 3).
         rows: which bodies.
-        first: number of the first ball.
+        first: number of the first box.
     """
     if len(rows) <= FEW:
         for number, row in enumerate(rows.tolist(), start=first):
-            yield _Ball(center[row], radius[row], number + 1, row)
+            yield _Hull(center[row], half[row], number + 1, row)
         return
-    low = (center[rows] - radius[rows, None]).min(axis=0)
-    high = (center[rows] + radius[rows, None]).max(axis=0)
-    is_large = radius[rows] > LARGE * float(np.linalg.norm(high - low)) / 2
+    middle, reach = _around(center[rows], half[rows])
+    is_large = (half[rows] ** 2).sum(axis=1) > LARGE**2 * float(reach @ reach)
     large, small = rows[is_large], rows[~is_large]
-    for row in large.tolist():
-        yield _Ball(center[row], radius[row], first + 1, row)
-        first += 1
     if len(small) <= FEW:
-        yield from _balls(center, radius, small, first)
-        return
-    spread = np.ptp(center[small], axis=0)
-    order = small[np.argsort(center[small, spread.argmax()], kind="stable")]
-    for half in np.array_split(order, 2):
-        members = list(_balls(center, radius, half, first + 1))
-        low = (center[half] - radius[half, None]).min(axis=0)
-        high = (center[half] + radius[half, None]).max(axis=0)
-        middle = np.rint((low + high) / 2)
-        reach = np.linalg.norm(center[half] - middle, axis=1) + radius[half]
-        yield _Ball(middle, float(reach.max()), first + 1 + len(members), None)
-        yield from members
-        first += 1 + len(members)
+        yield from _hulls(center, half, small, first)
+        first += len(small)
+    else:
+        spread = np.ptp(center[small], axis=0)
+        order = small[np.argsort(center[small, spread.argmax()], kind="stable")]
+        for part in np.array_split(order, 2):
+            members = list(_hulls(center, half, part, first + 1))
+            middle, reach = _around(center[part], half[part])
+            yield _Hull(middle, reach, first + 1 + len(members), None)
+            yield from members
+            first += 1 + len(members)
+    # What is large is often behind the others.
+    for number, row in enumerate(large.tolist(), start=first):
+        yield _Hull(center[row], half[row], number + 1, row)
+
+
+def _around(center: Floats, half: Floats) -> tuple[Floats, Floats]:
+    """Middle and half sides of a box around boxes, on the grid."""
+    low, high = (center - half).min(axis=0), (center + half).max(axis=0)
+    middle = np.rint((low + high) / 2)
+    reach = np.maximum(high - middle, middle - low)
+    return middle, reach + PART_OF_ALL * reach.sum() + UNITS_OF_GROUP
 
 
 def _face_records(faces: Sequence[Floats], count: int) -> Records:

@@ -171,9 +171,9 @@ def rounds_of_light(needs: Needs, packed: Packed) -> int:
             of_form = (CLOCKS + 1) * asks + 2
             of_shadows += len(casters) * (needs.quads * of_form + 1)
     if packed.mirrors is not None and "mirrors" in needs.facts:
-        # All balls, and the half-spaces of all bodies to find what is met, and to look at it.
+        # All boxes, and the half-spaces of all bodies to find what is met, and to look at it.
         faces = packed.mirrors.bodies["face_count"].astype(np.int64)
-        of_mirrors = 2 * len(packed.mirrors.balls) + 2 * int((faces + 5).sum()) + MIRROR_STEPS
+        of_mirrors = 2 * len(packed.mirrors.hulls) + 2 * int((faces + 5).sum()) + MIRROR_STEPS
         of_mirrors += needs.quads * needs.light_rounds + 1
         if packed.mirrors.casters is not None:
             # Cells and halvings to find what is met, and a round each time to fetch a form.

@@ -14,7 +14,6 @@ from halfstep.contract.classes import SHORT
 from halfstep.contract.formats import Format
 from halfstep.contract.layout import (
     APPEARANCE,
-    BALL,
     BODY,
     BOWL,
     BOX,
@@ -25,6 +24,7 @@ from halfstep.contract.layout import (
     FLAT,
     HALF_SPACE,
     HIGHER,
+    HULL,
     LIGHT_VIEW,
     LOCATION,
     MIRRORS,
@@ -106,7 +106,7 @@ MIRROR_RECORDS = {
     "mirrors": MIRRORS,
     "bodies": BODY,
     "faces": FACE,
-    "balls": BALL,
+    "hulls": HULL,
 }
 REFLECTED_RECORDS = {"reflected": REFLECTED, "bowls": BOWL}
 

@@ -31,17 +31,21 @@ from halfstep.twin.meet_formula import meeting_of_formula, slope_in_body
 from halfstep.twin.mirror import (
     NO_BODY,
     Glance,
+    Stay,
     curve_of,
     face_of,
     further,
     glance_at,
     gradient_of,
     is_left,
+    may_meet,
     mirrored,
     normal_of_face,
+    over_slopes,
     piece_of,
     place_of_root,
     point_on,
+    stay_in,
 )
 from halfstep.twin.nearest import FIRST, either_key
 from halfstep.twin.normal import Vector, either, normalized, or_else, scaled
@@ -94,9 +98,15 @@ class Caught(NamedTuple):
     gone: U32  # number of the body that rays from there have left for good
 
 
-def distance_of(body: np.void, glance: Glance, u: F32) -> F32:
-    """The way from the mirror to u, at least that to the ball of the body."""
-    return (np.maximum(u, -body["bound"]) - glance.start) * (np.float32(1) / body["unit"])
+def distance_of(body: np.void, glance: Glance, u: F32, stay: Stay) -> F32:
+    """The way from the mirror to u, at least that to the box of the body."""
+    way = (u - glance.start) * (np.float32(1) / body["unit"])
+    return np.asarray(np.where(stay.enters > way, stay.enters, way))
+
+
+def doubted(old: Spotted, distance: F32, sure: Bools) -> Spotted:
+    """What a ray meets first, not certain from a distance on where that is not ``sure``."""
+    return old._replace(doubt=np.minimum(old.doubt, np.where(sure, NO_DOUBT, distance)))
 
 
 def spot_first(
@@ -104,18 +114,19 @@ def spot_first(
     number: int,
     body: np.void,
     glance: Glance,
+    stay: Stay,
     root: Root,
     u: F32,
     inside: Bools,
     side: I32,
 ) -> Spotted:
     """What a ray meets first, and a body, which it meets at a root, at u."""
-    distance = distance_of(body, glance, u)
+    distance = distance_of(body, glance, u, stay)
     is_flat = bool(int(body["flags"]) & Shade.FLAT)
     face = root.surface.astype(np.uint32)
     surface = body["surface"] + (np.full_like(face, 1) if is_flat else face)
     first = (distance == old.distance) & (surface < old.surface)
-    nearer = root.hit & ((distance < old.distance) | first)
+    nearer = root.hit & may_meet(stay) & ((distance < old.distance) | first)
     other = inside | (is_flat & (face == 2))
     return Spotted(
         np.where(nearer, distance, old.distance),
@@ -185,6 +196,13 @@ def meet_caster(
     return meeting_of_formula(formula, caster, passage, turned)
 
 
+def stay_at(hull: np.void, rays: Rays) -> Stay:
+    """The way of rays within a box."""
+    start = (part.astype(np.float32) for part in rays.point)
+    middle = Vector(*(a - b for a, b in zip(start, hull["center"], strict=True)))
+    return stay_in(hull, middle, over_slopes(rays.along))
+
+
 def try_body(
     old: Spotted,
     number: int,
@@ -198,6 +216,7 @@ def try_body(
     ``cells`` are those of the scene, if it has some.
     """
     body = mirrors.bodies[number - 1]
+    stay = stay_at(mirrors.hulls[mirrors.hulls["body"] == number][0], rays)
     glance = glance_at(body, rays.point, rays.along)
     count, base = int(body["face_count"]), int(body["surface"])
     piece = piece_of(glance)
@@ -237,15 +256,13 @@ def try_body(
         face = seen.cell * np.int32(copy["surfaces"]) + (seen.side >> np.int32(1))
         root = root._replace(hit=seen.hit, surface=face)
         place, inside, side = seen.u, seen.inside, seen.side
-        doubt = np.where(seen.sure, NO_DOUBT, distance_of(body, glance, seen.begin))
-        old = old._replace(doubt=np.minimum(old.doubt, doubt))
+        old = doubted(old, distance_of(body, glance, seen.begin, stay), seen.sure | ~may_meet(stay))
     if body["caster"]:
         met = meet_caster(mirrors, body, glance, within, asked, rays, facts)
         root = root._replace(hit=met.hit, surface=met.face)
         place, inside = met.u, met.inside
-        doubt = np.where(met.sure, NO_DOUBT, distance_of(body, glance, met.begin))
-        old = old._replace(doubt=np.minimum(old.doubt, doubt))
-    return spot_first(old, number, body, glance, root, place, inside, side)
+        old = doubted(old, distance_of(body, glance, met.begin, stay), met.sure | ~may_meet(stay))
+    return spot_first(old, number, body, glance, stay, root, place, inside, side)
 
 
 class Asked(NamedTuple):

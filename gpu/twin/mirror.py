@@ -19,8 +19,10 @@ ONE, TWO = np.float32(1), np.float32(2)
 LEAST_SQUARE = np.float32(1e-30)
 # And what its root is not below.
 LEAST_TURN = np.float32(1e-15)
-# What is left of a sum of three squares, or products, if their rounding is taken from it.
-EXACT = np.float32(1 - 2.0**-20)
+# What no component of a direction is below: a box is larger by more than such a ray deviates.
+LEAST_SLOPE = np.float32(1e-9)
+# What rounding adds to a box, for the way to its middle.
+SLACK = np.float32(2.0**-17)
 # What rounding adds to the square of the least distance from a ray, for the square of the way.
 BLUR = np.float32(2.0**-36)
 # Above all numbers of bodies.
@@ -51,11 +53,51 @@ def further(start: Vector, along: Vector, u: F32) -> Vector:
     return Vector(*(a + u * b for a, b in zip(start, along, strict=True)))
 
 
-def may_meet(ball: np.void, from_middle: Vector, along: Vector, distance: F32) -> Bools:
-    """Whether a ray may meet what is in a ball, nearer than so far away."""
-    start, square = dot_product(from_middle, along), dot_product(from_middle, from_middle)
-    beside = square * EXACT - start * start <= ball["radius"] * ball["radius"]
-    return beside & (start < ball["radius"]) & (-(start * EXACT) - ball["radius"] <= distance)
+class Stay(NamedTuple):
+    """Where a ray comes into a box, and where it leaves the box."""
+
+    enters: F32
+    leaves: F32
+
+
+def over_slope(slope: F32) -> F32:
+    """One over a component of a direction."""
+    return ONE / np.where(np.abs(slope) < LEAST_SLOPE, LEAST_SLOPE, slope)
+
+
+def over_slopes(along: Vector) -> Vector:
+    """One over each component of a direction."""
+    return Vector(*map(over_slope, along))
+
+
+def common_stay(first: Stay, second: Stay) -> Stay:
+    """What is common to two stays."""
+    return Stay(
+        np.where(second.enters > first.enters, second.enters, first.enters),
+        np.where(second.leaves < first.leaves, second.leaves, first.leaves),
+    )
+
+
+def stay_between(half: F32, from_middle: F32, over: F32) -> Stay:
+    """The way of a ray between two sides of a box."""
+    middle, reach = -(from_middle * over), half * np.abs(over)
+    return Stay(middle - reach, middle + reach)
+
+
+def stay_in(hull: np.void, from_middle: Vector, over: Vector) -> Stay:
+    """The way of a ray within a box; ``over``: one over each component of its direction."""
+    x, y, z = (np.abs(part) for part in from_middle)
+    slack = SLACK * ((x + y) + z)
+    first, second, third = (
+        stay_between(half + slack, part, one)
+        for half, part, one in zip(hull["half"], from_middle, over, strict=True)
+    )
+    return common_stay(common_stay(first, second), third)
+
+
+def may_meet(stay: Stay) -> Bools:
+    """Whether a ray may meet what is in a box."""
+    return (stay.enters <= stay.leaves) & (stay.leaves > 0)
 
 
 def glance_at(body: np.void, point: Point, along: Vector) -> Glance:
