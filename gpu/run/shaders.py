@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from halfstep.contract.arrays import U32, Bools
 from halfstep.contract.classes import Class
+from halfstep.contract.planes import OUTPUT_BYTES
 from halfstep.device.handles import GpuDevice
-from halfstep.host.tiles import Classes, frequent_sets
+from halfstep.host.tiles import LEAST_SHARE, Classes, frequent_sets, tile_groups
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import TEXTURE, binding_types, compose
 
@@ -28,6 +29,7 @@ class Shaders:
         self._may_have_parts = store.in_parts and needs.facts.isdisjoint({"mirrors", "continued"})
         self._whole = [needs.classes]
         self._sets: list[Classes] | None = None
+        self._whole_is_quick = False
         self._store = store
         self._pipelines: dict[Classes, object] = {}
         # Shaders without mirrors, or else without highlights, for tiles that see none.
@@ -74,17 +76,22 @@ class Shaders:
         ``left_out``.
 
         The first frame uses one shader, because compiling takes longer than rendering. On a
-        software adapter the second frame picks the sets of classes that get their own shader.
+        software adapter it is a quick one, and the second frame picks the sets of classes that get
+        their own shader. So does the set of all classes, if then enough tiles are left for it.
         """
         if not self._may_have_parts:
             self._sets = self._whole
             return self._whole
         if self._sets is None:
             self._sets = []
+            self._whole_is_quick = True
             return self._whole
         if not self._sets:
             often = frequent_sets(starts, classes, self.needs.classes, left_out)
             self._sets = [*often, *self._whole]
+            groups = tile_groups(starts, classes, 1, self._sets, left_out)
+            rest = sum(len(each.records) for each in groups if each.classes == self.needs.classes)
+            self._whole_is_quick = rest * LEAST_SHARE < len(left_out)
         return self._sets
 
     def pipeline(self, classes: Classes) -> object:
@@ -93,7 +100,14 @@ class Shaders:
             # Shaders that do not know the program are those of other scenes, too.
             known = self.needs.known if Class.REGION_KNOWN in classes else None
             needs = replace(self.needs, classes=classes, known=known)
-            self._pipelines[classes] = self._store.pipeline(needs, self.layout)
+            if not classes and needs.outputs <= OUTPUT_BYTES.keys():
+                needs = replace(needs, shadows=0, veils=False)  # nothing there is lit
+            if classes == self.needs.classes and self._whole_is_quick and needs.quads > 1:
+                needs = replace(needs, quick=True)
+            pipeline = self._store.pipeline(needs, self.layout)
+            if not self._sets:
+                return pipeline
+            self._pipelines[classes] = pipeline
         return self._pipelines[classes]
 
 

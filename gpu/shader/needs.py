@@ -89,6 +89,7 @@ class Needs:
     counted_rounds: int = 0
     judges: bool = False  # the shader asks integers about listed quads, and draws nothing
     continued: bool = False  # the frame buffer has what other veils hide
+    quick: bool = False  # blocks have one quad, so that the shader compiles in half the time
 
     @cached_property
     def facts(self) -> frozenset[str]:
@@ -212,7 +213,7 @@ class Needs:
         is_long |= (walks and self.degree > MOST_DEGREE_OF_BLOCKS) or self.judges
         is_long |= Class.FORMULA in self.classes
         is_long |= not self.facts.isdisjoint({"casters", "body_casters"})
-        if is_long or shades_long:
+        if is_long or shades_long or self.quick:
             return 1
         is_alone = len(self.classes) <= 1 and not walks
         return 4 if self.broadcast > 1 and is_alone else 2
