@@ -8,12 +8,14 @@ import stat
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import halfstep
 from halfstep.bench import (
+    cold,
     machine,
     native,
     parts,
@@ -29,7 +31,7 @@ from halfstep.cli import bench as command
 from halfstep.cli import main
 from halfstep.contract.classes import Class
 from halfstep.device.adapters import Adapter
-from halfstep.errors import UsageError
+from halfstep.errors import HalfstepError, UsageError
 from halfstep.run import gpu as run_gpu
 from halfstep.run.gpu import Device
 from halfstep.scene import with_overrides
@@ -55,6 +57,9 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "_SHADOWED", ("figure",))
     monkeypatch.setattr(parts, "_MIRRORING", ("figure",))
     monkeypatch.setattr(parts, "_own_process", lambda _, count: 12.0 / count)
+    monkeypatch.setattr(
+        cold, "_first_picture", lambda _, __, shadows: cold.Cold(3.0 + 1.5 * shadows, 2.0 + shadows)
+    )
     monkeypatch.setattr(machine, "cores", lambda: 3)
 
 
@@ -399,9 +404,42 @@ def test_every_part_measures(adapter: Adapter, tmp_path: Path) -> None:
     assert shadowed[:3] == [("figure", "without"), ("figure", "with"), ("16 solids", "with")]
     mirrored = [(row["scene"], row["mirrors"]) for row in by_name["mirrors"].rows]
     assert mirrored == [("figure", "without"), ("figure", "with")]
+    assert [tuple(row.values()) for row in by_name["cold"].rows] == [
+        ("figure", "without", 2.0, 3.0),
+        ("figure", "with", 3.0, 4.5),
+    ]
+    assert by_name["cold"].summary.popitem()[1] == "4.5 s, 1.50 ×"
     assert whole.machine["adapter"] == adapter.summary.name
     plot.write(whole, tmp_path / "bench.png")
     assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_first_pictures_find_an_empty_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, bool]] = []
+    folders: set[str] = set()
+    times = iter([os.times_result(each) for each in ((9, 9, 1, 2, 9), (9, 9, 1.5, 4, 9)) * 6])
+    clock = iter(np.cumsum([5, 3] * 6).tolist())
+
+    def run(command: list[str], env: dict[str, str], **_: object) -> SimpleNamespace:
+        folder = env["MESA_SHADER_CACHE_DIR"]
+        assert os.listdir(folder) == []
+        assert command[command.index("-o") + 1].startswith(folder)
+        folders.add(folder)
+        asked.append((command[4], "--shadows" in command))
+        return SimpleNamespace(returncode=0)
+
+    monkeypatch.setattr("subprocess.run", run)
+    monkeypatch.setattr("os.times", lambda: next(times))
+    monkeypatch.setattr("time.perf_counter", lambda: next(clock))
+    found = cold.medians(["figure"], 0, 3, lambda _: None)
+    assert asked == [("figure", False), ("figure", True)] * 3
+    assert len(folders) == 6
+    assert found == dict.fromkeys([("figure", False), ("figure", True)], cold.Cold(3.0, 2.5))
+
+
+def test_a_first_picture_that_fails_is_told(adapter: Adapter) -> None:
+    with pytest.raises(HalfstepError, match=r"^no_such_scene: no_such_scene: no such file or"):
+        cold.medians(["no_such_scene"], adapter.summary.index, 1, lambda _: None)
 
 
 @pytest.mark.usefixtures("small")
@@ -411,9 +449,9 @@ def test_what_needs_64_bit_integers_is_left_out_where_there_are_none(
     monkeypatch.setattr(run_gpu, "INT64", "no such feature")
     monkeypatch.setattr(parts, "INT64", "no such feature")
     monkeypatch.setattr(parts, "_STEPS", (4, 12, 20))
-    whole = measure(adapter, ("halving", "steps", "shadows"), rounds=1)
-    halving, steps, shadows = whole.parts
-    assert shadows.rows == []
+    whole = measure(adapter, ("halving", "steps", "shadows", "cold"), rounds=1)
+    halving, steps, shadows, first = whole.parts
+    assert shadows.rows == first.rows == []
     assert [row["where"] for row in halving.rows if row["where"] != "C"] == ["float32"]
     assert [row["n"] for row in steps.rows] == [4, 12]
     assert list(halving.summary) == ["one halving of one ray on one solid"]

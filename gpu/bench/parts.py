@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from halfstep.bench import machine, povray, scenes
+from halfstep.bench.cold import medians
 from halfstep.bench.native import FLAGS, LANES, Native, NoCompilerError
 from halfstep.bench.report import Part, Value
 from halfstep.bench.timing import Case, Times, interleaved, line
@@ -486,6 +487,32 @@ def mirrors(bench: Bench) -> Part:
     return Part("mirrors", "Mirrors, 640×480, one bounce", rows, summary, notes=notes)
 
 
+def cold(bench: Bench) -> Part:
+    """From the start of a process to its first picture, without and with shadows."""
+    title = "First pictures of fresh processes, 640×480, no shader compiled before"
+    if INT64 not in bench.adapter.handle.features:
+        return Part("cold", title, [], notes=[f"Left out: shadows need {_LACKING}"])
+    times = medians(_SHADOWED, bench.adapter.summary.index, bench.rounds, bench.progress)
+    rows: list[dict[str, Value]] = [
+        {
+            "scene": name,
+            "shadows": "with" if shadows else "without",
+            "processor s": each.processor or None,
+            "wall s": each.wall,
+        }
+        for (name, shadows), each in times.items()
+    ]
+    summary = {
+        f"first picture of {name}, with shadows, against none": (
+            f"{times[name, True].wall:.1f} s, "
+            f"{times[name, True].wall / times[name, False].wall:.2f} ×"
+        )
+        for name in _SHADOWED
+    }
+    notes = ["Only Mesa's drivers are known to keep no shader from one picture to the next."]
+    return Part("cold", title, rows, summary, notes=notes)
+
+
 def threads(bench: Bench) -> Part:
     """Frame time against the threads of a software driver."""
     title = "A frame against threads"
@@ -546,6 +573,7 @@ PARTS: dict[str, Callable[[Bench], Part]] = {
     "regions": regions,
     "shadows": shadows,
     "mirrors": mirrors,
+    "cold": cold,
     "solids": solids,
     "setup": setup,
     "pixels": pixels,

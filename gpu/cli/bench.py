@@ -20,6 +20,7 @@ PARTS = (
     "regions",
     "shadows",
     "mirrors",
+    "cold",
     "solids",
     "setup",
     "pixels",
