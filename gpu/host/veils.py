@@ -19,22 +19,24 @@ import numpy as np
 from halfstep.contract.arrays import Bytes, Floats
 from halfstep.contract.veils import VEIL_STEPS
 from halfstep.errors import SceneError
+from halfstep.host.approach import (
+    Approach,
+    Axes,
+    axes_of,
+    from_behind,
+    spans_of_points,
+    view_of_light,
+)
 from halfstep.host.casters import Caster, caster_of_surface
 from halfstep.host.formulas import Excerpt, Formula
 from halfstep.host.geometry import Geometry
 from halfstep.host.merging import COINCIDENT
 from halfstep.host.occluders import (
-    Approach,
-    Axes,
     Occluder,
-    axes_of,
-    from_behind,
     linears,
     linears_at_lamp,
     quadratics,
     quadratics_at_lamp,
-    spans_of_points,
-    view_of_light,
 )
 from halfstep.host.regions import Regions
 from halfstep.host.world import World
