@@ -330,10 +330,10 @@ struct VeilCurved {
 struct Mirrors {
   @align(32) middle: array<f32, 3>,  // of the grid of the world, from the eye
   unit: f32,  // of the grid
-  count: u32,  // balls
+  count: u32,  // boxes
 }
 
-// A body: a solid that rays from mirrors may hit, about its middle, along world axes, in radii.
+// A solid or copy of a group that mirrors show, about its middle, along world axes, in radii.
 struct Body {
   @align(32) second: array<f32, 6>,  // half the second derivative of F: xx, yy, zz, xy, xz, yz
   slope: array<f32, 3>,  // half the gradient of F in the middle

@@ -503,13 +503,13 @@ def cold(bench: Bench) -> Part:
         for (name, shadows), each in times.items()
     ]
     summary = {
-        f"first picture of {name}, with shadows, against none": (
+        f"first picture of {name} with shadows, against one without": (
             f"{times[name, True].wall:.1f} s, "
             f"{times[name, True].wall / times[name, False].wall:.2f} ×"
         )
         for name in _SHADOWED
     }
-    notes = ["Only Mesa's drivers are known to keep no shader from one picture to the next."]
+    notes = ["Each process gets an empty cache for Mesa; other drivers may keep shaders elsewhere."]
     return Part("cold", title, rows, summary, notes=notes)
 
 

@@ -522,7 +522,7 @@ MIRRORS = Record(
 
 BODY = Record(
     "Body",
-    "A body: a solid that rays from mirrors may hit, about its middle, along world axes, in radii.",
+    "A solid or copy of a group that mirrors show, about its middle, along world axes, in radii.",
     (
         Field("second", "f32", 6, "half the second derivative of F: xx, yy, zz, xy, xz, yz"),
         Field("slope", "f32", 3, "half the gradient of F in the middle"),

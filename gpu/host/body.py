@@ -2,7 +2,8 @@
 
 A reactor is such a body: what is in its lattices is seen only where it touches the outside. So of a
 copy of a group only the part next to the body's sides is looked for, and in a tile only what is
-near the depths where its rays enter the body.
+near the depths where its rays enter the body. Of lattices only rectangular ones are known to fill
+what holds them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Rays through a solid in decimals of 38 digits, from the numbers of the scene."""
+"""Rays through a solid in decimals of 38 digits, from the numbers of the scene.
+
+Camera and placement are those of `host.camera` and `scene.placement`, computed again from the
+scene's numbers, because their float64 is too coarse here.
+"""
 
 from __future__ import annotations
 

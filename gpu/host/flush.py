@@ -55,8 +55,8 @@ def shared_sides(scene: Scene, geometry: Geometry, world: World) -> Records | No
     """The records of surfaces by number, (1 + S,); None if none are shared.
 
     Surfaces have the same side if they coincide and F > 0 there. The opposite side has the number
-    with another last bit. A surface has 0 if no solid or copy that overlaps its own has it, if no
-    light with shadows and no mirror asks for it, or if it bounds a patch.
+    with another last bit. A surface has 0 if no solid or copy that overlaps its own has it, if it
+    is a plane and no light with shadows and no mirror asks for it, or if it bounds a patch.
     """
     keyed = [_keyed(scene, geometry, world, is_flat=is_flat) for is_flat in (True, False)]
     keyed.append(_keyed_higher(scene, geometry, world))

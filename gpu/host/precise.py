@@ -1,4 +1,4 @@
-"""Weights of polynomials on rays, in Bernstein's basis, from decimals of 50 digits.
+"""Weights of polynomials on rays, in Bernstein's basis, from decimals (``decimals``).
 
 The rounding of float64, of rays and of terms, exceeds what a device rounds in integers by a factor
 of up to millions. Where F and its slope vanish together, that would be most of what integers

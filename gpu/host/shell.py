@@ -20,7 +20,7 @@ from halfstep.host.copies import Copies
 from halfstep.host.setup import Setup
 from halfstep.host.walls import DEEP, corner_rays, of_corners
 
-# Rays are in a body for this number of steps of any copy, too, before they hide what is behind.
+# Rays must be in a body for this many steps of the coarsest copy before it hides what is behind.
 STEPS = 2.0
 # Rays that miss a body by this part of its diagonal are taken for some that touch it.
 BESIDE = 2.0**-20

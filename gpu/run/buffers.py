@@ -60,7 +60,7 @@ _NAMES = {
     21: "rays from mirrors",
     22: "bodies in mirrors",
     23: "faces of bodies",
-    24: "balls around bodies",
+    24: "boxes around bodies",
     25: "formulas",
     26: "surfaces of regions of an order above two",
     27: "veils of lights",

@@ -2,10 +2,10 @@
 
 Where F and its slope vanish together, float32 finds most roots of a polynomial without being able
 to prove them: it resolves the sign of F only to about 2^-19 of its terms. The search in integers
-(`twin.bernstein`) resolves some 2^34 times as much, with weights that the host computes in decimals
-(`host.precise`), but takes several times as long. So a frame with the output `error` asks integers
-only about the solids with `Flag.RECHECKED`, and only at pixels where float32 is not certain of
-them. These solids are kept apart in the plane ``vague``.
+(`twin.bernstein`) resolves some 2^34 times as much, with weights that the host computes in
+decimals, except for tori (`host.precise`), but takes several times as long. So a frame with the
+output `error` asks integers only about the solids with `Flag.RECHECKED`, and only at pixels where
+float32 is not certain of them. These solids are kept apart in the plane ``vague``.
 
 Nothing that a pixel shows changes, so pictures do not depend on this. A solid no longer makes a
 pixel uncertain in three cases:
@@ -16,9 +16,9 @@ pixel uncertain in three cases:
 * Integers are certain that the ray misses it.
 
 Where it is not certain whether a light reaches a point, the shadow itself makes the pixel
-uncertain, and integers leave that so. Frames with tori or formulas in mirrors ask no integers:
-along creases float32 may not know which way the surface at a point faces, and counts on the
-uncertainty of the point.
+uncertain, and integers leave that so. Colours with tori, formulas or cells in mirrors ask no
+integers: along creases float32 may not know which way the surface at a point faces, and counts on
+the uncertainty of the point.
 """
 
 from __future__ import annotations

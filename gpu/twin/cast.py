@@ -1,12 +1,11 @@
 """Twin of ``cast.wgsl``: whether a polynomial solid hides a light: F along the rest of a ray.
 
 The rest of a ray is its part in the box of the solid. Let s run along it, from 0 where it begins to
-2. F(s) is a polynomial, and the light
-is hidden if F <= 0 somewhere. Cells of s are tried as in ``cells``, but it suffices that F < 0 at
-the end of one. If the ray begins on F, one root is known: F is s times another polynomial, which is
-tried in its place. Its value at 0, the slope of F there, tells whether the surface faces the light;
-where that is not certain, neither is the shadow.
-The error of the point's position puts it on F = constant, beside its surface. No sign asks for that
+2. F(s) is a polynomial, and the light is hidden if F <= 0 somewhere. Cells of s are tried as in
+``cells``, but it suffices that F < 0 at the end of one. If the ray begins on F, one root is known:
+F is s times another polynomial, which is tried in its place. Its value at 0, the slope of F there,
+tells whether the surface faces the light; where that is not certain, neither is the shadow. The
+error of the point's position puts it on F = constant, beside its surface. No sign asks for that
 constant.
 
 *Roundings.* Let ε = 2^-24. The size of a polynomial is the sum of the magnitudes of its terms.

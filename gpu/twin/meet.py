@@ -184,7 +184,10 @@ def passage_of(
 
 
 def begins_inside(passage: Passage, outside: Bools) -> Bools:
-    """Whether rays see F = 0 from where F <= 0; the others that are not ``outside`` see an end."""
+    """Whether rays begin in the solid, and see F = 0 from inside.
+
+    Others with F <= 0 first meet a half-space or the ball.
+    """
     return ~outside & (passage.is_sheet | (passage.id_in == 0))
 
 

@@ -62,7 +62,8 @@ class Stay(NamedTuple):
 
 def over_slope(slope: F32) -> F32:
     """One over a component of a direction."""
-    return ONE / np.where(np.abs(slope) < LEAST_SLOPE, LEAST_SLOPE, slope)
+    some: F32 = np.where(np.abs(slope) < LEAST_SLOPE, LEAST_SLOPE, slope)
+    return ONE / some
 
 
 def over_slopes(along: Vector) -> Vector:
