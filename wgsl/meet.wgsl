@@ -135,8 +135,8 @@ fn bend_at(caster: Caster, spot: Vector) -> Vector {
 
 // The passages of rays through the box of a solid.
 //
-// `piece` is the part of a ray within its half-spaces. The ray begins on a surface, which is `flush`
-// where it coincides with that of the solid.
+// `piece` is the part of a ray within its half-spaces. The ray begins on a surface, which is
+// `flush` where it coincides with that of the solid.
 fn passage_of(
   caster: Caster,
   body: Body,

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import functools
 import itertools
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -20,6 +22,10 @@ from halfstep.contract.arrays import Bytes
 from halfstep.device.handles import GpuBuffer, GpuDevice
 
 
+# Seconds for which another thread may keep what it was told.
+_LATE = 1.0
+
+
 class _Native(NamedTuple):
     """wgpu-native, the library below wgpu-py."""
 
@@ -28,6 +34,7 @@ class _Native(NamedTuple):
     calls: Any  # functions, which raise wgpu's errors
     told: Any  # the callback of all mappings
     statuses: dict[int, int]  # what it was told, by the number of the mapping
+    raised: dict[int, BaseException]  # what ended it, as Ctrl-C does, by thread
     numbers: Iterator[int]
 
 
@@ -36,13 +43,18 @@ def _native() -> _Native:
     from wgpu.backends.wgpu_native import _api, ffi, lib
 
     statuses: dict[int, int] = {}
+    raised: dict[int, BaseException] = {}
 
     def told(status: int, _message: Any, number: Any, _unused: Any) -> None:
         statuses[int(ffi.cast("uintptr_t", number))] = status
 
+    def failed(_kind: type[BaseException], error: BaseException, _traceback: Any) -> None:
+        raised[threading.get_ident()] = error
+
     # The library may call this for a buffer that was dropped, so it lasts as long as the process.
     kind = "void(WGPUMapAsyncStatus, WGPUStringView, void *, void *)"
-    return _Native(ffi, lib, _api.libf, ffi.callback(kind, told), statuses, itertools.count())
+    callback = ffi.callback(kind, told, onerror=failed)
+    return _Native(ffi, lib, _api.libf, callback, statuses, raised, itertools.count())
 
 
 @contextmanager
@@ -53,8 +65,10 @@ def read(device: GpuDevice, buffer: GpuBuffer, size: int) -> Iterator[Bytes]:
 
     Raises:
         wgpu.GPUError, RuntimeError: the device does not do it.
+        KeyboardInterrupt: Ctrl-C was pressed. The buffer may stay mapped then, and after any
+            exception in the context: it must be dropped.
     """
-    ffi, lib, calls, told, statuses, numbers = _native()
+    ffi, lib, calls, told, statuses, raised, numbers = _native()
     of_buffer: Any = buffer
     of_device: Any = device
     handle, number = of_buffer._internal, next(numbers)  # noqa: SLF001 - as in wgpu-py
@@ -63,7 +77,14 @@ def read(device: GpuDevice, buffer: GpuBuffer, size: int) -> Iterator[Bytes]:
     info.userdata1 = ffi.cast("void *", number)
     calls.wgpuBufferMapAsync(handle, lib.WGPUMapMode_Read, 0, size, info[0])
     calls.wgpuDevicePoll(of_device._internal, True, ffi.NULL)  # noqa: SLF001 - as in wgpu-py
+    # Where wgpu-py polls the device, too, its thread may be the one that is told.
+    last = time.monotonic() + _LATE
+    while number not in statuses and not raised and time.monotonic() < last:
+        time.sleep(_LATE / 1000)
     status = statuses.pop(number, None)
+    # Python handles a signal in the first of its code that runs, which is the callback's.
+    if error := raised.pop(threading.get_ident(), None):
+        raise error
     if status != lib.WGPUMapAsyncStatus_Success:
         raise RuntimeError(f"could not map a buffer: status {status}")
     content = ffi.buffer(calls.wgpuBufferGetMappedRange(handle, 0, size), size)

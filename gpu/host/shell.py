@@ -186,13 +186,15 @@ class Shell:
         place = np.indices(tuple(counts)).reshape(3, -1, 1)
         low, high = boxes.take(own, axis=-1)[:, :, None]
         size = (high - low) / counts[:, None, None]
-        parts = np.stack([low + size * place, low + size * (place + 1)]).reshape(2, 3, -1)
-        of = np.tile(own, place.shape[1])
+        pieces = place.shape[1]
+        parts = np.stack([low + size * place, low + size * (place + 1)])
+        parts = parts.reshape(2, 3, pieces * len(own))
+        of = np.tile(own, pieces)
         seen = self._may_be_beside(
             bound, parts, origin.take(of, axis=-1), turns.take(of, axis=-1), room
         )
-        least, most = parts.reshape(2, 3, -1, len(own))
-        seen = seen.reshape(-1, len(own))
+        least, most = parts.reshape(2, 3, pieces, len(own))
+        seen = seen.reshape(pieces, len(own))
         found[0][:, own] = np.where(seen, least, np.inf).min(axis=1)
         found[1][:, own] = np.where(seen, most, -np.inf).max(axis=1)
         return found
