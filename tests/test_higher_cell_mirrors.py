@@ -85,7 +85,7 @@ def test_the_device_gives_the_bits_of_the_twin() -> None:
 
 # An output, a word of the kernel, and what a slip would make of it.
 FAULTS = [
-    ("color", "curve_ahead(caster, course, on_curve)", "curve_ahead(caster, course, b4(false))"),
+    ("color", "asked_0, on_f, flush)", "asked_0, flush, flush)"),
     ("color", "either(here, bend_at(caster, at_0), caught_0.slope)", "caught_0.slope"),
     ("error", "keeps_side(spot, pairs, into) | is_shown", "b4(false)"),
 ]

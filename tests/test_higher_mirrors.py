@@ -207,7 +207,7 @@ FAULTS = [
     (beside_a_wire, "slope_0 = either(on_f, bend_at(caster, at_0), slope_0);", ""),
     (beside_a_wire, "at_0 = further(glance_0.base, glance_0.along, spotted_0.place);", ""),
     (beside_a_wire, "spotted_0.surface == u4(body.curve)", "spotted_0.surface == u4(body.surface)"),
-    (beside_a_wire, "select(doubt, f4(NO_DOUBT), meeting_0.sure)", "doubt"),
+    (beside_a_wire, "select(doubt, f4(NO_DOUBT), sure)", "doubt"),
     (beside_a_wire, "vague_0 | (spotted_0.doubt <= spotted_0.distance)", "vague_0"),
     (beside_a_wire, "nearest_0.doubt = either_key(vague_0, FIRST, old);", ""),
 ]

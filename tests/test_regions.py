@@ -303,7 +303,7 @@ FAULTS = [
     ("+ select(u4(0u), own, own_0)", ""),
     ("region.looks_start + cell", "region.looks_start"),
     ("region.looks_start + region.cells + surface", "region.looks_start + surface"),
-    ("if !anywhere(goes)", "if anywhere(goes)"),
+    ("var ends = !anywhere(goes);", "var ends = anywhere(goes);"),
 ]
 
 
