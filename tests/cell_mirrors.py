@@ -18,7 +18,8 @@ import numpy as np
 import halfstep
 from halfstep.scene import Scene, with_overrides
 from tests.cell_mirror_oracle import CellMirrorOracle, Met
-from tests.mirror_sweeps import DISTANCES, MIRROR, caught
+from tests.mirror_sweeps import DISTANCES, caught
+from tests.mirrored import Sweep, mirroring
 from tests.shadow_sweeps import DELTA, Count
 from tests.veil_sweeps import BUNDLED, random_cells
 
@@ -27,32 +28,13 @@ Table = dict[str, Any]
 Random = np.random.Generator
 
 
-def mirroring(scene: Scene, bounces: int = 1) -> Scene:
-    """The scene, all solids, cells and parts of which are mirrors."""
-    tables = scene.model_dump(by_alias=True, exclude_none=True)
-
-    def shine(table: Table) -> None:
-        things = [*table.get("solid", ()), *table.get("part", ()), *table.get("cell", ())]
-        for thing in things:
-            is_colored = thing.pop("color", None) is not None
-            if is_colored or "material" in thing:
-                thing["material"] = "mirror"
-        for group in table.get("group", ()):
-            shine(group)
-
-    shine(tables)
-    lights = [{**each, "shadows": False} for each in tables.get("light", ())]
-    image = {**tables["image"], "bounces": bounces}
-    return Scene.from_dict({**tables, "image": image, "material": [MIRROR], "light": lights})
-
-
 def count(total: Count, scene: Scene, size: tuple[int, int] = SIZE, **options: Any) -> None:
     """Count a frame's bounces. A pixel's bounces after its first difference are not counted."""
     scene = with_overrides(scene, size=size, **options)
     oracle = CellMirrorOracle(scene, size)
     j, i = (each.ravel().astype(np.float64) for each in np.mgrid[: size[1], : size[0]])
     truth = oracle.at(i, j)
-    frame = [tuple(part.ravel() for part in each) for each in caught(scene)]
+    frame = [tuple(part.ravel() for part in each) for each in caught(scene, shadows=False)]
     same, stable = np.ones((2, i.size), bool)
     for depth, (met, (solid, surface, unsure)) in enumerate(zip(truth, frame, strict=True)):
         equal = (met.solid == solid) & oracle.vanishes(met, surface)
@@ -117,31 +99,23 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=20, help="random scenes")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
-    wrong = 0
-
-    def tell(what: str, scenes: list[Scene], size: tuple[int, int] = SIZE) -> None:
-        nonlocal wrong
-        total = Count()
-        for scene in scenes:
-            count(total, scene, size)
-        wrong += total.wrong
-        sys.stdout.write(f"{what}: {total}\n")
-        sys.stdout.flush()
-
+    sweep = Sweep(count, SIZE)
     for name in BUNDLED:
-        tell(name, [mirroring(halfstep.load(name), 2)])
+        sweep.tell(name, [mirroring(halfstep.load(name), 2)])
     for distance in DISTANCES:
-        tell(f"cells at {distance:g}", [reflected(rng, distance) for _ in range(arguments.scenes)])
+        sweep.tell(
+            f"cells at {distance:g}", [reflected(rng, distance) for _ in range(arguments.scenes)]
+        )
     scenes = [mirroring(random_cells(rng, "far"), 2) for _ in range(arguments.scenes)]
-    tell("random cells, two bounces", scenes)
-    tell("tokamak", [mirroring(halfstep.load("tokamak"), 2)])
+    sweep.tell("random cells, two bounces", scenes)
+    sweep.tell("tokamak", [mirroring(halfstep.load("tokamak"), 2)])
     few, rng = range(max(arguments.scenes // 4, 1)), np.random.default_rng(arguments.seed)
     for distance in DISTANCES:
         shown = [reflected(rng, distance, bent=True) for _ in few]
-        tell(f"cells of tori and polynomials at {distance:g}", shown, SMALL)
+        sweep.tell(f"cells of tori and polynomials at {distance:g}", shown, SMALL)
     scenes = [mirroring(random_cells(rng, "far", bent=True), 2) for _ in few]
-    tell("random cells of tori and polynomials, two bounces", scenes, SMALL)
-    sys.exit(bool(wrong))
+    sweep.tell("random cells of tori and polynomials, two bounces", scenes, SMALL)
+    sys.exit(bool(sweep.wrong))
 
 
 if __name__ == "__main__":

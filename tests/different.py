@@ -29,3 +29,14 @@ def different(found: Frame, expected: Frame, *, names: Iterable[str] | None = No
         if one.tobytes() != other.tobytes():
             unlike.append(name)
     return unlike
+
+
+def differing(
+    scene: Scene,
+    outputs: Iterable[str] = ("color",),
+    *,
+    size: tuple[int, int] = (64, 48),
+    **options: Any,
+) -> list[str]:
+    """The outputs of which the device and the twin differ in a bit."""
+    return different(*on_both(scene, size=size, outputs=tuple(outputs), **options))

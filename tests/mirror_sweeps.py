@@ -26,6 +26,7 @@ from tests.higher_shadows import BEFORE, formula, implicit, placed, random_formu
 from tests.higher_shadows import random_lit as random_higher
 from tests.judge import Judge
 from tests.mirror_oracle import Met, MirrorOracle
+from tests.mirrored import Sweep, mirroring
 from tests.scenes_random import KINDS
 from tests.shadow_sweeps import DELTA, Count, Random, Table, bounded, random_lit, watched
 
@@ -34,17 +35,6 @@ DISTANCES = (3.0, 1e1, 1e2, 1e3, 1e4)
 HIGHER = {"torus": torus, "implicit": implicit}
 # Formulas that are no polynomials, and a torus that crosses itself.
 NAMES = (*FORMULAS, "spindle")
-MIRROR = {"name": "mirror", "color": [0.8, 0.8, 0.8], "reflection": 0.9}
-
-
-def mirroring(scene: Scene, bounces: int = 1) -> Scene:
-    """The scene, all solids of which are mirrors."""
-    tables = scene.model_dump(by_alias=True, exclude_none=True)
-    solids = [{**each, "material": "mirror"} for each in tables["solid"]]
-    for each in solids:
-        each.pop("color", None)
-    image = {**tables["image"], "bounces": bounces}
-    return Scene.from_dict({**tables, "image": image, "material": [MIRROR], "solid": solids})
 
 
 def caught(scene: Scene, **options: Any) -> list[tuple[Any, Any, Any]]:
@@ -176,46 +166,36 @@ def main() -> None:
     parser.add_argument("--formulas", action="store_true", help="only other formulas")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
-    wrong = 0
-
-    def tell(what: str, scenes: list[Scene], size: tuple[int, int] = SIZE) -> None:
-        nonlocal wrong
-        total = Count()
-        for scene in scenes:
-            count(total, scene, size)
-        wrong += total.wrong
-        sys.stdout.write(f"{what}: {total}\n")
-        sys.stdout.flush()
-
+    sweep = Sweep(count, SIZE)
     if not (arguments.higher or arguments.formulas):
         for distance in DISTANCES:
-            tell(f"solid at {distance:g}", [reflected(rng, kind, distance) for kind in KINDS])
+            sweep.tell(f"solid at {distance:g}", [reflected(rng, kind, distance) for kind in KINDS])
         for distance in (6.0, 1e2, 1e4, 1e6):
-            tell(f"camera at {distance:g}", [crowded(rng, distance)])
+            sweep.tell(f"camera at {distance:g}", [crowded(rng, distance)])
         for place in ("outside", "close", "inside"):
             scenes = [mirroring(random_lit(rng, place), 2) for _ in range(arguments.scenes)]
-            tell(f"{place}, two bounces", scenes)
+            sweep.tell(f"{place}, two bounces", scenes)
     rng = np.random.default_rng(arguments.seed)
     if not arguments.formulas:
         for distance in DISTANCES:
             shown = [reflected(rng, kind, distance) for kind in HIGHER for _ in range(4)]
-            tell(f"torus or polynomial at {distance:g}", shown)
-            tell(f"mirrors of such at {distance:g}", [higher(rng, distance)])
+            sweep.tell(f"torus or polynomial at {distance:g}", shown)
+            sweep.tell(f"mirrors of such at {distance:g}", [higher(rng, distance)])
         scenes = [mirroring(random_higher(rng), 2) for _ in range(arguments.scenes)]
-        tell("tori and polynomials, two bounces", scenes)
+        sweep.tell("tori and polynomials, two bounces", scenes)
     rng = np.random.default_rng(arguments.seed)
     if not arguments.higher:
         for distance in DISTANCES:
-            tell(
+            sweep.tell(
                 f"formulas at {distance:g}",
                 [reflected(rng, name, distance) for name in NAMES],
                 SMALL,
             )
-            tell(f"mirrors of such at {distance:g}", [higher(rng, distance, BEFORE)], SMALL)
+            sweep.tell(f"mirrors of such at {distance:g}", [higher(rng, distance, BEFORE)], SMALL)
         for name in NAMES:
             scenes = [mirroring(random_formulas(rng, name), 2) for _ in range(2)]
-            tell(f"{name}, two bounces", scenes, SMALL)
-    sys.exit(bool(wrong))
+            sweep.tell(f"{name}, two bounces", scenes, SMALL)
+    sys.exit(bool(sweep.wrong))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -17,10 +16,10 @@ from halfstep.run import gpu as run_gpu
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
-from tests.cell_mirrors import count, mirroring
+from tests.cell_mirrors import count
 from tests.cell_mirrors import reflected as far_away
-from tests.different import different, on_both
-from tests.shadow_sweeps import Count
+from tests.different import differing
+from tests.mirrored import counted, mirroring
 from tests.veil_sweeps import random_cells
 
 SMALL = (64, 48)
@@ -84,31 +83,22 @@ def room(*, shadows: bool = True, **image: Any) -> Scene:
     )  # fmt: skip
 
 
-def counted(scenes: list[Scene], size: tuple[int, int] = SMALL) -> Count:
-    """Counts of frames of the twin."""
-    total = Count()
-    for scene in scenes:
-        count(total, scene, size)
-    sys.stdout.write(f"{total}\n")
-    return total
-
-
 def test_bundled_scenes() -> None:
-    total = counted([mirroring(halfstep.load("bracket"), 2)], (24, 18))
+    total = counted(count, [mirroring(halfstep.load("bracket"), 2)], (24, 18))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 2
     assert total.hits > 60
 
 
 def test_a_room_of_all() -> None:
-    total = counted([mirroring(room(), 3)], (96, 72))
+    total = counted(count, [mirroring(room(), 3)], (96, 72))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 4
     assert total.hits > 700
 
 
 def test_random_cells(rng: np.random.Generator) -> None:
-    total = counted([mirroring(random_cells(rng, "far"), 2) for _ in range(4)], (48, 36))
+    total = counted(count, [mirroring(random_cells(rng, "far"), 2) for _ in range(4)], (48, 36))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 4
     assert total.open <= 0.01 * total.hits + 4
@@ -134,7 +124,7 @@ def test_copies_that_touch() -> None:
             "lattice": [{"kind": "rectangular", "pitch": [1, 1], "shape": [2, 2], "group": "g"}],
         }
     )
-    total = counted([mirroring(scene, 4)], (48, 36))
+    total = counted(count, [mirroring(scene, 4)], (48, 36))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 2
     assert total.hits > 100
@@ -142,7 +132,7 @@ def test_copies_that_touch() -> None:
 
 @pytest.mark.parametrize("distance", [3.0, 1e4])
 def test_cells_in_a_mirror_at_any_distance(distance: float, rng: np.random.Generator) -> None:
-    total = counted([far_away(rng, distance) for _ in range(4)], (40, 30))
+    total = counted(count, [far_away(rng, distance) for _ in range(4)], (40, 30))
     assert total.wrong == 0
     assert total.ties <= 1e-2 * total.hits + 2
     assert total.hits > 100
@@ -161,7 +151,7 @@ def test_a_mirror_seen_from_within() -> None:
             "cell": [{"region": "box - ball", **GRAY}, {"region": "more - box", **GRAY}],
         }
     )
-    total = counted([mirroring(scene, 3)], (48, 36))
+    total = counted(count, [mirroring(scene, 3)], (48, 36))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 4
     assert total.hits > 3000
@@ -207,11 +197,6 @@ def test_scenes_without_mirrors_of_cells_hold_no_code_of_them() -> None:
 
 
 # ------------------------------------------------------------------------------ device and twin
-
-
-def differing(scene: Scene, outputs: tuple[str, ...] = ("color",), **options: Any) -> list[str]:
-    """Outputs of which the device and the twin differ in a bit."""
-    return different(*on_both(scene, size=SMALL, outputs=outputs, **options))
 
 
 @pytest.mark.usefixtures("adapter")

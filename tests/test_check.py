@@ -30,7 +30,7 @@ from halfstep.shader.needs import Needs
 from halfstep.testing import frames
 from halfstep.testing.module import Module
 from halfstep.twin import halve, piece
-from tests.cell_mirrors import mirroring
+from tests.mirrored import mirroring
 from tests.test_rounds import barrels
 
 SIZE = (96, 72)

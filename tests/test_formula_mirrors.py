@@ -15,10 +15,10 @@ from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
-from tests.different import different, on_both
+from tests.different import differing
 from tests.higher_shadows import BEFORE, random_formulas
-from tests.mirror_sweeps import NAMES, caught, count, higher, mirroring, reflected
-from tests.shadow_sweeps import Count
+from tests.mirror_sweeps import NAMES, caught, count, higher, reflected
+from tests.mirrored import assert_slip_is_seen, counted, mirroring
 
 SMALL, TINY = (64, 48), (24, 18)
 CHROME = {"name": "chrome", "color": [0.8, 0.8, 0.85], "reflection": 0.75}
@@ -28,18 +28,9 @@ GRAY: dict[str, Any] = {"color": [0.7, 0.7, 0.7]}
 GYROID = {"kind": "implicit", "formula": "sin(x)*cos(y) + sin(y)*cos(z) + sin(z)*cos(x) = 0"}
 
 
-def counted(scenes: list[Scene], size: tuple[int, int] = TINY) -> Count:
-    """Counts of frames of the twin."""
-    total = Count()
-    for scene in scenes:
-        count(total, scene, size)
-    sys.stdout.write(f"{total}\n")
-    return total
-
-
 @pytest.mark.parametrize(("name", "hits"), [("minimal_surfaces", 25), ("sine_helix", 15)])
 def test_bundled_scenes(name: str, hits: int) -> None:
-    total = counted([mirroring(halfstep.load(name))])
+    total = counted(count, [mirroring(halfstep.load(name))], TINY)
     assert total.wrong == 0
     assert total.ties + total.unsure <= 2
     assert total.hits > hits
@@ -48,7 +39,7 @@ def test_bundled_scenes(name: str, hits: int) -> None:
 def test_random_scenes(rng: np.random.Generator) -> None:
     name = str(rng.choice(NAMES))
     sys.stdout.write(f"{name}\n")
-    total = counted([mirroring(random_formulas(rng, name), 2)])
+    total = counted(count, [mirroring(random_formulas(rng, name), 2)], TINY)
     assert total.wrong == 0
     assert total.ties + total.unsure <= 5
     assert total.hits > 20
@@ -56,7 +47,9 @@ def test_random_scenes(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("distance", [3.0, 1e4])
 def test_what_is_mirrored_at_any_distance(distance: float, rng: np.random.Generator) -> None:
-    total = counted([reflected(rng, "spindle", distance), higher(rng, distance, BEFORE)])
+    total = counted(
+        count, [reflected(rng, "spindle", distance), higher(rng, distance, BEFORE)], TINY
+    )
     assert total.wrong == 0
     assert total.ties + total.unsure <= 5
     assert total.hits > 50
@@ -97,7 +90,7 @@ def test_doubt_is_told() -> None:
     frame = halfstep.render(scene, backend="numpy", outputs=("image", "error"))
     assert (frame.solid == 0).all()
     assert 4 < np.isinf(frame.error).sum() < 900
-    assert counted([scene], SMALL).wrong == 0
+    assert counted(count, [scene], SMALL).wrong == 0
 
 
 def room() -> Scene:
@@ -127,7 +120,7 @@ def room() -> Scene:
 
 
 def test_a_room_of_all() -> None:
-    total = counted([mirroring(room(), 2)], (32, 24))
+    total = counted(count, [mirroring(room(), 2)], (32, 24))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 5
     assert total.hits > 250
@@ -154,11 +147,6 @@ def sheet() -> Scene:
             ],
         }
     )  # fmt: skip
-
-
-def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[str]:
-    """Outputs of which the device and the twin differ in a bit."""
-    return different(*on_both(scene, size=SMALL, outputs=outputs, **options))
 
 
 @pytest.mark.usefixtures("adapter")
@@ -192,9 +180,7 @@ def test_a_fault_in_the_kernel_is_seen(
     adapter: Adapter,
     plant: Callable[[str, str], list[str]],
 ) -> None:
-    texts = plant(old, new)
-    assert differing(scene(), ("color", "error"), adapter=adapter.summary.index)
-    assert any(old in text for text in texts)
+    assert_slip_is_seen(scene(), old, new, adapter, plant)
 
 
 def test_shaders_hold_the_code_of_the_forms_of_their_scene() -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Collection
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -15,34 +13,25 @@ from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
-from tests.cell_mirrors import count, mirroring
+from tests.cell_mirrors import count
 from tests.cell_mirrors import reflected as far_away
-from tests.different import different, on_both
-from tests.shadow_sweeps import Count
+from tests.different import differing
+from tests.mirrored import counted, mirroring
 from tests.test_higher_veils import groove
 from tests.veil_sweeps import random_cells
 
 SMALL = (64, 48)
 
 
-def counted(scenes: list[Scene], size: tuple[int, int]) -> Count:
-    """Counts of frames of the twin."""
-    total = Count()
-    for scene in scenes:
-        count(total, scene, size)
-    sys.stdout.write(f"{total}\n")
-    return total
-
-
 def test_a_groove_mirrors_and_is_mirrored() -> None:
-    total = counted([mirroring(groove(), 3)], SMALL)
+    total = counted(count, [mirroring(groove(), 3)], SMALL)
     assert total.wrong == 0
     assert total.ties + total.unsure <= 5
     assert total.hits > 200
 
 
 def test_a_bundled_scene() -> None:
-    total = counted([mirroring(halfstep.load("tokamak"), 2)], (32, 24))
+    total = counted(count, [mirroring(halfstep.load("tokamak"), 2)], (32, 24))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 2
     assert total.hits > 20
@@ -50,7 +39,7 @@ def test_a_bundled_scene() -> None:
 
 def test_random_cells(rng: np.random.Generator) -> None:
     scenes = [mirroring(random_cells(rng, "far", bent=True), 2) for _ in range(2)]
-    total = counted(scenes, (32, 24))
+    total = counted(count, scenes, (32, 24))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 5
     assert total.open <= 0.1 * total.hits + 4
@@ -59,7 +48,7 @@ def test_random_cells(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("distance", [3.0, 1e4])
 def test_what_is_mirrored_at_any_distance(distance: float, rng: np.random.Generator) -> None:
-    total = counted([far_away(rng, distance, bent=True) for _ in range(2)], (32, 24))
+    total = counted(count, [far_away(rng, distance, bent=True) for _ in range(2)], (32, 24))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 5
     assert total.hits > 40
@@ -70,12 +59,7 @@ def test_what_is_mirrored_at_any_distance(distance: float, rng: np.random.Genera
 
 def chrome() -> Scene:
     """The block with a groove and the hoop over it mirror each other; there are no lights."""
-    return mirroring(groove(), 2)
-
-
-def differing(scene: Scene, outputs: Collection[str], **options: Any) -> list[str]:
-    """Outputs of which the device and the twin differ in a bit."""
-    return different(*on_both(scene, size=SMALL, outputs=tuple(outputs), **options))
+    return with_overrides(mirroring(groove(), 2), shadows=False)
 
 
 @pytest.mark.usefixtures("adapter")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -15,10 +14,10 @@ from halfstep.host.prepare import prepare
 from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.source import compose
-from tests.different import different, on_both
+from tests.different import differing
 from tests.higher_shadows import random_lit
-from tests.mirror_sweeps import HIGHER, caught, count, higher, mirroring, reflected
-from tests.shadow_sweeps import Count
+from tests.mirror_sweeps import HIGHER, caught, count, higher, reflected
+from tests.mirrored import assert_slip_is_seen, counted, mirroring
 
 SMALL = (64, 48)
 CHROME = {"name": "chrome", "color": [0.8, 0.8, 0.85], "reflection": 0.75, "specular": 0.5}
@@ -58,34 +57,25 @@ def room(bounces: int = 2) -> Scene:
     )  # fmt: skip
 
 
-def counted(scenes: list[Scene], size: tuple[int, int] = SMALL) -> Count:
-    """Counts of frames of the twin."""
-    total = Count()
-    for scene in scenes:
-        count(total, scene, size)
-    sys.stdout.write(f"{total}\n")
-    return total
-
-
 @pytest.mark.parametrize(
     ("name", "hits"), [("linked_rings", 150), ("clebsch_cubic", 100), ("dupin_cyclide", 30)]
 )
 def test_bundled_scenes(name: str, hits: int) -> None:
-    total = counted([mirroring(halfstep.load(name), 2)])
+    total = counted(count, [mirroring(halfstep.load(name), 2)], SMALL)
     assert total.wrong == 0
     assert total.ties + total.unsure <= 2
     assert total.hits > hits
 
 
 def test_a_room_of_all() -> None:
-    total = counted([mirroring(room(), 2)], (128, 96))
+    total = counted(count, [mirroring(room(), 2)], (128, 96))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 5
     assert total.hits > 3000
 
 
 def test_random_scenes(rng: np.random.Generator) -> None:
-    total = counted([mirroring(random_lit(rng), 2) for _ in range(2)])
+    total = counted(count, [mirroring(random_lit(rng), 2) for _ in range(2)], SMALL)
     assert total.wrong == 0
     assert total.ties + total.unsure <= 2e-3 * total.hits + 2
     assert total.hits > 1000
@@ -94,7 +84,7 @@ def test_random_scenes(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("distance", [3.0, 1e4])
 def test_what_is_mirrored_at_any_distance(distance: float, rng: np.random.Generator) -> None:
     shown = [reflected(rng, kind, distance) for kind in HIGHER for _ in range(2)]
-    total = counted([*shown, higher(rng, distance)], (32, 24))
+    total = counted(count, [*shown, higher(rng, distance)], (32, 24))
     assert total.wrong == 0
     assert total.ties + total.unsure <= 2e-3 * total.hits + 2
     assert total.hits > 500
@@ -141,15 +131,10 @@ def test_doubt_is_told() -> None:
     np.testing.assert_array_equal(doubted, unsure & np.isfinite(alone.error))
     assert (frame.solid[doubted] == 0).all()
     assert 4 < doubted.sum() < 900
-    assert counted([scene]).wrong == 0
+    assert counted(count, [scene], SMALL).wrong == 0
 
 
 # ------------------------------------------------------------------------------ device and twin
-
-
-def differing(scene: Scene, outputs: tuple[str, ...], **options: Any) -> list[str]:
-    """Outputs of which the device and the twin differ in a bit."""
-    return different(*on_both(scene, size=SMALL, outputs=outputs, **options))
 
 
 @pytest.mark.usefixtures("adapter")
@@ -221,9 +206,7 @@ def test_a_fault_in_the_kernel_is_seen(
     adapter: Adapter,
     plant: Callable[[str, str], list[str]],
 ) -> None:
-    texts = plant(old, new)
-    assert differing(scene(), ("color", "error"), adapter=adapter.summary.index)
-    assert any(old in text for text in texts)
+    assert_slip_is_seen(scene(), old, new, adapter, plant)
 
 
 def test_mirrors_of_other_solids_hold_no_code_of_polynomials() -> None:

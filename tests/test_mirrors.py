@@ -17,10 +17,11 @@ from halfstep.run.needs import needs_of_frame
 from halfstep.scene import Scene, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
-from tests.different import different, on_both
-from tests.mirror_sweeps import count, crowded, mirroring, reflected
+from tests.different import different, differing
+from tests.mirror_sweeps import count, crowded, reflected
+from tests.mirrored import counted, mirroring
 from tests.scenes_random import KINDS
-from tests.shadow_sweeps import Count, random_lit
+from tests.shadow_sweeps import random_lit
 
 SMALL = (64, 48)
 GRAY: dict[str, Any] = {"color": [0.7, 0.7, 0.7]}
@@ -56,17 +57,9 @@ def room(bounces: int = 2, *, shadows: bool = True, **camera: Any) -> Scene:
     )  # fmt: skip
 
 
-def counted(scenes: list[Scene], size: tuple[int, int] = SMALL) -> Count:
-    """Counts of frames."""
-    total = Count()
-    for scene in scenes:
-        count(total, scene, size)
-    return total
-
-
 @pytest.mark.parametrize("name", ["gallery", "figure"])
 def test_bundled_scenes(name: str) -> None:
-    total = counted([mirroring(halfstep.load(name), 2)])
+    total = counted(count, [mirroring(halfstep.load(name), 2)], SMALL)
     assert total.wrong == 0
     assert total.ties <= 4
     assert total.hits > 500
@@ -75,7 +68,7 @@ def test_bundled_scenes(name: str) -> None:
 @pytest.mark.parametrize("place", ["outside", "close", "inside"])
 def test_random_scenes(place: str, rng: np.random.Generator) -> None:
     """All kinds, seen from within too, and three bounces."""
-    total = counted([mirroring(random_lit(rng, place), 3) for _ in range(3)])
+    total = counted(count, [mirroring(random_lit(rng, place), 3) for _ in range(3)], SMALL)
     assert total.wrong == 0
     assert total.ties <= 4
     assert total.hits > 50
@@ -83,20 +76,20 @@ def test_random_scenes(place: str, rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("distance", [3.0, 1e4])
 def test_what_is_mirrored_at_any_distance(distance: float, rng: np.random.Generator) -> None:
-    total = counted([reflected(rng, kind, distance) for kind in KINDS], (32, 24))
+    total = counted(count, [reflected(rng, kind, distance) for kind in KINDS], (32, 24))
     assert total.wrong == 0
     assert total.ties <= 1e-3 * total.hits + 2
     assert total.hits > 1000
 
 
 def test_a_camera_far_away(rng: np.random.Generator) -> None:
-    total = counted([crowded(rng, 1e6)], (48, 36))
+    total = counted(count, [crowded(rng, 1e6)], (48, 36))
     assert total.wrong == 0
     assert total.hits > 200
 
 
 def test_parallel_rays_are_mirrored() -> None:
-    total = counted([mirroring(room(fov_degrees=None, orthographic_height=6.0), 2)])
+    total = counted(count, [mirroring(room(fov_degrees=None, orthographic_height=6.0), 2)], SMALL)
     assert total.wrong == 0
     assert total.hits > 1000
 
@@ -136,11 +129,6 @@ def test_scenes_without_mirrors_hold_no_code_of_them() -> None:
 
 
 # ------------------------------------------------------------------------------ device and twin
-
-
-def differing(scene: Scene, outputs: tuple[str, ...] = ("color",), **options: Any) -> list[str]:
-    """Outputs of which the device and the twin differ in a bit."""
-    return different(*on_both(scene, size=SMALL, outputs=outputs, **options))
 
 
 @pytest.mark.usefixtures("adapter")

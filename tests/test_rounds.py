@@ -27,9 +27,9 @@ from halfstep.run.needs import needs_of
 from halfstep.scene import Scene, load, with_overrides
 from halfstep.shader.needs import Needs
 from halfstep.shader.source import compose
-from tests.cell_mirrors import mirroring
 from tests.crowded import one_tile, spheres
 from tests.different import different
+from tests.mirrored import mirroring
 
 SIZE = (96, 72)
 METHODS = ("visible", "article")
