@@ -18,10 +18,11 @@ from halfstep.scene import Algebraic, PlanePatch, Scene
 from halfstep.scene.copies import Layout
 from halfstep.scene.groups import Fragment
 from halfstep.scene.region import Intersection, Region
-from tests.higher_shadow_oracle import roots_of, value_at
-from tests.mirror_oracle import LD, Bools, Ints, Wide, _changes, _crosses, _normals, _turns, _unit
+from tests.higher_shadow_oracle import roots_of
+from tests.mirror_oracle import changes, crosses, normals, turns
+from tests.rays import LD, Bools, Ints, Wide, reflected, unit, value_at
 from tests.region_oracle import holds
-from tests.veil_oracle import CHUNK, Bent, _renamed
+from tests.veil_oracle import CHUNK, Bent, renamed
 
 # Functions vanish together where their roots differ by less than this part of the scene's size.
 TOGETHER = 1e-11
@@ -66,7 +67,7 @@ class CellMirrorOracle:
     def _some(self, i: Any, j: Any) -> list[Met]:
         count = len(i)
         start = self._view.eye.astype(LD) + self._view.starts(i, j).astype(LD)
-        along = _unit(self._view.directions(i, j).astype(LD))
+        along = unit(self._view.directions(i, j).astype(LD))
         nothing = np.full(count, -1, np.int32)
         start = np.broadcast_to(start, along.shape)
         met = [self._first(Met(nothing, nothing, nothing, start, along), np.ones(count, bool))]
@@ -96,7 +97,7 @@ class CellMirrorOracle:
         normal = np.zeros_like(old.point)
         for ix, solid in enumerate(self.scene.solids):
             own = old.solid == ix
-            normal[own] = _normals(solid, old.point[own], old.surface[own])
+            normal[own] = normals(solid, old.point[own], old.surface[own])
         for ix, copy in enumerate(self.copies):
             own = old.copy == ix
             x = np.column_stack([old.point[own], np.ones(int(own.sum()), LD)])
@@ -106,9 +107,7 @@ class CellMirrorOracle:
                 slope = np.where(mine, one.gradient(x[:, :3]), slope)
             normal[own] = slope
         normal[old.solid < 0, 2] = 1
-        normal = _unit(normal)
-        along = (old.direction * normal).sum(axis=1, keepdims=True)
-        direction = _unit(old.direction - 2 * along * normal)
+        direction = reflected(old.direction, normal)
         return self._first(old._replace(direction=direction), old.solid >= 0)
 
     def _first(self, old: Met, some: Bools) -> Met:
@@ -117,8 +116,8 @@ class CellMirrorOracle:
         solids, surfaces, copies = np.full((3, len(some)), -1, np.int32)
         for ix, solid in enumerate(self.scene.solids):
             of_own = np.where(old.solid == ix, old.surface, -1)
-            find: Any = _crosses if isinstance(solid, PlanePatch) else _changes
-            find = _turns if isinstance(solid, Algebraic) else find
+            find: Any = crosses if isinstance(solid, PlanePatch) else changes
+            find = turns if isinstance(solid, Algebraic) else find
             at, surface = find(solid, old.point, old.direction, of_own)[:2]
             nearer = (at < time) & some
             time = np.where(nearer, at, time)
@@ -174,7 +173,7 @@ def copies_of(scene: Scene) -> Iterator[Copy]:
                 into = np.eye(4)
                 into[:3] = cut.maps[ix]
                 moved = (into @ np.linalg.inv(to_world)).astype(LD)
-                around.append(_renamed(cut.region, len(matrices)))
+                around.append(renamed(cut.region, len(matrices)))
                 functions = [np.asarray(each.matrix).astype(LD) for each in cut.group.functions()]
                 matrices += [moved.T @ m @ moved for m in functions]
             cells = tuple((k, Intersection((region, *around))) for k, region in shown)

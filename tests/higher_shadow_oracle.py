@@ -18,11 +18,8 @@ from numpy.typing import NDArray
 from halfstep.host.camera import view
 from halfstep.scene import Algebraic, Light, PlanePatch, QuadricSolid, Scene
 from tests.formula_rays import FormulaAlong
+from tests.rays import LD, Bools, Ints, Wide, to_local, value_at, way_to
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-Wide = NDArray[np.longdouble]
-LD = np.longdouble
 # The solid of pixels that are not judged.
 UNKNOWN = np.int32(-2)
 
@@ -41,7 +38,7 @@ class HigherShadows:
         solid, surface = np.full((2, len(i)), -1, np.int32)
         inside, known = np.zeros(len(i), bool), np.ones(len(i), bool)
         for ix, each in enumerate(self.scene.solids):
-            ray = _Ray(each, *_local(each, start, along), np.inf, is_seen=True)
+            ray = _Ray(each, *to_local(each, start, along), np.inf, is_seen=True)
             found, number, within = _first(each, ray)
             nearer = found < depth
             depth = np.where(nearer, found, depth)
@@ -173,13 +170,6 @@ def roots_of(terms: Wide) -> Wide:
     return np.asarray(found.real)
 
 
-def value_at(terms: Wide, s: Wide) -> Wide:
-    value = np.zeros_like(s)
-    for term in terms[::-1]:
-        value = value * s + term
-    return value
-
-
 class _PolynomialAlong:
     """A polynomial along rays x + s d (N, 3); on those that are ``own``, the root x is left out."""
 
@@ -208,11 +198,6 @@ class _PolynomialAlong:
         """About how far a root is from distances (N,)."""
         value = np.abs(value_at(self._terms, s))
         return np.asarray(value / np.maximum(np.abs(self.slope(s)), 1e-300))
-
-
-def _local(solid: Any, points: Wide, vectors: Wide) -> tuple[Wide, Wide]:
-    turn = solid.world_from_local().astype(LD)
-    return (points - np.array(solid.origin, LD)) @ turn, vectors @ turn
 
 
 class _Ray:
@@ -320,18 +305,10 @@ def _sheet(solid: Any) -> int | None:
     return 0 if is_sheet else None
 
 
-def _way(points: Wide, light: Light) -> tuple[Wide, Any]:
-    """The vectors to a light, and how many of them lead there."""
-    if light.position is not None:
-        return np.array(light.position, LD) - points, LD(1)
-    toward = np.array(light.direction, LD)
-    return np.broadcast_to(toward / np.sqrt((toward**2).sum()), points.shape), LD(np.inf)
-
-
 def _hides(solid: Any, points: Wide, light: Light) -> tuple[Bools, Bools]:
     """Whether a solid hides a light from points beside it, and whether that is known."""
-    vectors, end = _way(points, light)
-    x, d = _local(solid, points, vectors)
+    vectors, end = way_to(light, points)
+    x, d = to_local(solid, points, vectors)
     ray = _Ray(solid, x, d, end)
     sheet = _sheet(solid)
     if sheet is not None:
@@ -345,8 +322,8 @@ def _hides_itself(
     solid: Any, points: Wide, light: Light, surface: Ints, inside: Bools, seen: Wide
 ) -> tuple[Bools, Bools]:
     """The same for points of the solid itself."""
-    vectors, end = _way(points, light)
-    x, d = _local(solid, points, vectors)
+    vectors, end = way_to(light, points)
+    x, d = to_local(solid, points, vectors)
     sheet = _sheet(solid)
     ray = _Ray(solid, x, d, end, surface)
     slope = np.zeros(len(x), LD)
@@ -354,7 +331,7 @@ def _hides_itself(
         slope = np.where(surface == number, function.slope(slope * 0), slope)
     if isinstance(solid, PlanePatch):
         normal = solid.half_spaces().astype(LD)[0][:3]
-        _, at = _local(solid, points, seen)
+        _, at = to_local(solid, points, seen)
         return np.asarray((slope > 0) == ((at @ normal) > 0)), ray.known
     faces = slope > 0
     away = faces == inside

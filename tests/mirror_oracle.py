@@ -13,19 +13,13 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from halfstep.host.camera import view
 from halfstep.scene import Algebraic, PlanePatch, QuadricSolid, Scene
 from tests.formula_rays import FormulaAlong
-from tests.higher_shadow_oracle import UNKNOWN, along_rays, functions_of, roots_of, value_at
+from tests.higher_shadow_oracle import UNKNOWN, along_rays, functions_of, roots_of
 from tests.oracle import Oracle
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-Wide = NDArray[np.longdouble]
-
-LD = np.longdouble
+from tests.rays import LD, Bools, Ints, Wide, reflected, to_local, unit, value_at
 
 
 class Met(NamedTuple):
@@ -58,12 +52,12 @@ class MirrorOracle:
         if self.oracle is None:
             nowhere = np.full(len(i), -1, np.int32)
             met = [
-                self._first(Met(nowhere, nowhere, start, _unit(along)), start[:, 0] == start[:, 0])
+                self._first(Met(nowhere, nowhere, start, unit(along)), start[:, 0] == start[:, 0])
             ]
         else:
             trace = self.oracle.trace((i, j))
             depth = np.where(trace.solid >= 0, trace.depth, 0.0).astype(LD)[:, None]
-            met = [Met(trace.solid, trace.surface, start + depth * along, _unit(along))]
+            met = [Met(trace.solid, trace.surface, start + depth * along, unit(along))]
         for _ in range(self.scene.image.bounces):
             met.append(self._next(met[-1]))
         return met
@@ -73,11 +67,9 @@ class MirrorOracle:
         normal = np.zeros_like(old.point)
         for ix, solid in enumerate(self.scene.solids):
             own = old.solid == ix
-            normal[own] = _normals(solid, old.point[own], old.surface[own])
+            normal[own] = normals(solid, old.point[own], old.surface[own])
         normal[old.solid < 0, 2] = 1
-        normal = _unit(normal)
-        along = (old.direction * normal).sum(axis=1, keepdims=True)
-        direction = _unit(old.direction - 2 * along * normal)
+        direction = reflected(old.direction, normal)
         return self._first(old._replace(direction=direction), old.solid >= 0)
 
     def _first(self, old: Met, some: Bools) -> Met:
@@ -88,10 +80,10 @@ class MirrorOracle:
         for ix, solid in enumerate(self.scene.solids):
             of_own = np.where(old.solid == ix, old.surface, -1)
             if isinstance(solid, Algebraic):
-                at, surface, sure = _turns(solid, old.point, direction, of_own)
+                at, surface, sure = turns(solid, old.point, direction, of_own)
                 known &= sure
             else:
-                find: Any = _crosses if isinstance(solid, PlanePatch) else _changes
+                find: Any = crosses if isinstance(solid, PlanePatch) else changes
                 at, surface = find(solid, old.point, direction, of_own)
             nearer = (at < time) & some
             time = np.where(nearer, at, time)
@@ -100,18 +92,9 @@ class MirrorOracle:
         return Met(np.where(known, solids, UNKNOWN), surfaces, point, direction)
 
 
-def _unit(vectors: Wide) -> Wide:
-    return np.asarray(vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True)))
-
-
-def _local(solid: Any, points: Wide, directions: Wide) -> tuple[Wide, Wide]:
-    turn = solid.world_from_local().astype(LD)
-    return (points - np.array(solid.origin, LD)) @ turn, directions @ turn
-
-
-def _normals(solid: Any, points: Wide, surface: Ints) -> Wide:
+def normals(solid: Any, points: Wide, surface: Ints) -> Wide:
     """World vectors (N, 3) along the normals of a solid."""
-    x, _ = _local(solid, points, points)
+    x, _ = to_local(solid, points, points)
     normal = np.zeros_like(x)
     for k, row in enumerate(solid.half_spaces().astype(LD)):
         normal[surface == (k if isinstance(solid, PlanePatch) else k + 1)] = row[:3]
@@ -133,9 +116,9 @@ def _normals(solid: Any, points: Wide, surface: Ints) -> Wide:
     return np.asarray(normal @ solid.world_from_local().astype(LD).T)
 
 
-def _changes(solid: Any, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints]:
+def changes(solid: Any, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints]:
     """Where rays first enter a solid, or leave it if they begin inside, and through what."""
-    x, d = _local(solid, points, directions)
+    x, d = to_local(solid, points, directions)
     rows = solid.half_spaces().astype(LD)
     c = np.where(own[:, None] == 1 + np.arange(len(rows)), 0, x @ rows[:, :3].T - rows[:, 3])
     b = d @ rows[:, :3].T
@@ -171,9 +154,9 @@ def _changes(solid: Any, points: Wide, directions: Wide, own: Ints) -> tuple[Wid
     return np.where(found, events[first, column], np.inf), numbers[first, column]
 
 
-def _crosses(solid: PlanePatch, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints]:
+def crosses(solid: PlanePatch, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints]:
     """Where rays cross a bounded plane."""
-    x, d = _local(solid, points, directions)
+    x, d = to_local(solid, points, directions)
     rows = solid.half_spaces().astype(LD)
     c, b = x @ rows[:, :3].T - rows[:, 3], d @ rows[:, :3].T
     with np.errstate(all="ignore"):
@@ -184,12 +167,12 @@ def _crosses(solid: PlanePatch, points: Wide, directions: Wide, own: Ints) -> tu
     return np.where(met, time, np.inf), np.zeros(len(x), np.int32)
 
 
-def _turns(solid: Algebraic, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints, Bools]:
-    """The same as `_changes` of a torus or a formula, and whether that is known.
+def turns(solid: Algebraic, points: Wide, directions: Wide, own: Ints) -> tuple[Wide, Ints, Bools]:
+    """The same as `changes` of a torus or a formula, and whether that is known.
 
     A sheet is where its formula changes its sign.
     """
-    x, d = _local(solid, points, directions)
+    x, d = to_local(solid, points, directions)
     columns = np.arange(len(x))
     # Where there are no roots, something infinite is found.
     places, through, inside = (

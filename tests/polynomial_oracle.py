@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from halfstep.frames.frame import Frame
 from halfstep.scene import Scene
 from tests.oracle import MP, _dot, _rotation, _scaled, _sum, _vector, _View
+from tests.rays import value_at
 
 Floats = NDArray[np.float64]
 # What a frame claims, and what of it a planted fault makes false.
@@ -248,7 +249,7 @@ class PolynomialOracle:
         stop = np.minimum(stop, far)
         span = 1e-9 * (np.abs(start) + np.abs(stop)) < np.abs(stop - start)
         empty = stop < start
-        value, size = _value(terms, start), _value(np.abs(terms), np.abs(start))
+        value, size = value_at(terms, start), value_at(np.abs(terms), np.abs(start))
         outside, sure = value > 0, np.abs(value) > TOLERANCE * size
         sign = np.where(outside, 1.0, -1.0)
         walks = outside | (first == 0) | self._sheet
@@ -260,8 +261,8 @@ class PolynomialOracle:
         # Before the root, or to the end, F has one sign.
         free = clear & sure & ~empty & span & walks
         free &= _is_positive(terms * sign, start, begun, free & (begun > start))
-        rounding = TOLERANCE * _value(np.abs(terms), np.abs(high))
-        behind = sign * _value(terms, high) < -rounding
+        rounding = TOLERANCE * value_at(np.abs(terms), np.abs(high))
+        behind = sign * value_at(terms, high) < -rounding
         hits_f = of_f & free & behind & (high < stop) & (low > start)
         exits = ~outside & (first == 0) & (not self._sheet)
         misses = ~is_hit & ((clear & empty & span) | (free & ~exits))
@@ -379,13 +380,6 @@ def _rational(value: Any) -> Fraction:
     return -number if sign else number
 
 
-def _value(terms: Floats, s: Floats) -> Floats:
-    value = np.zeros_like(s)
-    for term in terms[::-1]:
-        value = value * s + term
-    return value
-
-
 def _exact_value(terms: list[Fraction], s: Fraction) -> Fraction:
     value = Fraction(0)
     for term in reversed(terms):
@@ -415,7 +409,7 @@ def _is_positive(
         return found
     t, width = terms[:, ix].copy(), (b - a)[ix]
     far = np.maximum(np.abs(a), np.abs(b))[ix]
-    room = 16 * TOLERANCE * _value(np.abs(t), far)
+    room = 16 * TOLERANCE * value_at(np.abs(t), far)
     for k in range(degree):
         for m in range(degree - 1, k - 1, -1):
             t[m] += a[ix] * t[m + 1]

@@ -16,12 +16,7 @@ from numpy.typing import NDArray
 from halfstep.host.camera import view
 from halfstep.scene import Light, PlanePatch, QuadricSolid, Scene
 from tests.oracle import Oracle
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-Wide = NDArray[np.longdouble]
-
-LD = np.longdouble
+from tests.rays import LD, Bools, Ints, Wide, to_local, way_to
 
 
 class ShadowOracle:
@@ -116,13 +111,8 @@ def hides_itself(
 
 def _local(solid: Any, points: Wide, light: Light) -> tuple[Wide, Wide, Wide]:
     """Points and ways to the light (N, 3) in a solid's own coordinates, and where the light is."""
-    turn = solid.world_from_local().astype(LD)
-    x = (points - np.array(solid.origin, LD)) @ turn
-    if light.position is None:
-        toward = np.array(light.direction, LD)
-        d = np.broadcast_to((toward / np.sqrt((toward**2).sum())) @ turn, x.shape)
-        return x, d, np.array(np.inf, LD)
-    return x, (np.array(light.position, LD) - points) @ turn, np.array(1, LD)
+    ways, end = way_to(light, points)
+    return *to_local(solid, points, ways), end
 
 
 def _pieces(solid: Any, points: Wide, light: Light, surface: Ints | None) -> tuple[Bools, Bools]:

@@ -17,18 +17,16 @@ from numpy.typing import NDArray
 
 from halfstep.host.camera import view
 from halfstep.host.prepare import Solids
-from halfstep.scene import Light, Scene, with_overrides
+from halfstep.scene import Scene, with_overrides
 from halfstep.scene.copies import Layout
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
-from tests.higher_shadow_oracle import along_rays, roots_of, value_at, wide_polynomial
+from tests.higher_shadow_oracle import along_rays, roots_of, wide_polynomial
 from tests.judge import Judge
+from tests.rays import LD, Bools, Wide, value_at, way_to
 from tests.region_oracle import holds
 from tests.shadow_oracle import ShadowOracle, hides
 
-Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
-Wide = NDArray[np.longdouble]
-LD = np.longdouble
 # Rays at once: more take much memory.
 CHUNK = 512
 
@@ -165,7 +163,7 @@ class VeilOracle:
         dark = np.where(on_cell | ~hit, np.uint32(0), dark)
         for bit, light in enumerate(each for each in self.scene.lights if each.shadows):
             hidden = np.zeros(count, bool)
-            to = _way(points, light)
+            to, end = way_to(light, points)
             hidden[on_cell] |= (normal * to).sum(axis=1)[on_cell] <= 0
             for solid in self.scene.solids:
                 if solid.casts_shadow:
@@ -173,7 +171,7 @@ class VeilOracle:
             for number, group in enumerate(self.groups):
                 mine = owner == own + number
                 hidden[hit] |= _hides(
-                    group, points[hit], to[hit], light, np.where(mine, surface, -1)[hit]
+                    group, points[hit], to[hit], end, np.where(mine, surface, -1)[hit]
                 )
             dark |= np.where(hidden & hit, np.uint32(1 << bit), np.uint32(0))
         return Lit(owner, surface, depth.astype(np.float64), inside, dark)
@@ -211,18 +209,18 @@ def _groups(scene: Scene) -> Iterator[Group]:
                 first = len(matrices)
                 cutting = [np.asarray(each.matrix).astype(LD) for each in cut.group.functions()]
                 matrices += [moved.T @ m @ moved for m in cutting]
-                within = _renamed(cut.region, first)
+                within = renamed(cut.region, first)
                 regions = Intersection((regions[0], within)), Intersection((regions[1], within))
             yield Group(np.array(matrices), tuple(bent), *regions)
 
 
-def _renamed(region: Region, first: int) -> Region:
+def renamed(region: Region, first: int) -> Region:
     """The region with ``first`` added to the numbers of its functions."""
     if isinstance(region, Literal):
         return Literal(region.surface + first, region.positive)
     if isinstance(region, Complement):
-        return Complement(_renamed(region.of, first))
-    return type(region)(tuple(_renamed(part, first) for part in region.of))
+        return Complement(renamed(region.of, first))
+    return type(region)(tuple(renamed(part, first) for part in region.of))
 
 
 def _sided(region: Region, count: int, turned: bool = False) -> Region:
@@ -240,13 +238,6 @@ def _far(t: Wide) -> Wide:
     return np.where(np.isfinite(t), t, 0)
 
 
-def _way(points: Wide, light: Light) -> Wide:
-    if light.position is None:
-        to = np.array(light.direction, LD)
-        return np.broadcast_to(to / np.sqrt((to**2).sum()), points.shape)
-    return np.array(light.position, LD) - points
-
-
 class _Along(NamedTuple):
     """Functions a t² + b t + c along rays (S, N), and their sorted roots (E, N)."""
 
@@ -260,7 +251,7 @@ class _Along(NamedTuple):
 
 
 def _along(
-    group: Group, region: Region, starts: Wide, ways: Wide, end: float, on: Ints | None
+    group: Group, region: Region, starts: Wide, ways: Wide, end: Any, on: Ints | None
 ) -> _Along:
     x = np.column_stack([starts, np.ones(len(starts), LD)])
     d = np.column_stack([ways, np.zeros(len(ways), LD)])
@@ -317,9 +308,8 @@ def _entry(group: Group, starts: Wide, ways: Wide) -> tuple[Wide, Ints, Bools]:
     return t, off.argmin(axis=0), begins
 
 
-def _hides(group: Group, points: Wide, ways: Wide, light: Light, on: Ints) -> Bools:
+def _hides(group: Group, points: Wide, ways: Wide, end: Any, on: Ints) -> Bools:
     """Whether a copy hides a light from points, some of which are on its functions."""
-    end = np.inf if light.position is None else 1.0
     along = _along(group, group.casting, points, ways, end, on)
     meets = (along.holds & along.some).any(axis=0)
     leaves = (~along.holds & along.some).any(axis=0)
