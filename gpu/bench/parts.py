@@ -436,16 +436,9 @@ def shadows(bench: Bench) -> Part:
             given[name] = drawn
         own = stack.enter_context(bench.renderer(scene))
         cases["16 solids", "with"] = partial(_frame, own, scene)
-        try:
-            povray.version()
-        except povray.NoPovrayError as error:
-            notes.append(f"POV-Ray is left out: {error}.")
-        else:
-            for name, drawn in given.items():
-                size = (drawn.image.width, drawn.image.height)
-                cases[name, "by POV-Ray"] = partial(
-                    povray.trace_time, drawn, size, machine.threads()
-                )
+        for name, drawn in given.items() if _has_povray(notes) else ():
+            size = (drawn.image.width, drawn.image.height)
+            cases[name, "by POV-Ray"] = partial(povray.trace_time, drawn, size, machine.threads())
         times = bench.times(cases, turn=50.0)
     rows: list[dict[str, Value]] = [
         {"scene": name, "shadows": what, **_row(each)} for (name, what), each in times.items()
@@ -465,15 +458,21 @@ def shadows(bench: Bench) -> Part:
 
 
 def mirrors(bench: Bench) -> Part:
-    """Frame time of bundled scenes with one bounce of the whole picture, and without."""
+    """Frame time of bundled scenes without mirrors and with one bounce, and POV-Ray's with it."""
     notes = ["A bounce: what the frame takes longer, against the frame without."]
+    is_there = _has_povray(notes)
+    size = (640, 480)
     with ExitStack() as stack:
         cases: dict[tuple[str, str], Callable[[], float | None]] = {}
         for name in _MIRRORING:
-            plain = with_overrides(load(name), size=(640, 480))
-            for what, drawn in (("without", plain), ("with", scenes.mirroring(plain))):
+            plain = with_overrides(load(name), size=size)
+            mirrored = scenes.mirroring(plain)
+            for what, drawn in (("without", plain), ("with", mirrored)):
                 renderer = stack.enter_context(bench.renderer(drawn))
                 cases[name, what] = partial(_frame, renderer, drawn)
+            if is_there:
+                traced = partial(povray.trace_time, mirrored, size, machine.threads())
+                cases[name, "by POV-Ray"] = traced
         times = bench.times(cases, turn=50.0)
     rows: list[dict[str, Value]] = [
         {"scene": name, "mirrors": what, **_row(each)} for (name, what), each in times.items()
@@ -484,6 +483,9 @@ def mirrors(bench: Bench) -> Part:
         )
         for name in _MIRRORING
     }
+    for name in _MIRRORING if is_there else ():
+        ratio = times[name, "by POV-Ray"].best / times[name, "with"].wall
+        summary[f"POV-Ray's trace time with mirrors, {name}, 640×480"] = f"{ratio:.1f} ×"
     return Part("mirrors", "Mirrors, 640×480, one bounce", rows, summary, notes=notes)
 
 
@@ -551,6 +553,16 @@ def _own_process(bench: Bench, count: int) -> float:
         raise HalfstepError(f"with LP_NUM_THREADS={count}: {done.stderr.strip()}")
     row = json.loads(done.stdout)["parts"]["pixels"]["rows"][-1]
     return float(row["device ms"] or row["wall ms"])
+
+
+def _has_povray(notes: list[str]) -> bool:
+    """Whether POV-Ray is installed; if not, a note says so."""
+    try:
+        povray.version()
+    except povray.NoPovrayError as error:
+        notes.append(f"POV-Ray is left out: {error}.")
+        return False
+    return True
 
 
 def _scene_and_size(scene: Scene) -> str:

@@ -193,8 +193,8 @@ def _tilted(solids: list[dict[str, Any]]) -> Scene:
     return Scene.from_dict({"format": 1, "camera": camera, "light": [light], "solid": solids})
 
 
-def mirroring(scene: Scene, bounces: int = 1) -> Scene:
-    """A scene of solids, each of which reflects a part of the light, besides its own colour."""
+def mirroring(scene: Scene) -> Scene:
+    """A scene of solids that all reflect a part of the light, once, besides their own colours."""
     tables = scene.model_dump(by_alias=True, exclude_none=True)
     materials: list[dict[str, Any]] = []
     for solid, table in zip(scene.solids, tables["solid"], strict=True):
@@ -202,7 +202,7 @@ def mirroring(scene: Scene, bounces: int = 1) -> Scene:
         table.pop("color", None)
         table["material"] = f"mirror_{len(materials)}"
         materials.append({**material, "name": table["material"], "reflection": _REFLECTION})
-    image = {**tables["image"], "bounces": bounces}
+    image = {**tables["image"], "bounces": 1}
     return Scene.from_dict({**tables, "image": image, "material": materials})
 
 
