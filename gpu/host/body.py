@@ -135,7 +135,7 @@ class _Filling:
         full: list[Region] = []
         for cell, region in zip(cells, own.regions, strict=True):
             if cell.fill is not None:
-                part = _common(box, box_of(region, own.matrices))
+                part = _overlap(box, box_of(region, own.matrices))
                 if part is None or not self.is_full(node.named(cell.fill), part):
                     continue
             elif not cell.is_shown:
@@ -164,8 +164,8 @@ class _Filling:
         )
 
 
-def _common(box: Floats, other: Floats | None) -> Floats | None:
-    """What two boxes have in common, None if that is nothing."""
+def _overlap(box: Floats, other: Floats | None) -> Floats | None:
+    """The box in which two overlap, None if they do not, or only touch."""
     if other is None:
         return None
     low, high = np.maximum(box[0], other[0]), np.minimum(box[1], other[1])

@@ -21,7 +21,8 @@ from halfstep.host.expressions import Expressions, expressions, with_members
 from halfstep.host.faces import Faces, Slab, alone, distinct, slab_of
 from halfstep.host.polynomials import Polynomials, polynomials
 from halfstep.host.regions import Regions
-from halfstep.scene import Algebraic, Box, PlanePatch, Quadric, Scene, Solid, halfspaces
+from halfstep.scene import Box, PlanePatch, Quadric, Scene, Solid, halfspaces
+from halfstep.scene.algebraic import is_in_ball
 
 # The default volume is this much wider than the solids, so that no solid touches a base plane.
 VOLUME_MARGIN = 2.0**-10
@@ -260,7 +261,7 @@ def _faces(solid: Solid, slab: Slab | None) -> Faces:
     """A solid's half-spaces as the file has them; a quadric that is a slab gives the first."""
     rows = solid.half_spaces()
     # A ball that bounds a formula has the first number.
-    number = np.arange(1, len(rows) + 1) + _is_in_ball(solid)
+    number = np.arange(1, len(rows) + 1) + is_in_ball(solid)
     blur = np.zeros(len(rows))
     if slab is not None and slab.rows:
         rows = np.concatenate([slab.rows, rows])
@@ -268,11 +269,6 @@ def _faces(solid: Solid, slab: Slab | None) -> Faces:
     faces = alone(rows, number, blur)
     faces.two_sided[:1] = solid.is_patch
     return faces
-
-
-def _is_in_ball(solid: Solid) -> bool:
-    """Whether a ball about the origin bounds a formula."""
-    return isinstance(solid, Algebraic) and solid.is_in_ball()
 
 
 def _is_cut(solid: Solid, faces: Faces) -> bool:
@@ -307,7 +303,7 @@ def _hulls(
     form[curved], center, axes = _ellipsoids(quadric[curved], np.array(known, np.bool_))
     of_curved = form[curved] == Form.ELLIPSOID
     # A ball about a formula that nothing else bounds is the hull.
-    balls = [ix for ix, solid in enumerate(solids) if _is_in_ball(solid) and not len(rows[ix])]
+    balls = [ix for ix, solid in enumerate(solids) if is_in_ball(solid) and not len(rows[ix])]
     form[balls] = Form.ELLIPSOID
     radius = np.sqrt(-quadric[balls, 3, 3])
 

@@ -319,6 +319,11 @@ class ImplicitShape(HigherShape):
                 yield x, y, z, high
 
 
+def is_in_ball(thing: object) -> bool:
+    """Whether a ball about the origin bounds a formula, of a solid, a part or a surface."""
+    return isinstance(thing, Algebraic | ImplicitShape) and thing.is_in_ball()
+
+
 # Limit for a formula that is no polynomial. Its operations become shader code, and a compiler takes
 # a tenth of a second for each.
 MOST_OPERATIONS = 256

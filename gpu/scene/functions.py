@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from halfstep.scene.algebraic import Algebraic, HigherShape, ImplicitShape
+from halfstep.scene.algebraic import HigherShape, ImplicitShape, is_in_ball
 from halfstep.scene.formula import AllOf, AnyOf, Formula, Name, Not, Sense
 from halfstep.scene.region import Complement, Intersection, Literal, Region, Union
 from halfstep.scene.shapes import Placed
@@ -68,16 +68,11 @@ def _shape_of(owner: object) -> HigherShape | None:
 
 def function_count(owner: Surface | Part) -> int:
     """The number of functions of a surface or a part."""
-    return (not _is_flat(owner)) + _is_in_ball(owner) + len(_half_spaces(owner))
+    return (not _is_flat(owner)) + is_in_ball(owner) + len(_half_spaces(owner))
 
 
 def _is_flat(owner: Surface | Part) -> bool:
     return isinstance(owner, Part) and owner.is_flat
-
-
-def _is_in_ball(owner: Surface | Part) -> bool:
-    given: object = owner
-    return isinstance(given, Algebraic | ImplicitShape) and given.is_in_ball()
 
 
 def _half_spaces(owner: Surface | Part) -> Array:
@@ -94,9 +89,9 @@ def _matrices(owner: Surface | Part) -> Iterator[tuple[int, Array | None]]:
     """Surface numbers of an owner and their matrices, local coordinates; None above order two."""
     if not _is_flat(owner):
         yield 0, None if _shape_of(owner) else owner.quadric()
-    if _is_in_ball(owner):
+    if is_in_ball(owner):
         yield 1, owner.quadric()
-    for number, row in enumerate(_half_spaces(owner), start=1 + _is_in_ball(owner)):
+    for number, row in enumerate(_half_spaces(owner), start=1 + is_in_ball(owner)):
         matrix = np.zeros((4, 4))
         matrix[:3, 3] = matrix[3, :3] = row[:3] / 2
         matrix[3, 3] = -row[3]
