@@ -26,7 +26,7 @@ from halfstep.host.pack_shadows import caster_formulas, caster_records
 from halfstep.host.reflected import reflected_of
 from halfstep.host.regions import Regions
 from halfstep.host.world import World, planes_of
-from halfstep.scene import Fragment, Scene
+from halfstep.scene import Fragment, Material, Scene
 from halfstep.scene.groups import Cell
 from halfstep.scene.solids import Part
 
@@ -105,6 +105,33 @@ class MirrorTables:
         hulls = list(_hulls(middle.astype(float), half, np.arange(len(shown))))
         self._hulls = np.zeros(len(hulls), layout.HULL.dtype())
         self._bodies = np.zeros(len(shown), layout.BODY.dtype())
+        faces, casters = self._fill_records(hulls, shown, radius, geometry, materials)
+        of_copies = [] if self.reflected is None else self.reflected.casters
+        self._own, self._casters = len(casters), caster_records([*casters, *of_copies])
+        self._formulas = caster_formulas(casters, geometry.expressions)
+        self._faces = _face_records(faces)
+        never_change([self._bodies, self._faces, self._hulls, self._casters])
+
+    def _fill_records(
+        self,
+        hulls: Sequence[_Hull],
+        shown: Ints,
+        radius: Floats,
+        geometry: Geometry,
+        materials: Sequence[Material],
+    ) -> tuple[list[Floats], list[Caster]]:
+        """Fill the records of boxes and bodies.
+
+        Args:
+            hulls: the boxes.
+            shown: (V,), solid or copy of each body.
+            radius: of their balls (V,).
+            geometry: of the solids and copies.
+            materials: of the solids.
+
+        Returns:
+            The planes (P, 4) of each body, and what `caster_of` gives of bodies.
+        """
         faces: list[Floats] = []
         casters: list[Caster] = []
         face_start = 0
@@ -112,37 +139,28 @@ class MirrorTables:
             record["center"], record["half"], record["next"] = hull.center, hull.half, hull.next
             if hull.chosen is None:
                 continue
-            ix, record["body"] = int(shown[hull.chosen]), len(faces) + 1
-            body = self._bodies[len(faces)]
-            bound = max(radius[hull.chosen] * ROOM, 1.0)
-            level = 2.0 ** math.ceil(math.log2(bound))
-            body["center"], body["unit"], body["bound"] = hull.center, 1 / level, bound / level
-            to_local = _to_local(body, geometry, world, ix)
+            ix, body = int(shown[hull.chosen]), self._bodies[len(faces)]
+            record["body"] = len(faces) + 1
+            _place(body, hull.center, radius[hull.chosen])
+            to_local = _to_local(body, geometry, self._world, ix)
             if ix >= geometry.solid_count:
-                faces.append(self._filled(body, ix - geometry.solid_count, to_local, face_start))
-                body["surface"] = world.first_surface[ix]
-                face_start += len(faces[-1])
-                continue
-            caster = caster_of(geometry, ix, to_local, 0.0)
-            if caster is not None:
-                casters.append(caster)
-                body["caster"] = len(casters)
-            own = _fill(body, geometry, world, ix, to_local, caster)
-            body["face_start"], body["face_count"] = face_start, len(own)
-            face_start += len(own)
-            for name in ("color", "specular", "reflection"):
-                body[name] = getattr(materials[ix], name)
-            body["shininess"] = materials[ix].exponent
-            self.body[ix], self.flags[ix] = record["body"], body["flags"]
-            faces.append(own)
-        of_copies = [] if self.reflected is None else self.reflected.casters
-        self._own, self._casters = len(casters), caster_records([*casters, *of_copies])
-        self._formulas = caster_formulas(casters, geometry.expressions)
-        self._faces = _face_records(faces, face_start)
-        never_change([self._bodies, self._faces, self._hulls, self._casters])
+                copy = ix - geometry.solid_count
+                body["surface"] = self._world.first_surface[ix]
+                faces.append(self._fill_copy(body, copy, to_local, face_start))
+            else:
+                caster = caster_of(geometry, ix, to_local, 0.0)
+                if caster is not None:
+                    casters.append(caster)
+                    body["caster"] = len(casters)
+                faces.append(_fill_solid(body, geometry, self._world, ix, to_local, caster))
+                body["face_start"], body["face_count"] = face_start, len(faces[-1])
+                _fill_look(body, materials[ix])
+                self.body[ix], self.flags[ix] = record["body"], body["flags"]
+            face_start += len(faces[-1])
+        return faces, casters
 
-    def _filled(self, body: np.void, copy: int, to_local: Floats, face_start: int) -> Floats:
-        """Fill the record of a copy of a group. Returns its planes (P, 4), with unit normals."""
+    def _fill_copy(self, body: np.void, copy: int, to_local: Floats, face_start: int) -> Floats:
+        """Fill the form of a copy of a group. Returns its planes (P, 4), with unit normals."""
         assert self.reflected is not None
         # As a solid it has no surface to meet: F < 0 everywhere.
         body["value"], body["copy"] = -1, copy + 1
@@ -235,13 +253,19 @@ def _around(center: Floats, half: Floats) -> tuple[Floats, Floats]:
     return middle, reach + PART_OF_ALL * reach.sum() + UNITS_OF_GROUP
 
 
-def _face_records(faces: Sequence[Floats], count: int) -> Records:
-    """The records (P,) of the planes (P, 4) of all bodies, ``count`` in all."""
-    records = np.zeros(count, layout.FACE.dtype())
-    if count:
-        rows = np.concatenate(faces)
-        records["normal"], records["beyond"] = rows[:, :3], rows[:, 3]
+def _face_records(faces: Sequence[Floats]) -> Records:
+    """The records (P,) of the planes (P, 4) of all bodies."""
+    rows = np.concatenate([np.zeros((0, 4)), *faces])
+    records = np.zeros(len(rows), layout.FACE.dtype())
+    records["normal"], records["beyond"] = rows[:, :3], rows[:, 3]
     return records
+
+
+def _place(body: np.void, center: Floats, radius: float) -> None:
+    """Fill the ball of a body: its center on the grid, and its unit and radius there."""
+    bound = max(radius * ROOM, 1.0)
+    level = 2.0 ** math.ceil(math.log2(bound))
+    body["center"], body["unit"], body["bound"] = center, 1 / level, bound / level
 
 
 def _to_local(body: np.void, geometry: Geometry, world: World, ix: int) -> Floats:
@@ -254,7 +278,14 @@ def _to_local(body: np.void, geometry: Geometry, world: World, ix: int) -> Float
     return to_local
 
 
-def _fill(
+def _fill_look(body: np.void, material: Material) -> None:
+    """Fill what a body looks like."""
+    for name in ("color", "specular", "reflection"):
+        body[name] = getattr(material, name)
+    body["shininess"] = material.exponent
+
+
+def _fill_solid(
     body: np.void,
     geometry: Geometry,
     world: World,
@@ -262,7 +293,7 @@ def _fill(
     to_local: Floats,
     caster: Caster | None,
 ) -> Floats:
-    """Fill the record of a solid. Returns its half-spaces (M, 4), with unit normals."""
+    """Fill the form of a solid. Returns its half-spaces (M, 4), with unit normals."""
     is_convex = caster is None
     in_ball = caster is not None and caster.is_in_ball
     quadric = np.diag([0.0, 0.0, 0.0, -1.0])
