@@ -61,7 +61,8 @@ def _native() -> _Native:
 def read(device: GpuDevice, buffer: GpuBuffer, size: int) -> Iterator[Bytes]:
     """The first bytes (size,) of a mappable buffer, once all that was submitted before is done.
 
-    They must not be used after the context.
+    They must not be used after the context. After an exception the buffer must be dropped: wherever
+    Ctrl-C comes, it may be mapped or about to be, so that only releasing it ends the mapping.
 
     Raises:
         wgpu.GPUError, RuntimeError: the device does not do it.

@@ -101,10 +101,10 @@ class _Tried(NamedTuple):
 
 def rounds_of_regions(needs: Needs, packed: Packed, regions: PackedRegions) -> Ints:
     """The most rounds (E,) that an invocation takes to try each of the E records of regions."""
-    return _rounds_of(needs, regions, _Tried.of(packed, regions))
+    return _rounds_of_records(needs, regions, _Tried.of(packed, regions))
 
 
-def _rounds_of(needs: Needs, regions: PackedRegions, tried: _Tried) -> Ints:
+def _rounds_of_records(needs: Needs, regions: PackedRegions, tried: _Tried) -> Ints:
     """The most rounds (E,) for what E of the records have."""
     records = regions.records
     _, flat, curved, cells, groups, inside = tried
@@ -131,9 +131,8 @@ def _rounds_of(needs: Needs, regions: PackedRegions, tried: _Tried) -> Ints:
         rounds += higher * (asked + 6 * pairs + 16)
         looks += higher * 2 * pairs
     rounds += _walks(needs, inside) * (looks * (groups + 2) + 1) + 1
-    return np.asarray(
-        rounds + 3
-    )  # the 3: to come to the record in the tile's list, and to decide whether to try it
+    # Three come to the record in the tile's list, and decide whether to try it.
+    return np.asarray(rounds + 3)
 
 
 def _walks(needs: Needs, inside: Bools) -> Ints:
@@ -214,7 +213,7 @@ def _rounds_of_cells(needs: Needs, packed: Packed) -> int:
     """The most rounds for all veils of all lights and all copies in mirrors, as shaders count."""
     bounces = _bounces(needs, packed)
     veils, copies = _veils(needs, packed), _copies(needs, packed)
-    of_veils = 0 if veils is None else _rounds_of_all(needs, veils)
+    of_veils = 0 if veils is None else _rounds_of_veils(needs, veils)
     of_copies = 0 if copies is None else int(_rounds_of_copies(needs, copies, whole=True).sum())
     return (1 + bounces) * of_veils + bounces * of_copies
 
@@ -234,8 +233,9 @@ def _veils(needs: Needs, packed: Packed) -> PackedVeils | None:
 
 
 def _copies(needs: Needs, packed: Packed) -> PackedReflected | None:
-    is_there = packed.mirrors is not None and "body_cells" in needs.facts
-    return packed.mirrors.reflected if is_there and packed.mirrors is not None else None
+    if packed.mirrors is None or "body_cells" not in needs.facts:
+        return None
+    return packed.mirrors.reflected
 
 
 def _rounds_of_copies(needs: Needs, reflected: PackedReflected, *, whole: bool) -> Ints:
@@ -265,7 +265,7 @@ def _rounds_of_boxes(needs: Needs, packed: Packed) -> int:
     return 2 * (len(veils.records) // needs.broadcast) + 4 * len(veils.views)
 
 
-def _rounds_of_all(needs: Needs, veils: PackedVeils) -> int:
+def _rounds_of_veils(needs: Needs, veils: PackedVeils) -> int:
     """The most rounds for all veils of all lights, as the shader counts them."""
     flat, curved, higher = _counts_of_veils(veils)
     # As in `rounds_of_regions`. A surface of an order above two may be crossed at each of its ends,
@@ -320,7 +320,7 @@ def _most_rounds(needs: Needs, packed: Packed, regions: PackedRegions | None) ->
         return most
     tried = _Tried.of(packed, regions)
     # Lists of higher surfaces are looked up record by record.
-    rounds = _rounds_of(needs, regions, tried if regions.higher is not None else tried.most)
+    rounds = _rounds_of_records(needs, regions, tried if regions.higher is not None else tried.most)
     return max(most, int(rounds.max(initial=0)))
 
 
