@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
@@ -15,7 +16,7 @@ from halfstep.contract.classes import REGIONS, Class
 from halfstep.contract.expressions import Operation
 from halfstep.contract.formats import FIXED32, FLOAT32, FLOAT32_EXACT, Format
 from halfstep.contract.planes import DEVICE_OUTPUTS, OUTPUT_BYTES
-from halfstep.contract.stages import FACTS, VISITS, files_of
+from halfstep.contract.stages import FACTS, STAGES, VISITS, files_of
 from halfstep.device.adapters import Adapter, open_device
 from halfstep.frames.outputs import OUTPUTS, device_outputs
 from halfstep.host.prepare import prepare
@@ -154,6 +155,15 @@ def code(text: str) -> str:
 def functions(text: str) -> set[str]:
     """The functions that a shader has."""
     return set(re.findall(r"^fn (\w+)\(", text, re.MULTILINE))
+
+
+@pytest.mark.parametrize("number_format", FORMATS, ids=lambda form: form.forms)
+def test_files_of_a_shader_define_different_names(number_format: Format) -> None:
+    """Of two definitions of one name a shader would take the last, and a stage not its own."""
+    for chosen in [(), *((other,) for each in STAGES for other in each.others)]:
+        files = files_of(number_format, chosen)
+        names = Counter(item.name for file in files for item in definitions(stage(file)))
+        assert [name for name, count in names.items() if count > 1] == []
 
 
 @pytest.mark.parametrize("method", METHODS)

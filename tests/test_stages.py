@@ -435,7 +435,7 @@ FAULTS = [
     ("shadow.between", "-slope, later", "slope, later"),
     ("mirror.mirrored", "f4(2.0)", "f4(1.0)"),
     ("mirror.further", "u * along.z", "u * along.y"),
-    ("mirror.over_slope", "< f4(LEAST_ALONG)", "> f4(LEAST_ALONG)"),
+    ("mirror.over_slope", "< f4(LEAST_COMPONENT)", "> f4(LEAST_COMPONENT)"),
     ("mirror.over_slopes", "along.z", "along.y"),
     ("mirror.common_stay", "second.leaves <", "second.leaves >"),
     ("mirror.stay_between", "middle - reach", "middle + reach"),

@@ -21,7 +21,7 @@ const LEAST_SQUARE: f32 = 1e-30;
 const LEAST_TURN: f32 = 1e-15;
 
 // What no component of a direction is below: a box is larger by more than such a ray deviates.
-const LEAST_ALONG: f32 = 1e-9;
+const LEAST_COMPONENT: f32 = 1e-9;
 
 // What rounding adds to a box, for the way to its middle.
 const SLACK: f32 = 0x1p-17;
@@ -51,7 +51,7 @@ struct Stay {
 
 // One over a component of a direction.
 fn over_slope(slope: f4) -> f4 {
-  return f4(1.0) / select(slope, f4(LEAST_ALONG), abs(slope) < f4(LEAST_ALONG));
+  return f4(1.0) / select(slope, f4(LEAST_COMPONENT), abs(slope) < f4(LEAST_COMPONENT));
 }
 
 // One over each component of a direction.

@@ -4,7 +4,7 @@
 // found, each once: llvmpipe runs the code for an occluder also if no invocation needs it.
 
 // A number beyond all coordinates.
-const BEYOND: f32 = 3e38;
+const ENDLESS: f32 = 3e38;
 
 // Above all numbers of surfaces and solids.
 const NO_CURVE: u32 = 0xFFFFFFFFu;
@@ -31,7 +31,7 @@ struct Around {
   high: vec3<f32>,
 }
 
-const NOWHERE: Around = Around(vec3<f32>(BEYOND), vec3<f32>(-BEYOND));
+const NOWHERE: Around = Around(vec3<f32>(ENDLESS), vec3<f32>(-ENDLESS));
 
 // The lesser of two numbers, neither of them NaN: `min` takes llvmpipe three times as long.
 fn lesser(one: f32, other: f32) -> f32 {
@@ -45,7 +45,7 @@ fn least(values: f4, more: f32) -> f32 {
 
 // The box around the old one and some of four more points.
 fn joined(old: Around, at: Vector, some: b4) -> Around {
-  let none = f4(BEYOND);
+  let none = f4(ENDLESS);
   return Around(
     vec3<f32>(
       least(select(none, at.x, some), old.low.x),
@@ -68,10 +68,10 @@ fn all_around(around: Around, is_far: bool, astray: bool) -> Around {
   low = least_of_all(low);
   high = -least_of_all(-high);
   // Rays to a lamp end there, also from behind it. Rays to a far light have no end.
-  low.z = select(-BEYOND, low.z, is_far);
-  high.z = select(high.z, BEYOND, is_far);
-  low = vec3<f32>(select(low.xy, vec2<f32>(-BEYOND), astray), low.z);  //? lamps
-  high = vec3<f32>(select(high.xy, vec2<f32>(BEYOND), astray), high.z);  //? lamps
+  low.z = select(-ENDLESS, low.z, is_far);
+  high.z = select(high.z, ENDLESS, is_far);
+  low = vec3<f32>(select(low.xy, vec2<f32>(-ENDLESS), astray), low.z);  //? lamps
+  high = vec3<f32>(select(high.xy, vec2<f32>(ENDLESS), astray), high.z);  //? lamps
   return Around(low, high);
 }
 

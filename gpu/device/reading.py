@@ -21,7 +21,6 @@ import numpy as np
 from halfstep.contract.arrays import Bytes
 from halfstep.device.handles import GpuBuffer, GpuDevice
 
-
 # Seconds for which another thread may keep what it was told.
 _LATE = 1.0
 

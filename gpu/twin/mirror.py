@@ -20,7 +20,7 @@ LEAST_SQUARE = np.float32(1e-30)
 # And what its root is not below.
 LEAST_TURN = np.float32(1e-15)
 # What no component of a direction is below: a box is larger by more than such a ray deviates.
-LEAST_ALONG = np.float32(1e-9)
+LEAST_COMPONENT = np.float32(1e-9)
 # What rounding adds to a box, for the way to its middle.
 SLACK = np.float32(2.0**-17)
 # What rounding adds to the square of the least distance from a ray, for the square of the way.
@@ -62,8 +62,8 @@ class Stay(NamedTuple):
 
 def over_slope(slope: F32) -> F32:
     """One over a component of a direction."""
-    some: F32 = np.where(np.abs(slope) < LEAST_ALONG, LEAST_ALONG, slope)
-    return ONE / some
+    kept: F32 = np.where(np.abs(slope) < LEAST_COMPONENT, LEAST_COMPONENT, slope)
+    return ONE / kept
 
 
 def over_slopes(along: Vector) -> Vector:
