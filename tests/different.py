@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
+import pytest
 
 import halfstep
 from halfstep.frames.frame import Frame
@@ -40,3 +41,18 @@ def differing(
 ) -> list[str]:
     """The outputs of which the device and the twin differ in a bit."""
     return different(*on_both(scene, size=size, outputs=tuple(outputs), **options))
+
+
+def same_without(
+    scene: Scene,
+    patched: Callable[[pytest.MonkeyPatch], None],
+    outputs: tuple[str, ...],
+    backend: str = "numpy",
+) -> bool:
+    """Whether a frame, which has many hits, is the same bits as one with a part ``patched`` out."""
+    some = halfstep.render(scene, backend=backend, outputs=outputs)
+    with pytest.MonkeyPatch.context() as patch:
+        patched(patch)
+        every = halfstep.render(scene, backend=backend, outputs=outputs)
+    assert (every.solid >= 0).sum() > 4000
+    return not different(some, every)

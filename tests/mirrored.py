@@ -36,6 +36,19 @@ def mirroring(scene: Scene, bounces: int = 1) -> Scene:
     return Scene.from_dict({**tables, "image": image, "material": [MIRROR]})
 
 
+def below(wire: dict[str, Any], chrome: dict[str, Any]) -> Scene:
+    """A floor of ``chrome``, of which a camera sees a spot that mirrors the way past a wire."""
+    floor = {"kind": "plane", "bounds": {"min": [-3, -3, -1], "max": [3, 3, 1]}}
+    return Scene.from_dict(
+        {
+            "format": 1,
+            "camera": {"center": [0, -4, 2], "look_at": [0.5, -2, 0], "fov_degrees": 0.2},
+            "material": [chrome],
+            "solid": [{**floor, "material": chrome["name"]}, wire],
+        }
+    )
+
+
 def counted(count: Counting, scenes: list[Scene], size: Size, what: str = "frames") -> Count:
     """Counts of frames of the twin, which are told, too."""
     total = Count()

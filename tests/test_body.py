@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import halfstep
 from halfstep.contract.arrays import Floats, Ints
 from halfstep.contract.layout import TILE
 from halfstep.host.body import Body
@@ -18,7 +17,7 @@ from halfstep.host.prepare import Solids, prepare
 from halfstep.host.regions import Regions, regions_of
 from halfstep.host.shell import Depths, Shell
 from halfstep.scene import Scene
-from tests.different import different
+from tests.different import same_without
 
 Table = dict[str, Any]
 OUTPUTS = ("image", "solid", "surface", "cell", "place", "depth")
@@ -178,12 +177,7 @@ def counted(scene: Scene) -> int:
 
 def same(scene: Scene, backend: str = "numpy") -> bool:
     """Whether a frame is the same bits as one that knows of no body."""
-    some = halfstep.render(scene, backend=backend, outputs=OUTPUTS)
-    with pytest.MonkeyPatch.context() as patch:
-        bodiless(patch)
-        every = halfstep.render(scene, backend=backend, outputs=OUTPUTS)
-    assert (every.solid >= 0).sum() > 4000
-    return not different(some, every)
+    return same_without(scene, bodiless, OUTPUTS, backend)
 
 
 @pytest.mark.usefixtures("adapter")

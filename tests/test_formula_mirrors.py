@@ -18,7 +18,7 @@ from halfstep.shader.source import compose
 from tests.different import differing
 from tests.higher_shadows import BEFORE, random_formulas
 from tests.mirror_sweeps import NAMES, caught, count, higher, reflected
-from tests.mirrored import assert_slip_is_seen, counted, mirroring
+from tests.mirrored import assert_slip_is_seen, below, counted, mirroring
 
 SMALL, TINY = (64, 48), (24, 18)
 CHROME = {"name": "chrome", "color": [0.8, 0.8, 0.85], "reflection": 0.75}
@@ -73,15 +73,7 @@ def beside_a_wire() -> Scene:
     """A floor that mirrors a ring so thin that float32 does not know whether rays pass it."""
     wire = {"kind": "implicit", "formula": "(sqrt(x^2 + y^2) - 1)^2 + z^2 - 1e-8", **GRAY}
     wire |= {"bounds": {"min": [-1.1, -1.1, -0.1], "max": [1.1, 1.1, 0.1]}, "origin": [0, 0, 2]}
-    floor = {"kind": "plane", "bounds": {"min": [-3, -3, -1], "max": [3, 3, 1]}}
-    return Scene.from_dict(
-        {
-            "format": 1,
-            "camera": {"center": [0, -4, 2], "look_at": [0.5, -2, 0], "fov_degrees": 0.2},
-            "material": [CHROME],
-            "solid": [{**floor, "material": "chrome"}, wire],
-        }
-    )
+    return below(wire, CHROME)
 
 
 def test_doubt_is_told() -> None:

@@ -17,7 +17,7 @@ from halfstep.shader.source import compose
 from tests.different import differing
 from tests.higher_shadows import random_lit
 from tests.mirror_sweeps import HIGHER, caught, count, higher, reflected
-from tests.mirrored import assert_slip_is_seen, counted, mirroring
+from tests.mirrored import assert_slip_is_seen, below, counted, mirroring
 
 SMALL = (64, 48)
 CHROME = {"name": "chrome", "color": [0.8, 0.8, 0.85], "reflection": 0.75, "specular": 0.5}
@@ -109,15 +109,7 @@ def test_a_ring_does_not_mirror_itself_where_it_is_convex() -> None:
 def beside_a_wire() -> Scene:
     """A floor that mirrors a ring so thin that float32 does not know whether rays pass it."""
     wire = {"kind": "torus", "major": 1.0, "minor": 1e-4, "origin": [0, 0, 2], **GRAY}
-    floor = {"kind": "plane", "bounds": {"min": [-3, -3, -1], "max": [3, 3, 1]}}
-    return Scene.from_dict(
-        {
-            "format": 1,
-            "camera": {"center": [0, -4, 2], "look_at": [0.5, -2, 0], "fov_degrees": 0.2},
-            "material": [CHROME],
-            "solid": [{**floor, "material": "chrome"}, wire],
-        }
-    )
+    return below(wire, CHROME)
 
 
 def test_doubt_is_told() -> None:

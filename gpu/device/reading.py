@@ -65,8 +65,7 @@ def read(device: GpuDevice, buffer: GpuBuffer, size: int) -> Iterator[Bytes]:
 
     Raises:
         wgpu.GPUError, RuntimeError: the device does not do it.
-        KeyboardInterrupt: Ctrl-C was pressed. The buffer may stay mapped then, and after any
-            exception in the context: it must be dropped.
+        KeyboardInterrupt: Ctrl-C was pressed.
     """
     ffi, lib, calls, told, statuses, raised, numbers = _native()
     of_buffer: Any = buffer
